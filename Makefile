@@ -28,7 +28,7 @@ LOCK := requirements.lock
 EXTRAS := ros sim search sweep view web report groot2 record lsp mcp dev
 KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py)
 # What ticks trees is tested compiled and as it is.
-KERNEL_TESTS := tests/runtime tests/conformance tests/checks/verify tests/checks/simulate
+KERNEL_TESTS := tests/runtime tests/conformance tests/analysis/verify tests/analysis/simulate
 # Which lines of it that reaches, as it is; kept with the environment.
 KERNEL_COVERAGE := $(VENV)/.kernel-coverage
 PEERS := build/peers

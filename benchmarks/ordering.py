@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.figures import Effort, Result, alone, most_memory, plain, timed
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from search_and_rescue.search_theory import Area
+from search_and_rescue.zone_manager import ZoneManager
 
 COUNTS = (50, 200, 1_000)
 """How many zones are ordered."""
@@ -28,7 +28,7 @@ def measure(effort: Effort) -> Iterator[Result]:
 
 def order_sec(count: int, seed: int) -> float:
     """Return the CPU time in which zones at random places are ordered, seconds."""
-    from sar_compiler.missions.search_and_rescue.zone_order import ordered
+    from search_and_rescue.zone_order import ordered
 
     chance = np.random.default_rng(seed)
     names = [f"zone_{at}" for at in range(count)]

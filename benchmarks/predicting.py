@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.figures import Effort, Result, most_memory, plain
-from sar_compiler.project import load
+from sar_compiler.loaded_tree import load
 
 SUBJECT = "search_and_rescue_resilient, five zones"
 LARGE = "search_and_rescue_resilient, eight zones"

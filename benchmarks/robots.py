@@ -105,8 +105,8 @@ def robot(number: int, tree: str, executor: Any) -> tuple[Any, list[float]]:
     from sar_compiler import load
     from sar_compiler.compiler import compile_tree
     from sar_compiler.missions.choosing import choose_mission
+    from sar_compiler.missions.parameter_reader import ParameterReader
     from sar_compiler.ros.clock import mission_clock
-    from sar_compiler.ros.parameter_reader import ParameterReader
     from sar_compiler.ros.parameters import DataNode, flat_parameters
     from sar_compiler.ros.runner import TreeRunner
     from sar_compiler.runtime.clock import Clock

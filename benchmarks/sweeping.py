@@ -10,8 +10,9 @@ from functools import partial
 
 from benchmarks.figures import LOOP, Effort, Missing, Result, compared, in_turns, loop, plain, timed
 from benchmarks.startup import SCRIPTS
-from sar_compiler.project import Additions, load
-from sar_compiler.project.swept import ScenarioRuns, change_scenario, content_of
+from sar_compiler.analysis.swept import ScenarioRuns, change_scenario, content_of
+from sar_compiler.loaded_tree import load
+from sar_compiler.project import Additions
 
 TREES = {"plain": "search_and_rescue", "resilient": "search_and_rescue_resilient"}
 FLOWN = "a mission of `sar-sim sweep`, time that passes"

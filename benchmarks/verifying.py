@@ -33,9 +33,9 @@ from benchmarks.figures import (
     plain,
 )
 from benchmarks.trees import around, document, sequence
+from sar_compiler.analysis.verify import verify
+from sar_compiler.analysis.verify.properties import read_property_file
 from sar_compiler.budget import Budget
-from sar_compiler.checks.verify import verify
-from sar_compiler.checks.verify.properties import read_property_file
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry

@@ -4,7 +4,7 @@ import statistics
 from collections.abc import Iterator
 
 from benchmarks.figures import Effort, Result, plain, timed
-from sar_compiler.project import load
+from sar_compiler.loaded_tree import load
 
 SUBJECT = "an event and property, the resilient mission"
 _ZONES = 40

@@ -13,23 +13,23 @@ Names are looked up when they are first used: to import a group takes no time, a
 
 from typing import TYPE_CHECKING
 
-from sar_compiler.faces import lazy
+from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
+    from sar_compiler.analysis.simulated import Simulated as Simulated
+    from sar_compiler.analysis.verify.verdicts import ProofStatus as ProofStatus
+    from sar_compiler.analysis.verify.verdicts import Verdict as Verdict
+    from sar_compiler.analysis.verify.verdicts import Verification as Verification
     from sar_compiler.budget import Budget as Budget
-    from sar_compiler.checks.verify.verdicts import ProofStatus as ProofStatus
-    from sar_compiler.checks.verify.verdicts import Verdict as Verdict
-    from sar_compiler.checks.verify.verdicts import Verification as Verification
     from sar_compiler.compiler import CompiledTree as CompiledTree
     from sar_compiler.errors import SarError as SarError
     from sar_compiler.errors import UndecidableError as UndecidableError
-    from sar_compiler.monitoring.groot2_publisher import Groot2Publisher as Groot2Publisher
+    from sar_compiler.groot2.groot2_publisher import Groot2Publisher as Groot2Publisher
+    from sar_compiler.loaded_tree import LoadedTree as LoadedTree
+    from sar_compiler.loaded_tree import load as load
     from sar_compiler.nodes.registry import Registry as Registry
     from sar_compiler.nodes.registry import RegistryError as RegistryError
     from sar_compiler.opener import UnreadableFileError as UnreadableFileError
-    from sar_compiler.project import LoadedTree as LoadedTree
-    from sar_compiler.project import load as load
-    from sar_compiler.project.simulated import Simulated as Simulated
     from sar_compiler.ros.host_programs import running as running
     from sar_compiler.ros.runner import TreeRunner as TreeRunner
     from sar_compiler.runtime.kernel.searching import Progress as Progress

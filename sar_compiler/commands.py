@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Any, NoReturn, TextIO
 
 from sar_compiler.errors import SarError
+from sar_compiler.parts import missing_part
 
 OK = 0
 FINDINGS = 1
@@ -120,6 +121,11 @@ def print_error(text: str) -> None:
             _discard(sys.stderr)
 
 
+def tell_note(text: str) -> None:
+    """Report on standard error what is surprising, but no mistake."""
+    print_error(f"note: {text}")
+
+
 def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
     """Print a text for people on standard output, made visible; data for programs is printed as it is.
 
@@ -196,6 +202,8 @@ def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
 
 def not_installed(error: ImportError) -> str | None:
     """Return a message about a missing library and its source; None if it is not one to be installed."""
+    if (part := missing_part(error)) is not None:
+        return f"this takes a part of sar_compiler that is not installed: sar_compiler.{part}"
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:
         return (

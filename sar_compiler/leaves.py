@@ -8,7 +8,7 @@
 
 from typing import TYPE_CHECKING
 
-from sar_compiler.faces import lazy
+from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.declaring import attribute as attribute

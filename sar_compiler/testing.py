@@ -23,13 +23,13 @@ import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from sar_compiler.analysis.simulated import Simulated, play_scenario
 from sar_compiler.checks.golden import RENEW, compare_golden
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.compiler.outline import ascii_tree, outline
+from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.registry import Named, Registry
-from sar_compiler.project import load
-from sar_compiler.project.simulated import Simulated, play_scenario
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.views.outline import ascii_tree, outline
 
 __all__ = [
     "RENEW",

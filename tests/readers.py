@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 PACKAGE = Path("sar_compiler").resolve()
+MISSION = Path("search_and_rescue").resolve()
 WAYS = {"read_file", "read_yaml", "require_regular", "regular_file", "folder_entries"}
 """The functions through which all of them go."""
 
@@ -29,9 +30,9 @@ class _Calls(ast.NodeVisitor):
 def readers() -> set[str]:
     """Return the functions that read a file, each as `module.py:Class.function`."""
     found: set[str] = set()
-    for path in sorted(PACKAGE.rglob("*.py")):
+    for path in sorted([*PACKAGE.rglob("*.py"), *MISSION.rglob("*.py")]):
         if path != PACKAGE / "opener.py":
-            calls = _Calls(str(path.relative_to(PACKAGE)))
+            calls = _Calls(str(path.relative_to(PACKAGE if path.is_relative_to(PACKAGE) else MISSION.parent)))
             calls.visit(ast.parse(path.read_text(encoding="utf-8")))
             found |= calls.found
     return found

@@ -14,7 +14,7 @@ import pytest
 
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.nodes.registry import load_registry
-from sar_compiler.signs import COLOURS
+from sar_compiler.style import COLOURS
 from tests.faults.test_hostile_files import ELSEWHERE as TRIED_ELSEWHERE
 from tests.faults.test_hostile_files import SURFACES
 from tests.readers import readers
@@ -24,33 +24,64 @@ pytestmark = pytest.mark.unmeasured
 
 PACKAGE = Path("sar_compiler")
 
-# What each room may import of the others, besides those that belong to nobody (`COMMON`).
-MAY_IMPORT = {
+MISSION = Path("search_and_rescue")
+
+CORE = {
     "tree": set(),
     "runtime": set(),
     "nodes": {"tree", "runtime"},
     "compiler": {"tree", "runtime", "nodes"},
     "documents": {"tree", "nodes"},
     "checks": {"tree", "runtime", "nodes", "compiler", "documents"},
-    "journal": {"runtime"},
-    "monitoring": {"tree", "runtime", "nodes", "compiler"},
-    "ros": {"tree", "runtime", "nodes", "compiler", "checks", "journal", "monitoring"},
-    "leaves": {"tree", "runtime", "nodes", "ros"},
-    "missions": {"tree", "runtime", "nodes", "compiler", "checks", "journal", "ros", "leaves"},
-    "sim": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros"},
-    "views": {"tree", "runtime", "nodes", "compiler", "checks", "journal"},
-    "web": {"journal"},
-    "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "ros", "missions", "views"},
-    "agent": {"tree", "checks", "views", "project"},
-    "lsp": {"tree", "runtime", "nodes", "checks", "views", "project"},
-    "testing": {"tree", "runtime", "nodes", "compiler", "documents", "checks", "views", "project"},
+    "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks"},
 }
-COMMON = {"budget", "commands", "errors", "faces", "opener", "process_end", "resources", "signs"}
-ABOVE = {"__init__", "cli"}
+"""What each package of the core may import of the others."""
+PARTS = {
+    "journal": set(),
+    "views": {"journal"},
+    "missions": {"journal"},
+    "analysis": {"journal", "missions"},
+    "ros": {"journal", "missions", "views"},
+    "groot2": {"ros", "views"},
+    "reports": {"analysis", "journal", "ros", "views"},
+    "sim": {"analysis", "missions", "ros"},
+    "execution": {"analysis", "journal", "missions", "ros", "sim", "views"},
+    "web": {"analysis", "execution", "journal", "missions", "reports", "ros", "views"},
+    "agent": {"analysis", "missions", "views"},
+    "lsp": {"analysis", "missions", "views"},
+}
+"""What each part may import of the others; besides that, all of the core."""
+MAY_IMPORT = {
+    **CORE,
+    **{part: others | CORE.keys() for part, others in PARTS.items()},
+    "search_and_rescue": {"", "leaves", "missions", "testing"},
+}
+COMMON = {
+    "budget",
+    "commands",
+    "console_command",
+    "errors",
+    "lazy_exports",
+    "opener",
+    "parts",
+    "process_end",
+    "resources",
+    "style",
+    "terminal",
+    "writing",
+}
+"""What everybody may import."""
+ABOVE = {"__init__", "cli", "leaves", "loaded_tree", "testing"}
+"""The commands, and the public names of users."""
+
+
+def name_of(path):
+    """Return the path of a module as it is written here: that of `sar_compiler` from its folder."""
+    return str(path.relative_to(PACKAGE) if path.is_relative_to(PACKAGE) else path)
 
 
 def room_of(path):
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    return Path(name_of(path)).parts[0].removesuffix(".py")
 
 
 @functools.cache
@@ -72,18 +103,24 @@ def imports_of(path, *, with_types=True):
     return found
 
 
-FILES = sorted(PACKAGE.rglob("*.py"))
+FILES = sorted([*PACKAGE.rglob("*.py"), *MISSION.rglob("*.py")])
+
+
+def is_public_group(path):
+    """Return whether a module only names what others may import: each name is looked up when it is used."""
+    return "__all__ = lazy(__name__)" in path.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("room", sorted(MAY_IMPORT))
-def test_a_room_imports_only_from_the_rooms_below_it(room):
+def test_a_package_imports_only_what_its_row_allows(room):
     allowed = MAY_IMPORT[room] | COMMON | {room}
     wrong = [
         f"{path}:{line} imports {module}"
         for path in FILES
-        if room_of(path) == room
+        if room_of(path) == room and not is_public_group(path)
         for module, line in imports_of(path)
-        if module.startswith("sar_compiler.") and module.split(".")[1] not in allowed
+        if (top := module.partition(".")[0]) in {PACKAGE.name, MISSION.name}
+        and (f"{module}.".split(".")[1] if top == PACKAGE.name else top) not in allowed
     ]
     assert wrong == []
 
@@ -143,16 +180,14 @@ def test_no_two_modules_have_one_name_unless_one_mirrors_the_other():
 
 
 def test_a_mission_is_known_only_by_its_entry_point():
-    missions = {path.name for path in (PACKAGE / "missions").iterdir() if (path / "__init__.py").is_file()}
-    wrong = [
-        f"{path}:{line} imports {module}"
-        for path in FILES
-        if room_of(path) != "missions" or path.parent == PACKAGE / "missions"
-        for module, line in imports_of(path)
-        if module.startswith(tuple(f"sar_compiler.missions.{name}" for name in missions))
+    said = [
+        f"{path}:{number}"
+        for path in PACKAGE.rglob("*")
+        if path.suffix in {".py", ".js", ".html", ".css", ".yaml"}
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if MISSION.name in line
     ]
-    assert missions == {"search_and_rescue"}
-    assert wrong == []
+    assert said == []
 
 
 def test_a_shipped_mission_imports_public_names_alone():
@@ -161,20 +196,20 @@ def test_a_shipped_mission_imports_public_names_alone():
     public = {f"{group}.{name}" for group in groups for name in importlib.import_module(group).__all__}
     wrong = [
         f"{path}:{line} imports {module}"
-        for path in (PACKAGE / "missions" / "search_and_rescue").rglob("*.py")
+        for path in MISSION.rglob("*.py")
         for module, line in imports_of(path)
         if module.startswith("sar_compiler.") and module not in public
-        if not module.startswith("sar_compiler.missions.search_and_rescue.")
+        if not module.startswith("search_and_rescue.")
     ]
     assert wrong == []
 
 
 def test_ros_is_imported_only_at_the_edge():
-    edge = ("missions", "ros", "sim", "cli/run_mission", "cli/sim")
+    edge = ("ros", "sim", "execution", "search_and_rescue")
     wrong = [
         f"{path}:{line} imports {module}"
         for path in FILES
-        if not str(path.relative_to(PACKAGE)).startswith(edge)
+        if not name_of(path).startswith(edge)
         for module, line in imports_of(path, with_types=False)
         if module.split(".")[0].endswith(("rclpy", "_msgs", "_srvs", "_interfaces"))
     ]
@@ -185,7 +220,7 @@ def test_ros_is_imported_only_at_the_edge():
     "statement",
     [
         "import sar_compiler",
-        "import sar_compiler.missions.search_and_rescue.plugin",
+        "import search_and_rescue.plugin",
         "from sar_compiler.missions.choosing import load_missions; load_missions()",
         "import sar_compiler.testing",
         "from sar_compiler.cli.compile import main; main(['validate', 'trees/search_and_rescue.xml'])",
@@ -268,9 +303,7 @@ def test_a_lookup_by_a_computed_text_is_found(text):
 def test_no_attribute_is_looked_up_by_a_computed_text():
     """Names that are looked up stand in tables, so that a search for them finds them."""
     found = {
-        str(path.relative_to(PACKAGE))
-        for path in FILES
-        if [*computed_lookups(ast.parse(path.read_text(encoding="utf-8")))]
+        name_of(path) for path in FILES if [*computed_lookups(ast.parse(path.read_text(encoding="utf-8")))]
     }
     assert found == COMPUTED_ELSEWHERE
 
@@ -281,7 +314,7 @@ MAKES_CODE = "runtime/script_code.py"
 
 def test_no_code_of_a_file_is_ever_evaluated():
     found = {
-        (str(path.relative_to(PACKAGE)), name)
+        (name_of(path), name)
         for path in FILES
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
@@ -312,13 +345,13 @@ MEASURED = frozenset(
 )
 """Fields of messages that a sensor or a server fills in."""
 READ_ELSEWHERE = {
-    "cli/page_tools.py": {"stamp"},  # of a key of the blackboard
-    "missions/search_and_rescue/actions/survivors.py": {"survivor_x", "survivor_y"},  # into `MapExtent.check`
-    "missions/search_and_rescue/coverage.py": {"origin", "resolution"},  # of an `ObstacleMap`
-    "missions/search_and_rescue/orders.py": {"orientation", "position"},  # fills in a request
-    "missions/search_and_rescue/sweeps.py": {"resolution"},  # of an `ObstacleMap`
+    "web/page_tools.py": {"stamp"},  # of a key of the blackboard
+    "search_and_rescue/actions/survivors.py": {"survivor_x", "survivor_y"},  # into `MapExtent.check`
+    "search_and_rescue/coverage.py": {"origin", "resolution"},  # of an `ObstacleMap`
+    "search_and_rescue/orders.py": {"orientation", "position"},  # fills in a request
+    "search_and_rescue/sweeps.py": {"resolution"},  # of an `ObstacleMap`
     "ros/mission_publisher.py": {"frame_id", "header"},  # of markers that it has made
-    "ros/parameter_file.py": {"position"},  # in a text
+    "missions/parameter_file.py": {"position"},  # in a text
 }
 
 
@@ -343,7 +376,9 @@ def test_measured_fields_of_messages_are_read_at_one_place_alone():
     found = {
         name: {field for field, _ in fields}
         for path in FILES
-        if (name := str(path.relative_to(PACKAGE))).startswith(("ros/", "missions/", "cli/", "leaves"))
+        if (name := name_of(path)).startswith(
+            ("ros/", "missions/", "search_and_rescue/", "execution/", "web/", "cli/", "leaves")
+        )
         and name != "ros/message_values.py"
         and (fields := list(fields_read(path)))
     }
@@ -359,13 +394,13 @@ OPENS = re.compile(
 OWN, TEXT, WRITTEN = "a file of the package", "no file, but a text or bytes", "written, not read"
 OPENED_ELSEWHERE = {
     "budget.py": {"Path('/proc/self/statm').read_text": "the system's count of this process's memory"},
-    "cli/run_page.py": {"webbrowser.open": "an address"},
-    "cli/run_repeatedly.py": {"os.fdopen": "a descriptor of its own"},
-    "cli/supervisor.py": {"open": "a descriptor of its own"},
-    "cli/writing.py": {"new.open": WRITTEN, "target.open": WRITTEN},
+    "web/run_page.py": {"webbrowser.open": "an address"},
+    "cli/repeated_runs.py": {"os.fdopen": "a descriptor of its own"},
+    "execution/supervisor.py": {"open": "a descriptor of its own"},
+    "writing.py": {"new.open": WRITTEN, "target.open": WRITTEN},
     "commands.py": {"open": "/dev/null, in place of a closed stream"},
     "documents/located.py": {"shipped('schemas', f'sar_{schema}.schema.json').read_bytes": OWN},
-    "faces.py": {"spec.loader.get_data": OWN},
+    "lazy_exports.py": {"spec.loader.get_data": OWN},
     "journal/database.py": {
         "cls.open": "its own method",
         "os.open": "a lock, a folder to flush, and a journal to write: fstat says that it is a file",
@@ -378,9 +413,9 @@ OPENED_ELSEWHERE = {
     "ros/guardian.py": {"Path(beat.stack).read_text": "the stack that the guarded process itself writes"},
     "ros/middleware.py": {"os.open": "a lock; its content is not read"},
     "ros/mission_recording.py": {"path.open": WRITTEN},
-    "ros/parameter_file.py": {"yaml.parse": TEXT},
+    "missions/parameter_file.py": {"yaml.parse": TEXT},
     "runtime/kernel/__init__.py": {"_RECORD.read_bytes": OWN, "path.read_bytes": OWN},
-    "signs/__init__.py": {"Path(__file__).with_name('marks.css').read_text": OWN},
+    "style/__init__.py": {"Path(__file__).with_name('marks.css').read_text": OWN},
     "sim/flights.py": {"path.open": "a lock; its content is not read"},
     "sim/isolation.py": {"path.read_text": "the system's lists of sockets, in /proc"},
     "sim/occupancy.py": {"Image.open": TEXT},
@@ -391,8 +426,8 @@ OPENED_ELSEWHERE = {
     },
     "views/drawing.py": {"files(__package__).joinpath('drawing.css').read_text": OWN},
     "views/findings.py": {"shipped('docs/findings', f'{code}.md').read_text": OWN},
-    "views/prediction.py": {"files(__package__).joinpath('prediction.css').read_text": OWN},
-    "views/report_html.py": {"files(__package__).joinpath('report.css').read_text": OWN},
+    "analysis/prediction_view.py": {"files(__package__).joinpath('prediction.css').read_text": OWN},
+    "reports/report_html.py": {"files(__package__).joinpath('report.css').read_text": OWN},
     "web/page_server.py": {"path.read_bytes": OWN},
     "web/replay.py": {"Path(file).read_bytes": OWN, "beside.open": WRITTEN},
 }
@@ -404,7 +439,7 @@ def test_what_others_name_is_read_by_the_opener_alone():
     for path in FILES:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and OPENS.search(name := ast.unparse(node.func)):
-                found[str(path.relative_to(PACKAGE))].add(name)
+                found[name_of(path)].add(name)
     del found["opener.py"]
     assert found == {path: names.keys() for path, names in OPENED_ELSEWHERE.items()}
 
@@ -420,7 +455,7 @@ HOMES = (
     "nodes/language/",  # what each tag means
     "nodes/btcpp/",  # writes trees in BehaviorTree.CPP's nodes
     "nodes/nav2/",  # what each tag of Nav2 means
-    "missions/search_and_rescue/",  # registers its leaves
+    "search_and_rescue/",  # registers its leaves
 )
 NAMED_ELSEWHERE = {
     "tree/model.py": {"SubTree"},  # a part of the file's grammar, before any node has a meaning
@@ -462,7 +497,7 @@ def test_no_text_outside_its_home_names_a_node():
     named = [
         (name, text, f"{path}:{line} names <{text}>; ask its record (nodes.semantics)")
         for path in FILES
-        if not (name := str(path.relative_to(PACKAGE))).startswith(HOMES)
+        if not (name := name_of(path)).startswith(HOMES)
         for text, line in texts_of(path)
         if text in tags
     ]
@@ -475,26 +510,22 @@ OF_A_MISSION = re.compile(r"\w*(?:zone|survivor|rescue|base_station)\w*|\bhome\b
 """Words of the mission that ships, which no room that shows, keeps or runs any mission knows."""
 SAID_ELSEWHERE = {
     "journal/mission_state.py": {"timezone"},
-    "views/report_exchange.py": {"timezone", "RESCUE"},  # a category of the Common Alerting Protocol
-    "views/report_html.py": {"astimezone"},
+    "reports/report_exchange.py": {"timezone", "RESCUE"},  # a category of the Common Alerting Protocol
+    "reports/report_html.py": {"astimezone"},
     "web/static/tree_view.js": {"Home"},  # a key of the keyboard
     "sim/world.py": {"disaster_zone", "zones"},  # a shipped world; the key of its file
     "cli/arguments.py": {"disaster_zone"},  # the world of --sim
-    "cli/run.py": {"disaster_zone", "search_and_rescue"},  # the help of --sim, and the default tree
-    "cli/console.py": {  # two commands that scripts rely on, and whose they are
-        "sar_detect_survivor_server",
-        "sar_report_survivor_server",
-        "search_and_rescue",
-    },
+    "cli/run.py": {"disaster_zone"},  # the help of --sim
+    "analysis/approval.py": {"timezone"},
 }
 
 
 def test_no_word_of_a_mission_stands_outside_its_folder():
-    rooms = ("journal", "views", "web", "monitoring", "ros", "sim", "cli")
+    rooms = ("journal", "views", "web", "groot2", "ros", "sim", "cli", "execution", "reports", "analysis")
     said = {
         name: words
         for path in (*FILES, *PACKAGE.glob("web/static/*.*"))
-        if (name := str(path.relative_to(PACKAGE))).startswith(rooms)
+        if (name := name_of(path)).startswith(rooms)
         and (words := set(OF_A_MISSION.findall(path.read_text(encoding="utf-8"))))
     }
     assert said == SAID_ELSEWHERE
@@ -520,7 +551,7 @@ def test_no_colour_stands_outside_its_home():
     coloured = {
         str(path) for path in itertools.chain(*drawn) if COLOUR.search(path.read_text(encoding="utf-8"))
     }
-    assert coloured == {"sar_compiler/signs/__init__.py", *COLOURED_ELSEWHERE}
+    assert coloured == {"sar_compiler/style/__init__.py", *COLOURED_ELSEWHERE}
 
 
 def test_no_stylesheet_names_a_colour_that_there_is_not():
@@ -538,8 +569,8 @@ def test_no_stylesheet_names_a_colour_that_there_is_not():
 def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
     program = (
         "import sys\n"
-        "import sar_compiler.cli.run_journal, sar_compiler.missions.search_and_rescue.plugin\n"
-        "from sar_compiler.missions.search_and_rescue.record import MissionRecord\n"
+        "import sar_compiler.execution.run_journal, search_and_rescue.plugin\n"
+        "from search_and_rescue.record import MissionRecord\n"
         "MissionRecord().base_reached()\n"
         "print(*sorted({'sqlite3', 'sar_compiler.journal.database'} & set(sys.modules)))\n"
     )
@@ -550,7 +581,7 @@ def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
 @pytest.mark.ros
 def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for():
     program = (
-        "import sys, sar_compiler.cli.run_mission\n"
+        "import sys, sar_compiler.execution.mission_run\n"
         "print(*sorted({'rich', 'pyproj', 'sqlite3', 'sar_compiler.journal.mission_state'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -3,7 +3,7 @@
 import pytest
 
 from sar_compiler.journal.situation import Level
-from sar_compiler.signs import LEVELS, colour_of, literal, rgb, sign_of, style
+from sar_compiler.style import LEVELS, colour_of, literal, rgb, sign_of, style
 
 
 def test_each_level_has_a_look():

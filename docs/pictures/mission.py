@@ -11,8 +11,8 @@ from pathlib import Path
 import rclpy
 from nav_msgs.msg import Odometry
 
-from sar_compiler.signs import COLOURS, MARKS
 from sar_compiler.sim.world import find_world
+from sar_compiler.style import COLOURS, MARKS
 
 WORLD = "disaster_zone"
 SURVIVORS = {"survivor_1": (-2.5, 3.2), "survivor_2": (4.1, -2.5)}

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from sar_compiler.checks.fixing import apply_fixes, fixes
-from sar_compiler.project import LoadedTree
+from sar_compiler.project import ProjectTree
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Read
@@ -17,9 +17,9 @@ _ROUNDS = 20
 
 def mend(
     path: Path,
-    load: Callable[[Read], LoadedTree],
+    load: Callable[[Read], ProjectTree],
     is_meant: Callable[[Diagnostic], bool] = lambda _finding: True,
-) -> LoadedTree:
+) -> ProjectTree:
     """Return a tree whose text is that of a file with suggestions taken.
 
     Args:

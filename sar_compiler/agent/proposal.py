@@ -2,22 +2,23 @@
 
 from pathlib import Path
 
-from sar_compiler.agent.approval import ApprovalError, Fingerprint, approve_command
-from sar_compiler.checks.trying import WORK, TrialBudget
+from sar_compiler.analysis.approval import ApprovalError, Fingerprint, approve_command
+from sar_compiler.analysis.tree_analysis import try_tree, verify_tree
+from sar_compiler.analysis.trying import WORK, TrialBudget
+from sar_compiler.analysis.verification_view import verification_data
 from sar_compiler.errors import UndecidableError
-from sar_compiler.project import LoadedTree
+from sar_compiler.project import ProjectTree
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 from sar_compiler.views.findings import finding_data
-from sar_compiler.views.verification import verification_data
 
 
-def all_findings(tree: LoadedTree) -> list[Diagnostic]:
+def all_findings(tree: ProjectTree) -> list[Diagnostic]:
     """Return what `validate` finds in a tree.
 
     Raises:
-        SarError: As `LoadedTree.check` does.
+        SarError: As `ProjectTree.check` does.
     """
-    return [*tree.check(), *tree.try_runs(lambda: TrialBudget(WORK))]
+    return [*tree.check(), *try_tree(tree, lambda: TrialBudget(WORK))]
 
 
 def has_errors(findings: list[Diagnostic]) -> bool:
@@ -26,7 +27,7 @@ def has_errors(findings: list[Diagnostic]) -> bool:
 
 
 def proposal(
-    tree: LoadedTree,
+    tree: ProjectTree,
     properties: Path | None,
     max_states: int,
     *,
@@ -45,7 +46,7 @@ def proposal(
 
     Raises:
         TreeError: If the file of properties is wrong, or there is no such tree.
-        SarError: As `LoadedTree.check` and `Fingerprint.of` do, or if the file of properties changes meanwhile.
+        SarError: As `ProjectTree.check` and `Fingerprint.of` do, or if the file of properties changes meanwhile.
     """
     findings = all_findings(tree)
     proposed: dict[str, object] = {
@@ -58,7 +59,7 @@ def proposal(
     how = f"{approve_command(tree, tree_id, params, properties)} --digest {now.digest}"
     proposed |= {"digest": now.digest, **now._asdict(), "file": str(tree.path), "approve": how}
     try:
-        verification = tree.verify(properties, params=params, tree_id=tree_id, max_states=max_states)
+        verification = verify_tree(tree, properties, params=params, tree_id=tree_id, max_states=max_states)
     except UndecidableError as error:
         return {**proposed, "is_proved": False, "why": f"nothing can be decided: {error}"}
     if Fingerprint.of(tree, tree_id, params, properties) != now:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import TREE, YAML_FILE, add_tree_id
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
-from sar_compiler.cli.terminal import findings_as_text
 from sar_compiler.cli.verify import MAX_STATES
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, print_error, print_text
 from sar_compiler.errors import SarError
+from sar_compiler.terminal import findings_as_text
 
 if TYPE_CHECKING:
-    from sar_compiler.project import LoadedTree
+    from sar_compiler.project import ProjectTree
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +62,7 @@ def approve_file(arguments: argparse.Namespace) -> int:
 
 
 def _list() -> int:
-    from sar_compiler.agent.approval import approvals
+    from sar_compiler.analysis.approval import approvals
 
     for each in approvals():
         print_text(str(each))
@@ -70,7 +70,7 @@ def _list() -> int:
 
 
 def _revoke(name: str) -> int:
-    from sar_compiler.agent.approval import revoke
+    from sar_compiler.analysis.approval import revoke
     from sar_compiler.resources import find
 
     for each in revoke(find("trees", name, ".xml")):
@@ -78,9 +78,9 @@ def _revoke(name: str) -> int:
     return OK
 
 
-def _propose(tree: "LoadedTree", arguments: argparse.Namespace) -> int:
+def _propose(tree: "ProjectTree", arguments: argparse.Namespace) -> int:
     from sar_compiler.agent.proposal import proposal
-    from sar_compiler.views.plain import as_json
+    from sar_compiler.tree.plain import as_json
 
     proposed = proposal(
         tree, arguments.properties, MAX_STATES, tree_id=arguments.tree, params=arguments.params
@@ -89,9 +89,9 @@ def _propose(tree: "LoadedTree", arguments: argparse.Namespace) -> int:
     return OK if proposed["is_proved"] else FINDINGS
 
 
-def _approve(tree: "LoadedTree", arguments: argparse.Namespace) -> int:
-    from sar_compiler.agent.approval import Fingerprint, approve
+def _approve(tree: "ProjectTree", arguments: argparse.Namespace) -> int:
     from sar_compiler.agent.proposal import all_findings, has_errors
+    from sar_compiler.analysis.approval import Fingerprint, approve
 
     findings = all_findings(tree)
     if findings:

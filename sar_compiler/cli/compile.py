@@ -25,7 +25,6 @@ from sar_compiler.cli.loading import (
     report_findings,
     workspace,
 )
-from sar_compiler.cli.terminal import findings_as_text, painter
 from sar_compiler.commands import (
     FINDINGS,
     LIMITS_VARIABLE,
@@ -38,13 +37,14 @@ from sar_compiler.commands import (
     run,
 )
 from sar_compiler.errors import SarError
+from sar_compiler.terminal import findings_as_text, painter
 from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
+    from sar_compiler.compiler.sketch import Drawable
     from sar_compiler.nodes.registry import Registry
-    from sar_compiler.project import LoadedTree
+    from sar_compiler.project import ProjectTree
     from sar_compiler.tree.diagnostic import Diagnostic, TreeError
-    from sar_compiler.views.sketch import Drawable
 
 PROG = "sar-compile"
 _COMMANDS = {
@@ -199,21 +199,21 @@ def _show(arguments: argparse.Namespace) -> int:
     if arguments.output is None:
         print(text, end="", flush=True)
     else:
-        from sar_compiler.cli.writing import write_text
+        from sar_compiler.writing import write_text
 
         write_text(arguments.output, text)
     return report_findings(findings)
 
 
-def _drawn(loaded: "LoadedTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
+def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
     """Return the findings about a file, and the drawing of its tree.
 
     Raises:
         TreeError: If there is nothing to draw: the file is malformed, has no tree, or none of the ID that was asked for.
     """
+    from sar_compiler.compiler.sketch import Sketch
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.sketch import Sketch
 
     findings = loaded.check()
     if loaded.is_malformed:
@@ -235,8 +235,8 @@ def _drawn(loaded: "LoadedTree", arguments: argparse.Namespace) -> "tuple[list[D
 def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
     """Return a tree in a form of `show`."""
     if form == "json":
-        from sar_compiler.views.outline import outline
-        from sar_compiler.views.plain import as_json
+        from sar_compiler.compiler.outline import outline
+        from sar_compiler.tree.plain import as_json
 
         return f"{as_json(outline(tree))}\n"
     if form in _PICTURES:
@@ -248,8 +248,8 @@ def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
                 f"{PROG}: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit"
             )
         return picture
+    from sar_compiler.compiler.outline import ascii_tree, unicode_tree, with_tags
     from sar_compiler.tree.showing import visible
-    from sar_compiler.views.outline import ascii_tree, unicode_tree, with_tags
 
     return visible(with_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
 
@@ -267,7 +267,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
     differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new))
     if arguments.format == "json":
-        from sar_compiler.views.plain import as_json
+        from sar_compiler.tree.plain import as_json
 
         print(as_json([*map(difference_data, differences)]))
     else:
@@ -356,7 +356,7 @@ def _schema(arguments: argparse.Namespace) -> int:
 
     registry = _registry(arguments)
     if arguments.format == "json":
-        from sar_compiler.views.plain import as_json
+        from sar_compiler.tree.plain import as_json
 
         print(as_json(json_schema(registry)))
     elif arguments.format == "grammar":

@@ -13,11 +13,11 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.journal_entries import OF_ROBOT, Ending, JournalEntry
 
 if TYPE_CHECKING:
+    from sar_compiler.analysis.conformance import Conformance
     from sar_compiler.budget import Budget
-    from sar_compiler.checks.conformance import Conformance
     from sar_compiler.journal.mission_state import MissionState
-    from sar_compiler.project import LoadedTree
-    from sar_compiler.views.compared_flights import Flight
+    from sar_compiler.project import ProjectTree
+    from sar_compiler.reports.compared_flights import Flight
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +47,7 @@ def conform_flights(arguments: argparse.Namespace) -> int:
         TreeError: If a file has mistakes.
         JournalError: If a journal cannot be read.
     """
-    from sar_compiler.views import compared_flights as views
+    from sar_compiler.reports import compared_flights as views
 
     (tree,) = load_checked(arguments, arguments.file)
     # Nothing in it asks whether it has to end.
@@ -60,13 +60,13 @@ def conform_flights(arguments: argparse.Namespace) -> int:
     return OK if all(each.is_fine for each in flights) else FINDINGS
 
 
-def _flight(place: Path, tree: "LoadedTree", budget: "Budget", arguments: argparse.Namespace) -> "Flight":
+def _flight(place: Path, tree: "ProjectTree", budget: "Budget", arguments: argparse.Namespace) -> "Flight":
     """Return what was found out about the last run of a journal."""
-    from sar_compiler.checks.verify.recorded_runs import OtherTreeError
+    from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
-    from sar_compiler.views.compared_flights import Flight
-    from sar_compiler.views.journals import journal_word
+    from sar_compiler.reports.compared_flights import Flight
+    from sar_compiler.reports.journals import journal_word
 
     with JournalFile.reading(place) as file:
         entries = [*file.last_run(without=OF_ROBOT)]
@@ -87,16 +87,18 @@ def _flight(place: Path, tree: "LoadedTree", budget: "Budget", arguments: argpar
 
 
 def _compared(
-    tree: "LoadedTree", entries: list[JournalEntry], state: "MissionState", arguments: argparse.Namespace
+    tree: "ProjectTree", entries: list[JournalEntry], state: "MissionState", arguments: argparse.Namespace
 ) -> "Conformance":
-    from sar_compiler.checks.assumptions import StartValues
-    from sar_compiler.checks.verify.recorded_runs import OtherTreeError
+    from sar_compiler.analysis.assumptions import StartValues
+    from sar_compiler.analysis.tree_analysis import conform_tree
+    from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.recorded_events import recorded_events
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
 
     run = state.runs[-1]
     try:
-        return tree.conform(
+        return conform_tree(
+            tree,
             recorded_events(entries),
             [each.name for each in state.nodes],
             arguments.properties,
@@ -112,10 +114,10 @@ def _compared(
         raise OtherTreeError("the tree has nodes other than those that ran") from error
 
 
-def _changed(tree: "LoadedTree", state: "MissionState", arguments: argparse.Namespace) -> str:
+def _changed(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
     """Return what is otherwise in the tree now than when it was flown, in words; empty for nothing."""
     from sar_compiler.cli.journal_stats import nodes_difference, nodes_told
-    from sar_compiler.views.outline import outline
+    from sar_compiler.compiler.outline import outline
 
     tree_id = arguments.tree or state.runs[-1].about.get("tree_id")
     now = nodes_told(outline(tree.preview(tree_id)))

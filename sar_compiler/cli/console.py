@@ -1,78 +1,13 @@
-"""What the console scripts call: from its first line on, Ctrl-C ends a command without a traceback.
+"""What the console scripts call."""
 
-The import of a command takes a moment, in which Python would answer Ctrl-C with a traceback. This module therefore
-imports nothing that takes time, and handles Ctrl-C before it imports a command, which then does it in its own way.
-"""
-
-import importlib
-import os
-import signal
 import sys
 from functools import partial
-from types import FrameType
-from typing import NoReturn
 
+from sar_compiler.console_command import console_command
 
-def _command(module: str, function: str = "main", *, is_server: bool = False) -> NoReturn:
-    """Import a command, run it, and end the process with its status; Ctrl-C before and after that ends it at once.
-
-    Args:
-        module: The module, in this package.
-        function: Its function, which returns the exit status.
-        is_server: Whether to be stopped is its normal end.
-    """
-
-    def leave(number: int, _frame: FrameType | None) -> None:
-        os._exit(0 if is_server else 128 + number)
-
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, leave)
-    if os.environ.get("PYTHONPATH"):
-        _leave_current_folder()
-    from sar_compiler.process_end import end_process, end_with_parent
-
-    end_with_parent()
-    status = _status_of(module, function)
-    end_process(status, name=os.path.basename(sys.argv[0]))  # noqa: PTH119 - pathlib takes a moment to import
-
-
-def _status_of(module: str, function: str) -> int:
-    """Return the exit status of a command, however it ends."""
-    try:
-        return int(getattr(importlib.import_module(f"sar_compiler.{module}"), function)())
-    except SystemExit as end:
-        if isinstance(end.code, str):
-            sys.stderr.write(f"{end.code}\n")
-            return 1
-        return end.code or 0
-    except BaseException:  # noqa: BLE001 - the interpreter would do the same, and then wait for others' threads
-        sys.excepthook(*sys.exc_info())
-        return 1
-
-
-def _leave_current_folder() -> None:
-    """Let nothing more be imported from the current folder, which may be a stranger's.
-
-    An empty or relative part of `PYTHONPATH` means it. What the user names is sought there nonetheless.
-    """
-    try:
-        written = os.environ["PYTHONPATH"].split(os.pathsep)
-        current = {os.path.realpath(each) for each in ("", *written) if not os.path.isabs(each)}  # noqa: PTH117
-    except OSError:  # the folder has been deleted
-        return
-    here = [entry for entry in sys.path if os.path.realpath(entry) in current]
-    sys.path[:] = [entry for entry in sys.path if entry not in here]
-    if here:
-        from sar_compiler.nodes.installed import pass_over
-
-        pass_over(here)
-
-
-sar_compile = partial(_command, "cli.compile")
-sar_run = partial(_command, "cli.run", "command")
-sar_run_repeatedly = partial(_command, "cli.run_repeatedly", "serve")
-sar_sim = partial(_command, "cli.sim", is_server=sys.argv[1:2] == ["run"])
-sar_journal = partial(_command, "cli.journal_command")
-_SERVERS = "missions.search_and_rescue.server_commands"
-sar_detect_survivor_server = partial(_command, _SERVERS, "detect", is_server=True)
-sar_report_survivor_server = partial(_command, _SERVERS, "report", is_server=True)
+_CLI = "sar_compiler.cli"
+sar_compile = partial(console_command, f"{_CLI}.compile")
+sar_run = partial(console_command, f"{_CLI}.run", "command")
+sar_run_repeatedly = partial(console_command, f"{_CLI}.repeated_runs", "serve")
+sar_sim = partial(console_command, f"{_CLI}.sim", is_server=sys.argv[1:2] == ["run"])
+sar_journal = partial(console_command, f"{_CLI}.journal_command")

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FILE, TREE_INPUT
 from sar_compiler.cli.loading import INPUT_HELP, add_project_options, workspace
-from sar_compiler.cli.writing import WriteError, same_file, write_text
 from sar_compiler.commands import FINDINGS, OK
 from sar_compiler.tree.diagnostic import Form, Severity
+from sar_compiler.writing import WriteError, same_file, write_text
 
 if TYPE_CHECKING:
     from sar_compiler.tree.conversion import Converted

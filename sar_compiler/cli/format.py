@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 
 from sar_compiler.cli.arguments import TREE_INPUT
-from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.cli.writing import write_bytes
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, read_file
+from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gathering import path_named, read_tree_file
+from sar_compiler.writing import write_bytes
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

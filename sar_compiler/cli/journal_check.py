@@ -9,8 +9,8 @@ from sar_compiler.cli.arguments import FILE
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.journal.journal_entries import day_and_time
+from sar_compiler.tree.plain import as_json, count_text
 from sar_compiler.tree.showing import in_one_line
-from sar_compiler.views.plain import as_json, count_text
 
 if TYPE_CHECKING:
     from sar_compiler.journal.chain import Chained, JournalChain

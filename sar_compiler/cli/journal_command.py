@@ -12,7 +12,7 @@ from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
 from sar_compiler.journal.journal_entries import OF_ROBOT
-from sar_compiler.views.report_forms import forms_in_words
+from sar_compiler.reports.report_forms import forms_in_words
 
 _JOURNAL_HELP = "the journal; a mission may be writing to it"
 
@@ -74,13 +74,13 @@ def _parser() -> Parser:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from sar_compiler.cli.run_report import report_journal
+    from sar_compiler.reports.report_files import report_journal
 
     return report_journal(options.journal, options.output, options.georeference)
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from sar_compiler.cli.run_page import replay_journals, watch_journals
+    from sar_compiler.web.run_page import replay_journals, watch_journals
 
     interruptible()
     serve = replay_journals if options.command == "replay" else watch_journals
@@ -90,8 +90,8 @@ def _serve(options: argparse.Namespace) -> None:
 
 def _show(options: argparse.Namespace) -> None:
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.views.journals import journal_json, journal_lines
-    from sar_compiler.views.why import Inquiry, first_to_look_at
+    from sar_compiler.reports.journals import journal_json, journal_lines
+    from sar_compiler.reports.why import Inquiry, first_to_look_at
 
     # To look at the lock takes away those of whoever reads the file in this process.
     with JournalFile.reading(options.journal) as file:

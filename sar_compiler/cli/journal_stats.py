@@ -12,7 +12,7 @@ from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import OF_ROBOT
 
 if TYPE_CHECKING:
-    from sar_compiler.views.leaf_statistics import RunStatistics
+    from sar_compiler.reports.leaf_statistics import RunStatistics
 
 
 def add_stats(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def tell_statistics(options: argparse.Namespace) -> None:
     Raises:
         JournalError: If one cannot be read, or is of another tree than the first.
     """
-    from sar_compiler.views import leaf_statistics as view
+    from sar_compiler.reports import leaf_statistics as view
 
     found = _statistics(options.journals)
     if options.format == "text":
@@ -46,7 +46,7 @@ def tell_statistics(options: argparse.Namespace) -> None:
 
 def _statistics(journals: Sequence[Path]) -> "RunStatistics":
     from sar_compiler.journal.database import JournalFile
-    from sar_compiler.views.leaf_statistics import RunStatistics
+    from sar_compiler.reports.leaf_statistics import RunStatistics
 
     found, first = RunStatistics(), None
     for place in journals:

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.cli.arguments import FOLDER, PALETTE, YAML_FILE, ArgumentKind
-from sar_compiler.commands import FINDINGS, OK, print_error
+from sar_compiler.commands import FINDINGS, OK, tell_note
+from sar_compiler.parts import is_here
 from sar_compiler.tree.gc_pause import LARGE, gc_paused
 
 if TYPE_CHECKING:
-    from sar_compiler.project import Additions, LoadedTree, Workspace
+    from sar_compiler.project import Additions, ProjectTree, Workspace
+    from sar_compiler.project.project_tree import FurtherCheck
     from sar_compiler.tree.diagnostic import Diagnostic
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
@@ -68,10 +70,19 @@ def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
         from sar_compiler.project import Workspace
     atexit.register(gc.freeze)
 
-    return Workspace(additions(arguments)._replace(**added), note=tell_note)
+    return Workspace(additions(arguments)._replace(**added), note=tell_note, further_checks=further_checks())
 
 
-def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[LoadedTree]":
+def further_checks() -> "Sequence[FurtherCheck]":
+    """Return what is checked of a tree besides the rules, as far as the parts that do so are installed."""
+    if not is_here("missions"):
+        return ()
+    from sar_compiler.missions.tree_check import check_mission
+
+    return (check_mission,)
+
+
+def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[ProjectTree]":
     """Load trees for a command that does more than to report findings; report those without errors on standard error.
 
     Args:
@@ -97,7 +108,7 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Loa
 
 def report_findings(findings: "Sequence[Diagnostic]") -> int:
     """Print findings on standard error, each place as `validate --all` does; return the exit status: that of findings for errors."""
-    from sar_compiler.cli.terminal import findings_as_text
+    from sar_compiler.terminal import findings_as_text
     from sar_compiler.tree.diagnostic import Severity
 
     if findings:
@@ -115,23 +126,6 @@ def additions(arguments: argparse.Namespace) -> "Additions":
     return Additions(
         tuple(arguments.nodes), models, folders, arguments.trust, mission=mission, is_isolated=isolated
     )
-
-
-def options_of_run(arguments: argparse.Namespace) -> list[list[str]]:
-    """Return the options that decide which nodes a tree can have, each with its value; files by their whole paths."""
-    from sar_compiler.nodes.palettes import is_palette_name
-
-    models = [str(each) if is_palette_name(str(each)) else str(each.resolve()) for each in arguments.model]
-    return [
-        *(["--nodes", str(each)] for each in arguments.nodes),
-        *(["--model", each] for each in models),
-        *(["--include-path", str(each.resolve())] for each in arguments.include_path),
-    ]
-
-
-def tell_note(text: str) -> None:
-    """Report on standard error what is surprising, but no mistake."""
-    print_error(f"note: {text}")
 
 
 def add_params(parser: argparse.ArgumentParser) -> None:

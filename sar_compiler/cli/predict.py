@@ -39,8 +39,9 @@ def predict_file(arguments: argparse.Namespace) -> int:
     Raises:
         TreeError: If a file has mistakes.
     """
-    from sar_compiler.cli.writing import write_text
-    from sar_compiler.views import prediction as views
+    from sar_compiler.analysis import prediction_view as views
+    from sar_compiler.analysis.tree_analysis import predict_tree
+    from sar_compiler.writing import write_text
 
     started = time.monotonic()
     progress = ProgressOfSearch()
@@ -48,7 +49,8 @@ def predict_file(arguments: argparse.Namespace) -> int:
     try:
         with contextlib.closing(progress):
             predict = functools.partial(
-                load_checked(arguments, arguments.file)[0].predict,
+                predict_tree,
+                load_checked(arguments, arguments.file)[0],
                 arguments.properties,
                 answers=arguments.answers,
                 facts=facts_given(arguments.set),

@@ -93,7 +93,7 @@ def _list() -> int:
 
 
 def _give(name: str, of: str | None, reason: str) -> str:
-    from sar_compiler.missions.order_record import RemoteSignature
+    from sar_compiler.execution.order_record import RemoteSignature
 
     with spinning_node("sar_mission_order") as node:
         claims = missions_in_sight(node)

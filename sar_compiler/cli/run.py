@@ -20,25 +20,25 @@ from sar_compiler.cli.arguments import (
     seed,
     speed,
 )
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options
-from sar_compiler.cli.supervision import Supervision, own_supervision
-from sar_compiler.cli.terminal import findings_as_text
+from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
+from sar_compiler.cli.run_extensions import extensions_asked_for
 from sar_compiler.commands import USAGE, add_version, print_error, run
+from sar_compiler.execution.supervision import Supervision, own_supervision
 from sar_compiler.opener import is_file
 from sar_compiler.process_end import end_process, shut_down
+from sar_compiler.reports.report_forms import forms_in_words
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
+from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.views.report_forms import forms_in_words
 
 PROG = "sar-run"
 
 ENGINES = ("own", "py_trees_ros")
-_DEFAULT_TREE = "search_and_rescue"
 _RESUMED = 3
 _NO_JOURNAL = Path("none")
 
@@ -80,22 +80,23 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
     options, supervision = _options(argv), own_supervision()
     options.stepped = stepped
     if options.supervise is not None and options.serve is None and not supervision.is_there:
-        from sar_compiler.cli.supervisor import supervise
+        from sar_compiler.execution.supervisor import supervise
 
-        return supervise(argv, options.supervise, signals, options.report)
+        return supervise(argv, options.supervise, signals, _reports(options) if options.report else None)
     if options.serve is not None:
-        from sar_compiler.cli.serve import serve
+        from sar_compiler.execution.serve import serve
 
         return serve(argv, options, signals)
     _supervise(options, supervision)
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
-        from sar_compiler.cli.run_mission import run_mission
+        from sar_compiler.execution.mission_run import run_mission
 
     options.tree = options.tree or _default_tree(options.mission)
     staying: list[Callable[[], object]] = []
     try:
-        status = run_mission(options, signals, ros, staying)
+        makes = list(extensions_asked_for(options))  # what they lack is said before anything starts
+        status = run_mission(options, makes, signals, ros, staying)
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print_error(f"{PROG}: {options.tree} cannot be run like this; nothing has moved")
@@ -105,6 +106,13 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
     for stay in staying:
         stay()
     return status
+
+
+def _reports(options: Namespace) -> Callable[[Path], object]:
+    """Return what writes the reports of a run, given its journal."""
+    from sar_compiler.reports.report_files import report_journal
+
+    return lambda journal: report_journal(journal, options.report)
 
 
 def _supervise(options: Namespace, supervision: Supervision) -> None:
@@ -117,7 +125,7 @@ def _supervise(options: Namespace, supervision: Supervision) -> None:
 
 
 def _options(argv: Sequence[str]) -> Namespace:
-    from sar_compiler.missions.ending import Until
+    from sar_compiler.execution.ending import Until
 
     split = split_arguments(argv)
     parser = _parser()
@@ -130,7 +138,7 @@ def _options(argv: Sequence[str]) -> Namespace:
         parser.error(message)
     given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
     given.until = Until(given.until) if given.until else None
-    given.ros = split.ros
+    given.ros, given.additions = split.ros, additions(given)
     return given
 
 
@@ -179,10 +187,11 @@ def _default_tree(mission: str | None) -> str:
     Raises:
         MissionError: If there is no such mission, or it has no default tree.
     """
-    if mission is None:
-        return _DEFAULT_TREE
-    from sar_compiler.missions.choosing import MissionError, find_mission
+    from sar_compiler.missions.choosing import MissionError, default_mission, find_mission
 
+    mission = mission or default_mission()
+    if mission is None:
+        raise MissionError("no installed package declares a default tree: name a tree")
     tree = find_mission(mission).default_tree
     if tree is None:
         raise MissionError(f"the mission '{mission}' comes without a tree: name one")
@@ -224,10 +233,10 @@ def _parser() -> Parser:
 
 def _add_what_is_flown(parser: Parser, group: _ArgumentGroup) -> None:
     # py_trees, which comes with it, cannot be imported where standard output is closed.
-    from sar_compiler.missions.ending import Until
+    from sar_compiler.execution.ending import Until
 
     add = group.add_argument
-    text = f"{FILE_HELP} (default: the one that --mission brings, else {_DEFAULT_TREE})"
+    text = f"{FILE_HELP} (default: the one that the mission brings, which --mission names)"
     parser.add_argument("tree", nargs="?", type=TREE, metavar="TREE", help=text)
     text = "the tree to run (default: the one the file executes)"
     add("--tree", dest="tree_id", metavar="ID", help=text)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import DEFAULT_WORLD, FILE, WORLD, Parser, seed, speed, telling
 from sar_compiler.cli.sim_sweep import add_sim_sweep, sweep_missions
-from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.commands import OK, add_version, interruptible, print_error, print_text, run
+from sar_compiler.missions.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
 from sar_compiler.ros.arguments import init_arguments, split_arguments
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
 from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME, Placement, parse_placement
+from sar_compiler.terminal import ProgressLine
 
 if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
@@ -113,9 +113,9 @@ def _world(name: str) -> "SimulatedWorld":
 
 
 def _map(options: argparse.Namespace) -> int:
-    from sar_compiler.cli.writing import WriteError, same_file, write_bytes
     from sar_compiler.sim.occupancy import map_files
     from sar_compiler.sim.survey import survey
+    from sar_compiler.writing import WriteError, same_file, write_bytes
 
     world = _world(options.world)
     prefix: Path = options.output or Path(world.name)
@@ -142,7 +142,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
     signals = StopSignals()
     require_middleware()
-    from sar_compiler.cli.sim_isolation import look_around
+    from sar_compiler.execution.sim_isolation import look_around
     from sar_compiler.sim.isolation import stay_on_this_machine
     from sar_compiler.sim.placement import KeptPlaces
     from sar_compiler.sim.simulation import Simulation, check_placements

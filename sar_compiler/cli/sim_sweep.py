@@ -17,12 +17,13 @@ from sar_compiler.cli.sweep import (
     require_rows,
     run_sweep,
 )
-from sar_compiler.cli.writing import write_text
 from sar_compiler.commands import CommandParser, interruptible
+from sar_compiler.missions.choosing import mission_of
 from sar_compiler.ros.middleware import require_middleware
+from sar_compiler.writing import write_text
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep import Played, SweptRow
+    from sar_compiler.analysis.sweep import Played, SweptRow
     from sar_compiler.sim.flights import Flights
 
 _NO_FAULTS = "none"
@@ -79,7 +80,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
     """Yield a row for each combination, with what it flies; what can be checked beforehand is."""
-    from sar_compiler.checks.sweep import SweptRow
+    from sar_compiler.analysis.sweep import SweptRow
     from sar_compiler.sim.flights import Flights
 
     worlds, mixes = options.world or [DEFAULT_WORLD], options.fault or [_NO_FAULTS]
@@ -102,7 +103,7 @@ def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> 
     from sar_compiler.sim.world import find_world
 
     loaded = Workspace(additions(options)).load(options.tree)
-    mission = loaded.mission(loaded.binding())
+    mission = mission_of(loaded, loaded.binding())
     for mix in mixes:
         parse_faults(mix.split() if mix != _NO_FAULTS else (), mission)
     for world in worlds:

@@ -13,12 +13,12 @@ from sar_compiler.opener import is_folder
 from sar_compiler.tree.guessing import did_you_mean
 
 if TYPE_CHECKING:
+    from sar_compiler.analysis.simulate.running import Coverage, Failure, Run
+    from sar_compiler.analysis.simulate.scenario_files import Stage
+    from sar_compiler.analysis.trace_view import PlayedScenario
     from sar_compiler.budget import Budget
-    from sar_compiler.checks.simulate.running import Coverage, Failure, Run
-    from sar_compiler.checks.simulate.scenario_files import Stage
     from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.runtime.expressions import Script
-    from sar_compiler.views.runs import PlayedScenario
 
 
 class ScenarioFolderError(SarError):
@@ -55,10 +55,11 @@ def simulate_file(arguments: argparse.Namespace) -> int:
         TreeError: If the tree has mistakes.
         UnreadableFileError: If the tree file does not exist or cannot be read.
     """
-    from sar_compiler.checks.simulate.running import Coverage
-    from sar_compiler.views.runs import PlayedScenario
+    from sar_compiler.analysis.simulate.running import Coverage
+    from sar_compiler.analysis.trace_view import PlayedScenario
+    from sar_compiler.analysis.tree_analysis import stage_of
 
-    stage = load_checked(arguments, arguments.file)[0].stage(arguments.tree, arguments.params)
+    stage = stage_of(load_checked(arguments, arguments.file)[0], arguments.tree, arguments.params)
     stage.binding()
     coverage, budget, played = Coverage(), budget_of(arguments), list[PlayedScenario]()
     files = scenario_files(arguments.scenario)
@@ -100,12 +101,12 @@ def _play(
     arguments: argparse.Namespace,
 ) -> "PlayedScenario":
     """Play a scenario, and print the error if it cannot be played."""
-    from sar_compiler.checks.simulate.running import ScenarioPlayer, failures
-    from sar_compiler.checks.simulate.scenario_files import read_scenario
+    from sar_compiler.analysis.simulate.running import ScenarioPlayer, failures
+    from sar_compiler.analysis.simulate.scenario_files import read_scenario
+    from sar_compiler.analysis.trace_view import PlayedScenario
     from sar_compiler.compiler.simulated_tree import OnlyDescribedError
     from sar_compiler.runtime.evaluation import Program
     from sar_compiler.tree.diagnostic import TreeError
-    from sar_compiler.views.runs import PlayedScenario
 
     try:
         play = stage.play() if path is None else read_scenario(path, stage)
@@ -139,8 +140,8 @@ def _play(
 
 def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
     """Return what is wrong with the argument of `--until`, if anything is."""
-    from sar_compiler.checks.leaf_words import names_of, slips
-    from sar_compiler.checks.simulate.scenario_files import OWN
+    from sar_compiler.analysis.leaf_words import names_of, slips
+    from sar_compiler.analysis.simulate.scenario_files import OWN
 
     slip = next(slips(until, names_of(simulated), OWN), None)
     if slip is None:
@@ -151,9 +152,9 @@ def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
 
 def _trace_failure(run: "Run") -> "list[Failure]":
     """Compare the trace with the file that the scenario names, if any."""
+    from sar_compiler.analysis.simulate.running import Failure
+    from sar_compiler.analysis.trace_view import trace
     from sar_compiler.checks.golden import compare_golden
-    from sar_compiler.checks.simulate.running import Failure
-    from sar_compiler.views.runs import trace
 
     expect = run.scenario.expect
     different = compare_golden(expect.trace, trace(run), "the trace now") if expect.trace else None
@@ -161,7 +162,7 @@ def _trace_failure(run: "Run") -> "list[Failure]":
 
 
 def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argparse.Namespace) -> None:
-    from sar_compiler.views.runs import coverage_text, junit, runs_as_json, trace, verdict
+    from sar_compiler.analysis.trace_view import coverage_text, junit, runs_as_json, trace, verdict
 
     shown = coverage if arguments.coverage else None
     if arguments.format == "json":

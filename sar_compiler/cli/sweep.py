@@ -28,16 +28,16 @@ from sar_compiler.cli.arguments import (
 )
 from sar_compiler.cli.loading import FILE_HELP, FORMAT_HELP, add_project_options, additions, load_checked
 from sar_compiler.cli.simulate import scenario_files, script
-from sar_compiler.cli.terminal import ProgressLine
-from sar_compiler.cli.writing import write_text
 from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error, print_text
 from sar_compiler.errors import SarError
+from sar_compiler.terminal import ProgressLine
 from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.writing import write_text
 
 if TYPE_CHECKING:
-    from sar_compiler.checks.sweep import Played, SweptRow
-    from sar_compiler.checks.sweep.workers import Workers
-    from sar_compiler.project.swept import ScenarioRuns
+    from sar_compiler.analysis.sweep import Played, SweptRow
+    from sar_compiler.analysis.sweep.workers import Workers
+    from sar_compiler.analysis.swept import ScenarioRuns
 
 # Half the width of the interval of a tree that always succeeds is below 0.02 after four batches.
 _BATCH = 25
@@ -100,8 +100,8 @@ def sweep_file(arguments: argparse.Namespace) -> int:
         TreeError: If the tree, a scenario, or what is varied is not valid.
         SarError: If a file cannot be read, or nothing is left to chance.
     """
-    from sar_compiler.checks.sweep.workers import in_processes
-    from sar_compiler.project.swept import smallest_scenario
+    from sar_compiler.analysis.sweep.workers import in_processes
+    from sar_compiler.analysis.swept import smallest_scenario
 
     varied = [len(values) for _, values in (*arguments.vary, *arguments.set)]
     require_rows(len(arguments.scenario) or 1, len(arguments.unusual), *varied)
@@ -125,14 +125,15 @@ def sweep_file(arguments: argparse.Namespace) -> int:
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
     """Yield a row for each combination, with what it plays; all of them are known to be valid."""
-    from sar_compiler.checks.simulate.scenario_files import read_scenario
-    from sar_compiler.checks.sweep import SweptRow
+    from sar_compiler.analysis.simulate.scenario_files import read_scenario
+    from sar_compiler.analysis.sweep import SweptRow
+    from sar_compiler.analysis.swept import ScenarioRuns, change_scenario, content_of
+    from sar_compiler.analysis.tree_analysis import stage_of
     from sar_compiler.documents.yaml_files import read_yaml
     from sar_compiler.opener import SCENARIO
-    from sar_compiler.project.swept import ScenarioRuns, change_scenario, content_of
 
     (tree,) = load_checked(arguments, arguments.file)
-    stage = tree.stage(arguments.tree)
+    stage = stage_of(tree, arguments.tree)
     stage.binding()
     content = content_of(tree)
     paths = scenario_files(arguments.scenario)
@@ -250,8 +251,8 @@ def run_sweep(
         arguments: The command's arguments.
         budget: What all may take.
     """
-    from sar_compiler.checks.sweep import StoppingRule, smallest_failure, sweep
-    from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
+    from sar_compiler.analysis.sweep import StoppingRule, smallest_failure, sweep
+    from sar_compiler.analysis.sweep_table import sweep_as_json, sweep_as_text
 
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
     line = ProgressLine()

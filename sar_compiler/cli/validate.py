@@ -15,25 +15,26 @@ from sar_compiler.cli.loading import (
     add_mission,
     add_project_options,
     additions,
-    tell_note,
+    further_checks,
     workspace,
 )
-from sar_compiler.cli.terminal import findings_as_text
-from sar_compiler.cli.writing import WriteError, write_bytes
-from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text
+from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text, tell_note
 from sar_compiler.errors import SarError
 from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, is_folder, read_file
+from sar_compiler.parts import is_here
+from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.content import bytes_of, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import find_tree, tree_files_in
+from sar_compiler.tree.plain import count_text
 from sar_compiler.tree.showing import visible
-from sar_compiler.views.plain import count_text
+from sar_compiler.writing import WriteError, write_bytes
 
 if TYPE_CHECKING:
+    from sar_compiler.analysis.trying import TrialBudget
     from sar_compiler.budget import Budget
     from sar_compiler.checks.fixing import Fix
-    from sar_compiler.checks.trying import TrialBudget
-    from sar_compiler.project import LoadedTree, Workspace
+    from sar_compiler.project import ProjectTree, Workspace
 
 _TEXT, _JSON, _SARIF, _ = FORMATS = ("text", "json", "sarif", "github")
 _FAILED = "internal-error"
@@ -103,7 +104,7 @@ def _print_mended(arguments: argparse.Namespace) -> int:
     if len(arguments.files) > 1 or arguments.fix:
         raise SarError("--mended prints one file, and writes none: name one, and leave --fix out")
     path, added = find_tree(arguments.files[0]), additions(arguments)
-    tree = mend(path, lambda read: Workspace(added, read, tell_note).load_file(path))
+    tree = mend(path, lambda read: Workspace(added, read, tell_note, further_checks()).load_file(path))
     print(tree.source.text, end="")
     return FINDINGS if any(each.severity is Severity.ERROR for each in tree.findings) else OK
 
@@ -235,28 +236,31 @@ class _Validation:
         self._report(each for each in palettes if real_path(Path(each.source.path)) not in self._places)
         found = tree.findings
         self._report(found)
-        found = [*found, *tree.mission_findings, *self._try_runs(tree)]
+        further = [each for check in further_checks() for each in check(tree)]
+        found = [*found, *further, *self._try_runs(tree)]
         self._report(found)
         self._note_fixes(tree)
         if self.arguments.format == _TEXT and not found and path not in self._found_in_folders:
             self._clean.append(path)
 
-    def _try_runs(self, tree: "LoadedTree") -> list[Diagnostic]:
+    def _try_runs(self, tree: "ProjectTree") -> list[Diagnostic]:
         """Return what a tick of some run of a file raises, as far as runs are tried."""
         deep = self.arguments.deep
-        if self.arguments.no_deep:
+        if self.arguments.no_deep or not is_here("analysis"):
             return []
+        from sar_compiler.analysis.tree_analysis import try_tree
+
         budgets: list[TrialBudget] = []
 
         def budget() -> "TrialBudget":
-            from sar_compiler.checks.trying import WORK, TrialBudget
+            from sar_compiler.analysis.trying import WORK, TrialBudget
 
             left = WORK * _FILES_TRIED - self._work
             work = min(WORK, left) if deep is None else None
             budgets.append(TrialBudget(work, deep, self._budget.is_spent))
             return budgets[0]
 
-        found = tree.try_runs(budget)
+        found = try_tree(tree, budget)
         self._work += sum(each.spent for each in budgets)
         self._is_cut = any(each.is_cut for each in budgets)
         # A tree of a file that others include is tried in each of them.
@@ -274,7 +278,7 @@ class _Validation:
         if not self._is_left:
             self.findings += new
 
-    def _note_fixes(self, tree: "LoadedTree") -> None:
+    def _note_fixes(self, tree: "ProjectTree") -> None:
         """Keep how the findings of a file can be fixed, where the form tells it."""
         form = self.arguments.format
         if form in (_TEXT, _SARIF) and any(finding.suggestion for finding in tree.findings):
@@ -328,7 +332,7 @@ class _Validation:
         elif self.findings:
             print(views.findings_as_github(self._findings_to_tell))
 
-    def _apply_fixes(self, tree: "LoadedTree") -> bool:
+    def _apply_fixes(self, tree: "ProjectTree") -> bool:
         """Apply all possible fixes to a file; return whether there were any."""
         from sar_compiler.checks.fixing import fixes
 
@@ -341,7 +345,7 @@ class _Validation:
         return bool(chosen)
 
 
-def _write(tree: "LoadedTree", chosen: "Sequence[Fix]") -> None:
+def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
     """Apply fixes to a file; all other bytes are unchanged."""
     from sar_compiler.checks.fixing import apply_fixes
 

@@ -26,13 +26,13 @@ from sar_compiler.cli.loading import (
     add_project_options,
     load_checked,
 )
-from sar_compiler.cli.terminal import ProgressLine, painter
 from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error
 from sar_compiler.errors import SarError, UndecidableError
+from sar_compiler.terminal import ProgressLine, painter
 
 if TYPE_CHECKING:
+    from sar_compiler.analysis.verify.verdicts import Verification
     from sar_compiler.budget import Budget
-    from sar_compiler.checks.verify.verdicts import Verification
     from sar_compiler.documents.located import Document
     from sar_compiler.runtime.kernel.searching import Progress
 
@@ -133,15 +133,19 @@ def _verify_into(
     arguments: argparse.Namespace,
 ) -> None:
     """Verify one tree after the other by the same properties, until the budget is spent."""
+    from sar_compiler.analysis.proofs import default_properties
+    from sar_compiler.analysis.tree_analysis import verify_tree
+
     trees = load_checked(arguments, *files)
     properties = arguments.properties
     if properties is None and len(trees) > 1:
-        defaults = (tree.default_properties(arguments.tree) for tree in trees)
+        defaults = (default_properties(tree, tree.binding(arguments.tree)) for tree in trees)
         properties = next((path for path in defaults if path is not None), None)
     for tree, file in zip(trees, files, strict=True):
         progress.begin(f"{file}: " if len(files) > 1 else "")
         verify = functools.partial(
-            tree.verify,
+            verify_tree,
+            tree,
             properties,
             facts=facts_given(arguments.set),
             params=arguments.params,
@@ -157,8 +161,8 @@ def _verify_into(
 
 def _export(verification: "Verification", prefix: Path, name: str) -> None:
     """Write the states of a tree as PRISM's files, and print what the numbers in them mean."""
-    from sar_compiler.cli.writing import write_lines
-    from sar_compiler.views.verification import PrismModel
+    from sar_compiler.analysis.verification_view import PrismModel
+    from sar_compiler.writing import write_lines
 
     assert verification.space is not None  # noqa: S101 - that was asked for
     prefix = prefix / name if prefix.is_dir() else prefix
@@ -175,8 +179,8 @@ def _export(verification: "Verification", prefix: Path, name: str) -> None:
 
 def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:
     """Print the result, or the comparison of two, and return the exit status."""
-    from sar_compiler.checks.verify.verdicts import VerificationComparison
-    from sar_compiler.views import verification as views
+    from sar_compiler.analysis import verification_view as views
+    from sar_compiler.analysis.verify.verdicts import VerificationComparison
 
     if len(done) == 1:
         show = views.verification_as_json if form == "json" else views.verification_as_text

@@ -36,7 +36,6 @@ from sar_compiler.journal.journal_entries import (
     check_value_types,
     end_data,
 )
-from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_reserve
 from sar_compiler.opener import (
     UnreadableFileError,
@@ -46,6 +45,7 @@ from sar_compiler.opener import (
     require_regular,
     require_regular_mode,
 )
+from sar_compiler.tree.json_values import json_text, json_value
 
 # Why a commit is as it is.
 #

@@ -22,11 +22,11 @@ from sar_compiler.journal.journal_entries import (
     Row,
     end_data,
 )
-from sar_compiler.journal.json_values import json_text
 from sar_compiler.journal.reserve import Kept, Reserve, RunEnd, lost
 from sar_compiler.journal.situation import Alarm, Display, LandmarkKind, beginning, changes_by
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
+from sar_compiler.tree.json_values import json_text
 
 if TYPE_CHECKING:
     from sar_compiler.journal.database import JournalFile

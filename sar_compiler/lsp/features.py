@@ -10,7 +10,7 @@ from sar_compiler.budget import Budget
 from sar_compiler.errors import SarError
 from sar_compiler.lsp.names import check_renaming, renamed
 from sar_compiler.lsp.server import COMMANDS, TreeServer
-from sar_compiler.project import Additions, LoadedTree
+from sar_compiler.project import Additions, ProjectTree
 from sar_compiler.tree.conversion import canonical_bytes
 from sar_compiler.tree.diagnostic import TreeError
 
@@ -95,13 +95,13 @@ def _add_help(server: TreeServer) -> None:
         return _formatted(server, tree) if tree else None
 
 
-async def _tree(server: TreeServer, uri: str) -> LoadedTree | None:
+async def _tree(server: TreeServer, uri: str) -> ProjectTree | None:
     """Return a file as it is; None while it cannot be understood."""
     file = await server.settled(uri)
     return file.current_tree if file else None
 
 
-def _formatted(server: TreeServer, tree: LoadedTree) -> list[lsp.TextEdit]:
+def _formatted(server: TreeServer, tree: ProjectTree) -> list[lsp.TextEdit]:
     """Return the edit that gives a file its canonical form.
 
     Raises:

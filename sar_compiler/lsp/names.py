@@ -10,7 +10,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.attributes import AUTOREMAP
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.semantics import AccessKind
-from sar_compiler.project import LoadedTree
+from sar_compiler.project import ProjectTree
 from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Source, Span
@@ -67,7 +67,7 @@ class _Pointed(NamedTuple):
     character: int
 
 
-def name_at(tree: LoadedTree, offset: int, beside: Sequence[LoadedTree] = ()) -> NamedThing | None:
+def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) -> NamedThing | None:
     """Return what the name at a place of a file means; None if there is no name.
 
     Args:
@@ -88,7 +88,7 @@ def name_at(tree: LoadedTree, offset: int, beside: Sequence[LoadedTree] = ()) ->
     return _in_node(tree, files, pointed)
 
 
-def _in_node(tree: LoadedTree, files: Sequence[TreeFile], pointed: _Pointed) -> NamedThing | None:
+def _in_node(tree: ProjectTree, files: Sequence[TreeFile], pointed: _Pointed) -> NamedThing | None:
     """Return what a name in an attribute of a node means: another node, or a key."""
     bound, around = _bound(tree, pointed.element)
     if bound is None or around is None:
@@ -102,7 +102,7 @@ def _in_node(tree: LoadedTree, files: Sequence[TreeFile], pointed: _Pointed) -> 
     return _of_key(tree, files, around, word) if word and accesses and word in accesses.keys else None
 
 
-def _explicit(tree: LoadedTree) -> set[str]:
+def _explicit(tree: ProjectTree) -> set[str]:
     """Return the tags in whose `ID` a node is named."""
     return {spec.kind.value for spec in tree.context.registry}
 
@@ -123,7 +123,7 @@ def _pointed(element: Element, offset: int) -> _Pointed | None:
     return None
 
 
-def _bound(tree: LoadedTree, element: Element) -> tuple[BoundNode | None, BoundTree | None]:
+def _bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, BoundTree | None]:
     for each in tree.context.bound.trees:
         if each.element.source is element.source:
             for node in each.nodes:
@@ -132,7 +132,7 @@ def _bound(tree: LoadedTree, element: Element) -> tuple[BoundNode | None, BoundT
     return None, None
 
 
-def _files(tree: LoadedTree, beside: Iterable[LoadedTree]) -> list[TreeFile]:
+def _files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
     """Return the file, what it includes, all files of its set, and those that include it."""
     own, tree_set = real_path(tree.path), tree.project.tree_set
     users = (each.forest for each in beside if own in map(_place, each.forest.files))
@@ -175,7 +175,7 @@ def _of_node(around: BoundTree, meant: BoundNode) -> NamedThing:
     return NamedThing(meant.name, tuple(spots), "the names of nodes are in scenarios and properties as well")
 
 
-def _of_key(tree: LoadedTree, files: Sequence[TreeFile], around: BoundTree, key: str) -> NamedThing:
+def _of_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key: str) -> NamedThing:
     accesses = tree.context.key_accesses[around]
     spots = [spot for each in accesses.accesses if each.key == key for spot in _spots_of_access(each)]
     # A port that is remapped, and a key that is only removed, are no accesses.

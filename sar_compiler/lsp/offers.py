@@ -11,7 +11,7 @@ from typing import NamedTuple
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
-from sar_compiler.project import LoadedTree
+from sar_compiler.project import ProjectTree
 from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
@@ -115,7 +115,7 @@ def _yaml_tag_around(before: str, indent: int) -> str | None:
     return None
 
 
-def offers_at(place: WrittenPlace, registry: Registry, tree: LoadedTree | None, form: Form) -> list[Offer]:
+def offers_at(place: WrittenPlace, registry: Registry, tree: ProjectTree | None, form: Form) -> list[Offer]:
     """Return what can be written at a place.
 
     Args:
@@ -139,7 +139,7 @@ def _tags(registry: Registry) -> Iterator[Offer]:
     yield from (Offer("tag", tag) for tag in (TREE_TAG, INCLUDE_TAG, MODEL_TAG))
 
 
-def _attributes(tag: str, registry: Registry, tree: LoadedTree | None) -> Iterator[Offer]:
+def _attributes(tag: str, registry: Registry, tree: ProjectTree | None) -> Iterator[Offer]:
     if tag in _ROOT_ATTRIBUTES:
         yield from (Offer("attribute", name) for name in _ROOT_ATTRIBUTES[tag])
         return
@@ -157,7 +157,7 @@ def _parameters(specs: Iterable[NodeSpec]) -> dict[str, Parameter]:
     return {parameter.name: parameter for spec in specs for parameter in spec.attributes}
 
 
-def _values(place: WrittenPlace, registry: Registry, tree: LoadedTree | None) -> Iterator[Offer]:
+def _values(place: WrittenPlace, registry: Registry, tree: ProjectTree | None) -> Iterator[Offer]:
     tag, attribute = place.tag or "", place.attribute or ""
     if (tag, attribute) in _NAMES_TREE:
         yield from (Offer("tree", name) for name in (tree.forest.known_ids if tree else ()))
@@ -178,14 +178,14 @@ def _values(place: WrittenPlace, registry: Registry, tree: LoadedTree | None) ->
         yield from (Offer("key", f"{{{key}}}") for key in _keys(tree))
 
 
-def _keys(tree: LoadedTree | None) -> list[str]:
+def _keys(tree: ProjectTree | None) -> list[str]:
     """Return the keys of all trees of a file."""
     if tree is None:
         return []
     return sorted({key for each in tree.context.key_accesses.values() for key in each.keys})
 
 
-def _nodes_meant(parameter: Parameter, tree: LoadedTree | None) -> list[str]:
+def _nodes_meant(parameter: Parameter, tree: ProjectTree | None) -> list[str]:
     """Return the names of the nodes that a reference may mean."""
     nodes = (node for each in (tree.context.trees if tree else ()) for node in each.nodes)
     return sorted({node.name for node in nodes if node.spec.is_of(parameter)})

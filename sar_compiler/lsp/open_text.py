@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.project import LoadedTree
+from sar_compiler.project import ProjectTree
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.gathering import FORMS, is_of_another_kind
@@ -108,7 +108,7 @@ class OpenText:
     version: int | None
     shown: Sequence[Placed] = ()
     elsewhere: Sequence[Diagnostic] = ()
-    tree: LoadedTree | None = None
+    tree: ProjectTree | None = None
     is_checked: bool = False
     seen: dict[str, int | None] = field(default_factory=dict, init=False)
     _was_tree: bool = field(default=False, init=False)
@@ -129,7 +129,7 @@ class OpenText:
         return is_other and not self._was_tree
 
     @property
-    def current_tree(self) -> LoadedTree | None:
+    def current_tree(self) -> ProjectTree | None:
         """The file as it is now; None while it cannot be understood, or is not yet."""
         return self.tree if self.tree is not None and self.tree.source.text == self.text else None
 
@@ -153,7 +153,7 @@ class OpenText:
         """Take what is typed as it is meant: the file is saved."""
         self._edited = None
 
-    def take(self, tree: LoadedTree | None, findings: Iterable[Diagnostic]) -> None:
+    def take(self, tree: ProjectTree | None, findings: Iterable[Diagnostic]) -> None:
         """Take the findings about the text as it is.
 
         Args:
@@ -186,7 +186,7 @@ class OpenText:
         kept = [each for each in self.shown if id(each.finding) not in before]
         self.shown = sorted([*kept, *self._raised], key=lambda each: each.start)
 
-    def _is_half_typed(self, tree: LoadedTree | None, found: Iterable[Placed]) -> bool:
+    def _is_half_typed(self, tree: ProjectTree | None, found: Iterable[Placed]) -> bool:
         """Return whether more is wrong than before only because something is not written to its end."""
         if tree is not None and tree.is_malformed:
             return True

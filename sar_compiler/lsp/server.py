@@ -17,18 +17,19 @@ from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
+from sar_compiler.analysis.trying import WORK, TrialBudget
 from sar_compiler.budget import Budget, BudgetSpentError
 from sar_compiler.checks import failure_of_file
 from sar_compiler.checks.fixing import Fix, each_fix, fixes
-from sar_compiler.checks.trying import WORK, TrialBudget
 from sar_compiler.errors import SarError
 from sar_compiler.lsp.names import NamedThing, Spot, name_at
 from sar_compiler.lsp.offers import offers_at, page_of_tag, place_in
 from sar_compiler.lsp.open_text import OpenText, Placed
+from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.opener import TREE, FileIdentity, read_file
 from sar_compiler.process_end import dependent_environment
-from sar_compiler.project import Additions, LoadedTree, Workspace
+from sar_compiler.project import Additions, ProjectTree, Workspace
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
 from sar_compiler.tree.gathering import parse_tree
@@ -108,7 +109,7 @@ class TreeServer(LanguageServer):
         def note(text: str) -> None:
             self._log(lsp.MessageType.Info, text)
 
-        return Workspace(self._additions, self._read, note)
+        return Workspace(self._additions, self._read, note, [check_mission])
 
     def open_folders(self, uris: Iterable[str]) -> None:
         """Let the files in the folders that are open in the editor belong together."""
@@ -235,7 +236,7 @@ class TreeServer(LanguageServer):
             self._open[uri].seen[because] = stamp[1]
             self._wanted[uri] = None
 
-    def _findings(self, loader: Workspace, path: Path) -> tuple[LoadedTree | None, list[Diagnostic]]:
+    def _findings(self, loader: Workspace, path: Path) -> tuple[ProjectTree | None, list[Diagnostic]]:
         loader.renew_sets()
         tree = None
         try:
@@ -439,7 +440,7 @@ class TreeServer(LanguageServer):
         edits = [lsp.TextEdit(self.range_of(source, each.start, each.end), each.text) for each in chosen]
         return lsp.WorkspaceEdit({uri: edits})
 
-    def symbols(self, tree: LoadedTree) -> list[lsp.DocumentSymbol]:
+    def symbols(self, tree: ProjectTree) -> list[lsp.DocumentSymbol]:
         """Return the trees of a file with the nodes in them."""
         return [self._symbol(each) for each in tree.forest.main.trees]
 
@@ -455,7 +456,7 @@ class TreeServer(LanguageServer):
         inner = [self._symbol(each) for each in element.children]
         return lsp.DocumentSymbol(name, kind, lsp.Range(place.start, end), place, element.tag, children=inner)
 
-    def lenses(self, uri: str, tree: LoadedTree) -> list[lsp.CodeLens]:
+    def lenses(self, uri: str, tree: ProjectTree) -> list[lsp.CodeLens]:
         """Return the lenses above the trees that may be executed."""
         own = [each for each in tree.forest.executable if each.source is tree.source]
         found = []
@@ -513,8 +514,10 @@ def _depends(file: OpenText, path: Path) -> bool:
     )
 
 
-def _raised(tree: LoadedTree, interrupted: threading.Event) -> list[Diagnostic]:
+def _raised(tree: ProjectTree, interrupted: threading.Event) -> list[Diagnostic]:
+    from sar_compiler.analysis.tree_analysis import try_tree
+
     try:
-        return tree.try_runs(lambda: _IdleBudget(interrupted))
+        return try_tree(tree, lambda: _IdleBudget(interrupted))
     except (SarError, OSError):
         return []

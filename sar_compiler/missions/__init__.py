@@ -1,14 +1,14 @@
 """What a mission is made of: the mission, its parameters, its journal, what is shown of it, and its servers.
 
-This room has the interface (`mission`), the choice of a tree's mission (`choosing`), and how a run begins and ends; missions that ship
-have a folder each.
+This part has the interface (`mission`), the choice of a tree's mission (`choosing`), and what its parameters say when a run begins (`beginning`).
 """
 
 from typing import TYPE_CHECKING
 
-from sar_compiler.faces import lazy
+from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
+    from sar_compiler.console_command import console_command as console_command
     from sar_compiler.journal.journal import Journal as Journal
     from sar_compiler.journal.journal_entries import BATTERY as BATTERY
     from sar_compiler.journal.journal_entries import FACTS_LOST as FACTS_LOST
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from sar_compiler.journal.situation import RasterLayer as RasterLayer
     from sar_compiler.journal.situation import position as position
     from sar_compiler.missions.choosing import MissionError as MissionError
+    from sar_compiler.missions.faults import FaultPlan as FaultPlan
+    from sar_compiler.missions.faults import ServiceFaults as ServiceFaults
+    from sar_compiler.missions.faults import create_service as create_service
     from sar_compiler.missions.mission import Mission as Mission
     from sar_compiler.missions.mission import MissionRun as MissionRun
     from sar_compiler.missions.mission import SearchedArea as SearchedArea
     from sar_compiler.missions.mission import Verb as Verb
     from sar_compiler.missions.mission import VerbField as VerbField
+    from sar_compiler.missions.parameter_file import ParameterFileError as ParameterFileError
+    from sar_compiler.missions.parameter_reader import ParameterError as ParameterError
+    from sar_compiler.missions.parameter_reader import ParameterReader as ParameterReader
+    from sar_compiler.missions.parameter_reader import lookalikes as lookalikes
     from sar_compiler.resources import shipped as shipped
     from sar_compiler.ros.arguments import readable_ros_errors as readable_ros_errors
-    from sar_compiler.ros.faults import FaultPlan as FaultPlan
-    from sar_compiler.ros.faults import ServiceFaults as ServiceFaults
-    from sar_compiler.ros.faults import create_service as create_service
-    from sar_compiler.ros.parameter_file import ParameterFileError as ParameterFileError
-    from sar_compiler.ros.parameter_reader import ParameterError as ParameterError
-    from sar_compiler.ros.parameter_reader import ParameterReader as ParameterReader
-    from sar_compiler.ros.parameter_reader import lookalikes as lookalikes
     from sar_compiler.ros.parameters import DataNode as DataNode
     from sar_compiler.ros.parameters import flat_parameters as flat_parameters
     from sar_compiler.ros.serving import serve as serve
@@ -54,5 +54,7 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "sar_compiler.missions"
 """The group of entry points by which missions are found."""
+DEFAULT = "sar_compiler.default_mission"
+"""The group whose entry point has the name of the mission that is run if nothing is named."""
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

@@ -4,10 +4,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from sar_compiler.missions.choosing import mission_of
+from sar_compiler.missions.faults import NAVIGATION_FAULTS, Fault, parse_fault
 from sar_compiler.missions.mission import Mission, MissionRun
-from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, Fault, parse_fault
-from sar_compiler.ros.parameter_reader import (
+from sar_compiler.missions.parameter_file import read_parameter_file
+from sar_compiler.missions.parameter_reader import (
     RUN_PARAMETER_NAMES,
     ParameterReader,
     RunParameters,
@@ -15,6 +16,9 @@ from sar_compiler.ros.parameter_reader import (
     read_run,
     unread_files,
 )
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.opener import admit
+from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.expressions import name_uses
 
 # The node of a tree that belongs to no mission.
@@ -63,6 +67,57 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     names = (*RUN_PARAMETER_NAMES, *own, *keys)
     slips = lookalikes(reader.parameters, names, reader.place_of)
     return Beginning(run, parameters, (*slips, *unread_files(reader, names), *reader.notes))
+
+
+class FileStart(NamedTuple):
+    """What a parameter file says of the runs of a tree, read without ROS.
+
+    Attributes:
+        parameters: What the file says, by the names of the parameters.
+        reader: What was read of it, and of the files that it names.
+        beginning: The beginning of a run with it.
+    """
+
+    parameters: dict[str, object]
+    reader: ParameterReader
+    beginning: Beginning
+
+
+def begin_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) -> FileStart:
+    """Begin a run of a loaded tree with the parameters of a file, without ROS.
+
+    Raises:
+        ParameterFileError: If ROS would refuse or misread the file.
+        ParameterError: If the mission cannot begin with the parameters.
+    """
+    mission = mission_of(tree, binding)
+    node = f"/{node_name(mission)}"
+    values = read_parameter_file(params, node) if params is not None else {}
+    reader = ParameterReader.of_files(values, [] if params is None else [params], node)
+    return FileStart(values, reader, begin_run(mission, reader, binding))
+
+
+def read_parameters(
+    tree: ProjectTree, params: Path | None = None, tree_id: str | None = None
+) -> ParameterReader:
+    """Return the parameters with which `sar-run` runs a tree, and the files that they name, read without ROS.
+
+    Args:
+        tree: The tree.
+        params: The parameter file; by default that of the mission, if it has one.
+        tree_id: The tree in the file; by default the one that the file executes.
+
+    Raises:
+        TreeError: If there are errors.
+        ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+    """
+    binding = tree.binding(tree_id)
+    mission = mission_of(tree, binding)
+    if params is None and mission is not None:
+        params = mission.default_parameters()
+        if params is not None:
+            admit(params)
+    return begin_without_ros(tree, params, binding).reader
 
 
 def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:

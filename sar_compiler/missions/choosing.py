@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from sar_compiler.commands import not_installed
 from sar_compiler.errors import SarError
-from sar_compiler.missions import ENTRY_POINTS
+from sar_compiler.missions import DEFAULT, ENTRY_POINTS
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
+from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.variables import Enums
@@ -80,6 +81,11 @@ def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
         if missions.setdefault(mission.name, mission) is not mission:
             raise MissionError(f"two missions are installed as '{mission.name}'; {source} is the second")
     return missions
+
+
+def default_mission() -> str | None:
+    """Return the name of the mission whose default tree is run if nothing is named; None if no installed package declares one."""
+    return next((entry_point.name for entry_point in entry_points(DEFAULT)), None)
 
 
 def _flaw(mission: object) -> str:
@@ -155,3 +161,12 @@ def choose_mission(
 
 def _guard(mission: "Mission") -> "Mission":
     return cast("Mission", _GuardedMission(mission, mission.name))
+
+
+def mission_of(tree: ProjectTree, binding: Binding) -> "Mission | None":
+    """Return the mission of a loaded tree; None for a plain tree.
+
+    Raises:
+        MissionError, TreeError: As `choose_mission`.
+    """
+    return choose_mission(binding, tree.project.additions.mission, tree.project.checkout)

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.situation import Display, LandmarkKind
-from sar_compiler.ros.parameter_reader import ParameterReader
+from sar_compiler.missions.parameter_reader import ParameterReader
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.journal.journal import Journal
-    from sar_compiler.ros.faults import FaultPlan
+    from sar_compiler.missions.faults import FaultPlan
 
 
 LONGEST = 200

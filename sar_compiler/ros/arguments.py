@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.parameter_file import check_parameter_file
+from sar_compiler.missions.parameter_file import check_parameter_file
 
 _BEGIN, _END = "--ros-args", "--"
 _FILE_FLAG = "--params-file"

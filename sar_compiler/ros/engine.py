@@ -24,13 +24,14 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 
-import sar_compiler
 from sar_compiler.compiler import file_and_line_of
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.leaf_protocol import Settling
 from sar_compiler.tree.showing import in_one_line, visible
 
-_OURS = tuple(str(Path(str(package.__file__)).parent) + os.sep for package in (sar_compiler, py_trees))
+_OURS = tuple(
+    f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(str(py_trees.__file__)).parent)
+)
 _TRACEBACKS = "traceback"
 """The part that the name of the logger of tracebacks has behind the node's."""
 

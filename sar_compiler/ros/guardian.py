@@ -23,9 +23,9 @@ from threading import Thread
 from typing import TYPE_CHECKING
 
 from sar_compiler.process_end import is_of_program
-from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
 from sar_compiler.ros.leaves.goals import GoalNews, end_in_words, goals_under_way
+from sar_compiler.ros.run_extension import RunExtension
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -54,7 +54,7 @@ _ATTEMPTS, _BRIEF_SEC = 3, 10.0
 _PROGRAM = "import sys; sys.path[:] = {path!r}; from sar_compiler.ros.guardian import main; main({signs}, sys.argv[1:])"
 
 
-class Guardian(Companion):
+class Guardian(RunExtension):
     """The guardian of this process, from the mission's side.
 
     Args:
@@ -72,7 +72,7 @@ class Guardian(Companion):
         self._lock = threading.Lock()
         self._start()
 
-    def begin(self, tree: "CompiledTree", engine: "Engine") -> None:  # noqa: ARG002
+    def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:  # noqa: ARG002
         """Guard the goals of the mission's node."""
         self.listen()
 
@@ -95,7 +95,7 @@ class Guardian(Companion):
         with self._lock:
             self._write(_BEAT, json.dumps(beat))
 
-    def end(self, *, has_begun: bool) -> None:  # noqa: ARG002
+    def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002
         """Let the guardian end; it first cancels what was not seen to end."""
         with self._lock:
             self._is_closing = True

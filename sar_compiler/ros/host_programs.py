@@ -20,6 +20,7 @@ from rclpy.signals import (
 
 from sar_compiler.commands import ADRIFT, print_error
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.missions.parameter_reader import BLOCKED_TICK_SEC, SETTLE_SEC
 from sar_compiler.process_end import end_after_program
 from sar_compiler.ros.arguments import security_arguments, split_arguments
 from sar_compiler.ros.engine import leaves_at_work
@@ -27,7 +28,6 @@ from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.left_goals import Cancel, cancel_apart
-from sar_compiler.ros.parameter_reader import BLOCKED_TICK_SEC, SETTLE_SEC
 from sar_compiler.ros.runner import TreeRunner
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.ros.tick_watch import TickWatch
@@ -76,7 +76,7 @@ def running(
     with ExitStack() as stack:
         if guardian:
             guard = Guardian(node, security)
-            stack.callback(guard.end, has_begun=True)
+            stack.callback(guard.on_end, has_begun=True)
             guard.listen()
         signals = _Signals() if threading.current_thread() is threading.main_thread() else None
         if signals is not None:

@@ -20,11 +20,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.journal_entries import CHANGED, PLAN, JournalEntry
 from sar_compiler.journal.situation import Landmark, Situation
-from sar_compiler.monitoring.numbered_tree import NumberedTree, StatusChange, StatusChanges, tree_xml
-from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
+from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
-from sar_compiler.signs import colour_of, rgb
+from sar_compiler.style import colour_of, rgb
+from sar_compiler.views.numbered_tree import NumberedTree, StatusChange, StatusChanges, tree_xml
 
 TOPIC = "behavior_tree_log"
 
@@ -95,7 +95,7 @@ _FORMS = {
 }
 
 
-class MissionPublisher(Companion):
+class MissionPublisher(RunExtension):
     """Publishes the progress of a mission, in the thread that ticks it.
 
     - `behavior_tree_log` (`nav2_msgs/msg/BehaviorTreeLog`): the changes of each tick, with the numbers that Groot2 has
@@ -121,7 +121,7 @@ class MissionPublisher(Companion):
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._xml = node.create_publisher(String, "~/tree", _LATCHED)
 
-    def begin(self, tree: CompiledTree, engine: Engine) -> None:
+    def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
         """Publish a tree, and watch what ticks it."""
         self._tree = NumberedTree(tree)
         self._log = TreeLog(self._node, self._tree, self._publish_changes)
@@ -129,7 +129,7 @@ class MissionPublisher(Companion):
         self._log.watch(engine)
         engine.add_post_tick_handler(self._after_tick)
 
-    def take(self, entry: JournalEntry) -> None:
+    def on_entry(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
         if entry.kind == PLAN:
             self._plan = entry.data
@@ -139,7 +139,7 @@ class MissionPublisher(Companion):
             return
         self._are_markers_known = False
 
-    def end(self, *, has_begun: bool) -> None:
+    def on_end(self, *, has_begun: bool) -> None:
         """Publish how it has ended, if it has begun; nothing is ticked any more."""
         if has_begun:
             self._log.end()

@@ -33,13 +33,13 @@ from visualization_msgs.msg import MarkerArray
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, STATUS, JournalEntry
-from sar_compiler.journal.json_values import json_text
-from sar_compiler.monitoring.numbered_tree import NumberedTree, tree_xml
 from sar_compiler.ros.clock import steady_timer
-from sar_compiler.ros.companion import Companion
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.ros.leaves.leaf import interface_name
 from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
+from sar_compiler.ros.run_extension import RunExtension
+from sar_compiler.tree.json_values import json_text
+from sar_compiler.views.numbered_tree import NumberedTree, tree_xml
 
 # What a class calls a type, where a definition has another word.
 _WORDS = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
@@ -312,7 +312,7 @@ class McapRecorder:
 _ELSEWHERE = (STATUS, *OF_ROBOT)
 
 
-class MissionRecording(Companion):
+class MissionRecording(RunExtension):
     """Records a mission in an MCAP file, whether or not anything of it is published.
 
     Beside the topics of `ros.mission_recording.RECORDED`: `behavior_tree_log`, `~/tree` as `ros.mission_publisher` has them, and
@@ -331,7 +331,7 @@ class MissionRecording(Companion):
         self._recorder = McapRecorder.create(path, node.get_logger().error)
         self._tree_log: TreeLog | None = None
 
-    def begin(self, tree: CompiledTree, engine: Engine) -> None:
+    def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
         """Begin to record a tree, and what ticks it."""
         numbered = NumberedTree(tree)
         self._write("~/tree", String(data=tree_xml(numbered)), latched=True)
@@ -339,7 +339,7 @@ class MissionRecording(Companion):
         self._tree_log.watch(engine)
         self._recorder.listen(self._node)
 
-    def take(self, entry: JournalEntry) -> None:
+    def on_entry(self, entry: JournalEntry) -> None:
         """Take an entry of the run's journal."""
         if entry.kind in _ELSEWHERE:
             return
@@ -352,7 +352,7 @@ class MissionRecording(Companion):
         message.stamp.sec, message.stamp.nanosec = divmod(int(entry.wall * 1e9), 10**9)
         self._write("mission_log", message)
 
-    def end(self, *, has_begun: bool) -> None:
+    def on_end(self, *, has_begun: bool) -> None:
         """Record how it has ended, and close the file; that of a run that never began is removed, so that the next try finds none."""
         try:
             if has_begun and self._tree_log is not None:

@@ -13,6 +13,7 @@ from py_trees.behaviours import Dummy
 from rclpy.executors import Executor
 from rclpy.node import Node
 
+from sar_compiler.missions.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.engine import (
     give_up,
     require_tickable_depth,
@@ -21,7 +22,6 @@ from sar_compiler.ros.engine import (
     stop_behaviours,
     tell_failure,
 )
-from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.kernel.leaf_nodes import insist_on_status
 
 # The parameters that the class declares on its node, even if given on the command line.

@@ -9,6 +9,7 @@ from contextlib import suppress
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
+from sar_compiler.missions.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, NodeTime, deadline_clock
 from sar_compiler.ros.frame_sources import child_frames, frame_sources
 from sar_compiler.ros.graph_queries import names_in_words, ros_graph
@@ -26,7 +27,6 @@ from sar_compiler.ros.message_values import (
     stamp_age,
     value_reports,
 )
-from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.leaf_protocol import Wake
 
 if TYPE_CHECKING:

@@ -23,6 +23,7 @@ from rclpy.timer import Timer
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
+from sar_compiler.missions.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import (
     error_text,
@@ -37,7 +38,6 @@ from sar_compiler.ros.engine import (
 from sar_compiler.ros.executors import call_soon
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.left_goals import Cancel, cancel_apart
-from sar_compiler.ros.parameter_reader import SETTLE_SEC
 from sar_compiler.runtime.breakpoints import Breakpoints, tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit

@@ -18,13 +18,13 @@ from types import FrameType
 from py_trees.behaviour import Behaviour
 from rclpy.node import Node
 
+from sar_compiler.missions.parameter_reader import BLOCKED_TICK_SEC
 from sar_compiler.process_end import place_of_thread
 from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import behaviour_title, places_of
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
 from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.left_goals import Cancel
-from sar_compiler.ros.parameter_reader import BLOCKED_TICK_SEC
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.tree.showing import in_one_line
 

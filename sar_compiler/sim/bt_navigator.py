@@ -20,8 +20,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
+from sar_compiler.missions.faults import LOCALISATION, Fault, FaultPlan
 from sar_compiler.opener import is_file
-from sar_compiler.ros.faults import LOCALISATION, Fault, FaultPlan
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 from sar_compiler.sim.messages import from_pose, tell_state, to_duration, to_path, to_pose, to_stamp
 from sar_compiler.sim.navigator import QUICK, Drive, DriveEnd, DriveOutcome, DriveProgress, Manner, Recovery

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from sar_compiler.checks.sweep import Played
-from sar_compiler.checks.sweep.workers import Workers
+from sar_compiler.analysis.sweep import Played
+from sar_compiler.analysis.sweep.workers import Workers
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
 from sar_compiler.process_end import dependent_environment

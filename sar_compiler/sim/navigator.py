@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from sar_compiler import resources
-from sar_compiler.ros.parameter_file import read_parameter_file
+from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.sim.follower import Follower, FollowerSettings, Path2D
 from sar_compiler.sim.geometry import Pose2D, normalise_angle
 from sar_compiler.sim.placement import NAV2_NAME

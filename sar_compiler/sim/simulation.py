@@ -20,7 +20,7 @@ from rclpy.utilities import get_default_context
 from rosgraph_msgs.msg import Clock
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.faults import FaultPlan
+from sar_compiler.missions.faults import FaultPlan
 from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.battery import Battery, BatteryKind
 from sar_compiler.sim.bt_navigator import BtNavigator, NavigationSetup

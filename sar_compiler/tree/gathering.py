@@ -229,7 +229,7 @@ def find_tree(name: str) -> Path:
     """Return the tree file that a user means.
 
     Args:
-        name: The path of a tree file, or the name of a shipped tree (`search_and_rescue`).
+        name: The path of a tree file, or the name of a shipped tree.
 
     Returns:
         The file; where *name* is plainly a path, it may not be there.

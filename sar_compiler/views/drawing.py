@@ -19,15 +19,15 @@ from xml.sax.saxutils import escape
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler import Origin
+from sar_compiler.compiler.sketch import Drawable, is_unknown
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.signs import COLOURS, DECORATORS, literal
+from sar_compiler.style import COLOURS, DECORATORS, literal
 from sar_compiler.tree.model import SUBTREE_TAG
+from sar_compiler.tree.plain import plain, speakable
 from sar_compiler.tree.showing import in_one_line, shortened
-from sar_compiler.views.plain import plain, speakable
-from sar_compiler.views.sketch import Drawable, is_unknown
 
 # Characters of a label and of the line below it; a title has the whole of them.
 _LONGEST = 40

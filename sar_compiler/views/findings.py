@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from sar_compiler.resources import shipped
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, Span
 from sar_compiler.tree.kinds import KINDS, SEVERITIES
+from sar_compiler.tree.plain import as_json, count_text
 from sar_compiler.tree.showing import visible
-from sar_compiler.views.plain import as_json, count_text
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix

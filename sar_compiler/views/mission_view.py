@@ -24,7 +24,7 @@ from sar_compiler.journal.journal_entries import (
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
 from sar_compiler.journal.situation import Landmark, fact_words, with_author
 from sar_compiler.runtime.clock import clock_text
-from sar_compiler.signs import IN_TEXT
+from sar_compiler.style import IN_TEXT
 from sar_compiler.tree.showing import in_one_line, shortened
 
 # So many facts, and landmarks of a kind, have room in a line.

@@ -9,7 +9,7 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, K
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Skips
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.tree.model import synthetic_element
-from sar_compiler.views.plain import as_json, plain, value_as_script
+from sar_compiler.tree.plain import as_json, plain, value_as_script
 
 # What no leaf declares of its answers, but a file that predicts runs.
 _CHANCES = ("p", "sec")

@@ -24,7 +24,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from sar_compiler import signs
+from sar_compiler import style
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.web.feed import Feed, ReplayFeed, as_json
@@ -119,7 +119,7 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None, tools: Tools 
         tools: What can be asked.
     """
     static = {path.name: path.read_bytes() for path in files(__package__).joinpath("static").iterdir()}
-    static |= {"signs.css": signs.style().encode(), "signs.js": signs.script().encode()}
+    static |= {"signs.css": style.style().encode(), "signs.js": style.script().encode()}
 
     def page(name: str) -> Callable[[Request], Awaitable[Response]]:
         async def answer(_: Request) -> Response:

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.agent.approval import ApprovalCheck, ApprovalError, approval_folder
-from sar_compiler.checks.verify.properties import read_property_file
-from sar_compiler.project import load
+from sar_compiler.analysis.approval import ApprovalCheck, ApprovalError, approval_folder
+from sar_compiler.analysis.verify.properties import read_property_file
+from sar_compiler.loaded_tree import load
+from sar_compiler.missions.beginning import read_parameters
 from tests.cli.running import run
 from tests.trees import write
 
@@ -43,7 +44,7 @@ def refusal(name, tree_id=None, params=None, properties=None, **changed):
         check = ApprovalCheck(tree, tree_id, params, properties)
         if properties is not None:
             check.require_properties(read_property_file(properties).document.source)
-        reader = tree.read_parameters(params, tree_id)
+        reader = read_parameters(tree, params, tree_id)
         check.require_parameters({**reader.parameters, **changed}, reader.files)
     except ApprovalError as error:
         return str(error)
@@ -440,5 +441,5 @@ class TestAFolderOfOthers:
         monkeypatch.setattr("os.geteuid", lambda: 12345)
         for place in (approval_folder(), *approval_folder().iterdir()):
             if place.stat().st_uid == 0:  # the tests run as root, whose files count for all
-                monkeypatch.setattr("sar_compiler.agent.approval._TRUSTED_OWNERS", ())
+                monkeypatch.setattr("sar_compiler.analysis.approval._TRUSTED_OWNERS", ())
         assert "it belongs to another user" in str(refusal(tree))

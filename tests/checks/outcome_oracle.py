@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from py_trees.behaviours import Dummy
 
+from sar_compiler.analysis.verify.properties import without_properties
+from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules import CheckContext
-from sar_compiler.checks.verify.properties import without_properties
-from sar_compiler.checks.verify.state import Prepared
-from sar_compiler.checks.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.outcome_sets import BITS

@@ -3,7 +3,7 @@
 import pytest
 
 from sar_compiler.cli.compile import main
-from sar_compiler.project import load
+from sar_compiler.loaded_tree import load
 
 HEAD = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">\n'
 # Each: what stands in the tree (its first line is line 3), up to the end of the file; then all findings.

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.checks.assumptions import take_controls
+from sar_compiler.analysis.assumptions import take_controls
 from sar_compiler.compiler import bind_main
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry

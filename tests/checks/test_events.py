@@ -5,20 +5,20 @@ import random
 
 import pytest
 
-from sar_compiler.checks.simulate.running import ScenarioPlayer
-from sar_compiler.checks.simulate.scenario_files import Scenario
-from sar_compiler.checks.verify import verify
-from sar_compiler.checks.verify.properties import without_properties
-from sar_compiler.checks.verify.state import Prepared
-from sar_compiler.checks.verify.stepping import TreeStepper
+from sar_compiler.analysis.simulate.running import ScenarioPlayer
+from sar_compiler.analysis.simulate.scenario_files import Scenario
+from sar_compiler.analysis.verify import verify
+from sar_compiler.analysis.verify.properties import without_properties
+from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import ANSWERED, STARTED, TICKED, Event, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
+from tests.analysis.simulate.stage import played
+from tests.analysis.verify.stage import TAGS, simulated_tree, verdict, verified
+from tests.analysis.verify.test_same_as_py_trees import trees
 from tests.chance import rounds
-from tests.checks.simulate.stage import played
-from tests.checks.verify.stage import TAGS, simulated_tree, verdict, verified
-from tests.checks.verify.test_same_as_py_trees import trees
 
 TICKS = 6
 

@@ -7,9 +7,9 @@ import pytest
 from sar_compiler import checks
 from sar_compiler.checks import check, fixing
 from sar_compiler.cli.compile import main
-from sar_compiler.cli.writing import WriteError
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.forest import load_forest
+from sar_compiler.writing import WriteError
 from tests.trees import document, forest
 
 NEEDLESS = document("<Sequence><AlwaysSuccess/></Sequence>")
@@ -111,7 +111,7 @@ def test_a_value_that_is_wrong_is_no_trouble_for_the_rules_about_keys():
     ]
 
 
-OWN = "tests.checks.verify.own_controls"
+OWN = "tests.analysis.verify.own_controls"
 
 
 def test_a_users_function_that_raises_is_a_finding_of_its_file_and_the_others_are_told(tmp_path, capsys):

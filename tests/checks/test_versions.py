@@ -7,10 +7,10 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.cli.compile import main
+from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.btcpp import VERSIONS
 from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.project import load
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, Severity
 from sar_compiler.tree.forest import Forest

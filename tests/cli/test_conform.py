@@ -7,16 +7,16 @@ from contextlib import closing
 import pytest
 
 from sar_compiler.budget import Budget
+from sar_compiler.compiler.outline import outline
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.project import load
-from sar_compiler.views.outline import outline
+from sar_compiler.loaded_tree import load
 from tests.cli.running import press_ctrl_c, run
 from tests.trees import document
 from tests.views.flown import REGISTRY, Said, flown, simulated
 
 BODY = '<Sequence><A name="Drive"/><X name="Look"/><Y name="Tell"/></Sequence>'
-NODES = ("--nodes", "tests.checks.verify.leaves")
+NODES = ("--nodes", "tests.analysis.verify.leaves")
 PROPERTIES = "properties: {nothing is told: {never: Tell counted}, something is: {after: Drive SUCCESS, eventually: Tell counted}}"
 
 

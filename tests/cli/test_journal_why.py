@@ -1,7 +1,6 @@
 """`sar-journal why`: what would have succeeded, by journals of runs of stub leaves."""
 
 import json
-from argparse import Namespace
 from contextlib import closing
 from pathlib import Path
 
@@ -9,14 +8,15 @@ import pytest
 
 from sar_compiler.budget import Budget
 from sar_compiler.cli.journal_command import main
-from sar_compiler.cli.loading import options_of_run
+from sar_compiler.execution.run_journal import _node_options
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.project import Additions
 from tests.cli.running import press_ctrl_c
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated
 
 BODY = '<Sequence><A name="Drive"/><A name="Look"/></Sequence>'
-NODES = ("--nodes", "tests.checks.verify.leaves")
+NODES = ("--nodes", "tests.analysis.verify.leaves")
 
 
 @pytest.fixture
@@ -116,8 +116,8 @@ def test_an_installed_palette_of_the_run_is_taken_from_the_journal(why, tree):
 
 
 def test_a_run_notes_the_options_that_decide_which_nodes_there_are():
-    given = Namespace(nodes=["a.b"], model=[Path("ros:jazzy"), Path("n.xml")], include_path=[Path("more")])
-    assert options_of_run(given) == [
+    given = Additions(nodes=("a.b",), models=(Path("ros:jazzy"), Path("n.xml")), include_path=(Path("more"),))
+    assert _node_options(given) == [
         ["--nodes", "a.b"],
         ["--model", "ros:jazzy"],
         ["--model", str(Path("n.xml").resolve())],

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from sar_compiler.cli.terminal import RunOutput
 from sar_compiler.commands import print_error
+from sar_compiler.terminal import RunOutput
 
 
 @contextmanager

@@ -4,15 +4,16 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.checks.assumptions import StartValues
-from sar_compiler.cli.page_tools import LiveTools, ToolError, journal_tools
+from sar_compiler.analysis.assumptions import StartValues
+from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.project import load
 from sar_compiler.runtime.breakpoints import tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.testing import compiled
+from sar_compiler.web.page_tools import LiveTools, ToolError, journal_tools
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated
 
@@ -150,7 +151,7 @@ def test_of_a_run_that_was_held_longer_than_proofs_assume_it_can_be_asked_as_wel
     )
     journal = open_journal(place)
     start = StartValues(facts={"orders_left": 9})
-    tree = load(path).stage(params=start).play().simulated
+    tree = stage_of(load(path), params=start).play().simulated
     said = Said(NotHeld=["held"] * 5, NavigateToBase=["aborted"])
     flown(tree, said, journal, tree_file=str(path), tree_id="Main")
     journal.close()

@@ -80,7 +80,7 @@ def test_chances_that_are_too_many_are_shown_at_their_place(predict):
 
 
 def test_a_time_of_too_many_ticks_is_refused_with_the_period_that_would_do(predict, monkeypatch):
-    monkeypatch.setattr("sar_compiler.checks.predict._MOST_TICKS", 20)
+    monkeypatch.setattr("sar_compiler.analysis.predict._MOST_TICKS", 20)
     status, out, err = predict("--period", "1", sec=30)
     assert (status, out) == (1, "")
     assert err == (

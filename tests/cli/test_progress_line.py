@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from sar_compiler.cli.terminal import ProgressLine
+from sar_compiler.terminal import ProgressLine
 
 TERMINAL, FILE = True, False
 
@@ -28,7 +28,7 @@ def shown(monkeypatch):
         monkeypatch.setenv("TERM", term)
         screen, now = Screen(is_terminal), [0.0]
         monkeypatch.setattr("sys.stderr", screen)
-        monkeypatch.setattr("sar_compiler.cli.terminal.time.monotonic", lambda: now[0])
+        monkeypatch.setattr("sar_compiler.terminal.time.monotonic", lambda: now[0])
         line = ProgressLine()
         for now[0], text in texts:
             line.show(str(text).strip)

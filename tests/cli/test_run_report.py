@@ -8,10 +8,10 @@ from contextlib import closing
 import pytest
 
 from sar_compiler.cli.journal_command import main
-from sar_compiler.cli.run_report import RunReport
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.views.report_forms import FORMS, forms_in_words
+from sar_compiler.reports.report_forms import FORMS, forms_in_words
+from sar_compiler.reports.run_report import RunReport
 
 BEGAN = JournalEntry(1, 1, 1.7e9, 0.0, "run_began", {"mission": "patrol", "identity": {}, "run": {}})
 
@@ -24,7 +24,7 @@ def breaking(monkeypatch):
         message = "no way"
         raise ZeroDivisionError(message)
 
-    monkeypatch.setattr("sar_compiler.views.report_html.html_report", fail)
+    monkeypatch.setattr("sar_compiler.reports.report_html.html_report", fail)
 
 
 @pytest.fixture
@@ -34,8 +34,8 @@ def files(tmp_path):
 
 def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breaking, files, capsys):
     report = RunReport(files, None, [], files[0].parent)
-    report.take(BEGAN)
-    report.end(has_begun=True)
+    report.on_entry(BEGAN)
+    report.on_end(has_begun=True)
     assert capsys.readouterr().err == (
         f"sar-run: the report {files[0]} could not be made: ZeroDivisionError('no way')\n"
     )
@@ -44,15 +44,15 @@ def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breakin
 
 def test_a_file_that_cannot_be_written_any_more_is_told_and_the_others_are_written(files, capsys):
     report = RunReport(files, None, [], files[0].parent)
-    report.take(BEGAN)
+    report.on_entry(BEGAN)
     files[0].mkdir()
-    report.end(has_begun=True)
+    report.on_end(has_begun=True)
     assert f"sar-run: cannot write {files[0]}: Is a directory" in capsys.readouterr().err
     assert files[1].exists()
 
 
 def test_a_run_that_has_not_begun_has_no_report(files):
-    RunReport(files, None, [BEGAN], files[0].parent).end(has_begun=False)
+    RunReport(files, None, [BEGAN], files[0].parent).on_end(has_begun=False)
     assert not any(file.exists() for file in files)
 
 
@@ -170,9 +170,9 @@ def test_every_form_tells_paths_as_seen_from_the_journal(files, tmp_path, is_of_
         assert main(["report", str(place), "-o", *map(str, files)]) == 0
     else:
         report = RunReport(files, None, [], tmp_path)
-        report.take(BEGAN._replace(data={**BEGAN.data, "run": {"parameters": photo}}))
-        report.take(BEGAN._replace(kind="photo_taken", data=photo))
-        report.end(has_begun=True)
+        report.on_entry(BEGAN._replace(data={**BEGAN.data, "run": {"parameters": photo}}))
+        report.on_entry(BEGAN._replace(kind="photo_taken", data=photo))
+        report.on_end(has_begun=True)
     for file in files:
         text = file.read_text(encoding="utf-8")
         assert text.count("photos/1.jpg") >= 2

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
+from sar_compiler.compiler.outline import unicode_tree, with_tags
 from sar_compiler.testing import compiled
 from sar_compiler.views.findings import without_markdown
-from sar_compiler.views.outline import unicode_tree, with_tags
 from tests.cli.running import run
 from tests.trees import document
 

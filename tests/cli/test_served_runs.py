@@ -12,18 +12,18 @@ import py_trees
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.cli.serve import ServedProcess, ended_run, holder
 from sar_compiler.compiler import bind_main
+from sar_compiler.execution.serve import ServedProcess, ended_run, holder
+from sar_compiler.execution.served_runs import EndedRun, PayloadError, parameters_of
+from sar_compiler.execution.verb_calls import VerbCalls
 from sar_compiler.leaves import Kind, register
 from sar_compiler.missions.beginning import path_parameters
 from sar_compiler.missions.choosing import find_mission
 from sar_compiler.missions.mission import Verb
-from sar_compiler.missions.verb_calls import VerbCalls
+from sar_compiler.missions.parameter_reader import RUN_PARAMETER_NAMES
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
 from sar_compiler.project import Workspace
-from sar_compiler.ros.parameter_reader import RUN_PARAMETER_NAMES
-from sar_compiler.ros.served_runs import EndedRun, PayloadError, parameters_of
 from tests.ros.conftest import make_ros, ros
 from tests.trees import document
 

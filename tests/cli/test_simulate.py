@@ -71,7 +71,7 @@ def test_without_a_scenario_every_leaf_answers_what_is_usual(capsys, tree):
 def test_without_a_scenario_what_leaves_do_not_agree_on_is_wrong_usage(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text(document("<Sequence><X/><W/></Sequence>"), encoding="utf-8")
-    status, out, err = run(capsys, path, "--nodes", "tests.checks.verify.leaves")
+    status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.leaves")
     assert (status, out.strip()) == (2, "")
     assert err.startswith("sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'; say which:")
 
@@ -80,7 +80,7 @@ def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     tree = '<Sequence><M distance="{d}"/><ScriptCondition code="d &gt; 1"/></Sequence>'
     path.write_text(document(tree), encoding="utf-8")
-    status, out, _ = run(capsys, path, "--nodes", "tests.checks.verify.leaves")
+    status, out, _ = run(capsys, path, "--nodes", "tests.analysis.verify.leaves")
     assert status == 1
     assert out.startswith(
         "tick 1, 0 s: not finished\n  M  SUCCESS\n  keys: d = unknown\nbroken off in tick 1 (0 s): "
@@ -239,7 +239,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
 def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_real_run(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text(document("<OwnForgetful><AdvanceZone/></OwnForgetful>"), encoding="utf-8")
-    status, out, err = run(capsys, path, "--nodes", "tests.checks.verify.own_controls")
+    status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.own_controls")
     assert (status, err) == (1, "")
     said = "'OwnForgetful' (OwnForgetful) failed: update() returned None, which is no status; return Status.SUCCESS"
     assert f"tick 1 could not be finished: {said}" in out

@@ -5,16 +5,16 @@ import socket
 
 import pytest
 
-from sar_compiler.cli.team_orders import TeamOrders, ordering, run_of
+from sar_compiler.execution.order_record import OrderRecord
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.mission import VerbError
-from sar_compiler.missions.order_record import OrderRecord
-from sar_compiler.missions.search_and_rescue.orders import VERBS
-from sar_compiler.missions.search_and_rescue.plugin import SearchAndRescue
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.ros.parameter_reader import ParameterReader
+from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.web.page_server import OrderGiver
+from sar_compiler.web.team_orders import TeamOrders, ordering, run_of
+from search_and_rescue.orders import VERBS
+from search_and_rescue.plugin import SearchAndRescue
+from search_and_rescue.search import Search
 from tests.ros.conftest import make_ros, ros
 
 __all__ = ["make_ros", "ros"]
@@ -100,7 +100,7 @@ def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
 
 
 def test_without_ros_there_are_no_orders(monkeypatch):
-    monkeypatch.setattr("sar_compiler.cli.team_orders.find_spec", lambda _: None)
+    monkeypatch.setattr("sar_compiler.web.team_orders.find_spec", lambda _: None)
     with ordering(pytest.fail) as orders:
         assert orders is None
 

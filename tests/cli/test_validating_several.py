@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.cli import terminal
+from sar_compiler import terminal
 from tests.cli import running
 from tests.processes import BIN
 from tests.trees import document

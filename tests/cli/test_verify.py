@@ -6,8 +6,8 @@ import signal
 import pytest
 
 from sar_compiler.cli.compile import main
-from sar_compiler.cli.terminal import ProgressLine
 from sar_compiler.resources import shipped
+from sar_compiler.terminal import ProgressLine
 from tests.terminals import Terminal
 from tests.trees import document
 
@@ -63,7 +63,7 @@ def test_on_a_terminal_the_answers_have_colours_and_elsewhere_none(run, monkeypa
 
 
 def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(run):
-    tree, nodes = document("<Sequence><X/><W/></Sequence>"), ("--nodes", "tests.checks.verify.leaves")
+    tree, nodes = document("<Sequence><X/><W/></Sequence>"), ("--nodes", "tests.analysis.verify.leaves")
     status, out, err = run(tree, *nodes)
     assert (status, out) == (2, "")
     assert err == (
@@ -74,7 +74,7 @@ def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(r
 
 def test_a_key_that_only_the_robot_would_write_is_named_with_the_leaf_that_writes_it(run):
     tree = document('<Sequence><M distance="{d}"/><ScriptCondition code="d &gt; 1"/></Sequence>')
-    status, out, _ = run(tree, "--nodes", "tests.checks.verify.leaves")
+    status, out, _ = run(tree, "--nodes", "tests.analysis.verify.leaves")
     assert status == 1
     advice = "'M' writes 'd' when it runs, and nothing says what it writes here: "
     assert advice + 'answers: {M: [{status: SUCCESS, then: "d := ..."}]}' in out
@@ -262,7 +262,7 @@ def test_an_invalid_tree_has_status_1_and_its_findings(run):
 
 
 def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
-    nodes = ("--nodes", "tests.checks.verify.own_controls")
+    nodes = ("--nodes", "tests.analysis.verify.own_controls")
     status, out, err = run(document("<OwnSequence><AdvanceZone/></OwnSequence>"), *nodes)
     assert (status, err.count("info[needless-node]"), len(err.splitlines())) == (0, 1, 3)
     assert "5 answers: 5 proved" in out
@@ -272,7 +272,7 @@ def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
 
 
 def test_a_file_of_properties_says_what_stands_for_a_class_with_methods_of_its_own(run):
-    nodes = ("--nodes", "tests.checks.verify.own_controls", "--properties", "{folder}/p.yaml")
+    nodes = ("--nodes", "tests.analysis.verify.own_controls", "--properties", "{folder}/p.yaml")
     tree = document("<TickingMystery><AdvanceZone/></TickingMystery>")
     status, out, err = run(tree, *nodes, p="controls: {TickingMystery: Sequence}")
     assert (status, err) == (0, "")

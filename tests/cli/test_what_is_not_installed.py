@@ -14,7 +14,7 @@ def run_without(library, *arguments, **environment):
     (module, function), *rest = arguments[0].split(":"), *arguments[1:]
     program = (
         f"import sys; sys.modules[{library!r}] = None\n"
-        f"from sar_compiler.{module} import {function} as main; sys.exit(main({rest!r}))"
+        f"from {module} import {function} as main; sys.exit(main({rest!r}))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -29,13 +29,13 @@ def run_without(library, *arguments, **environment):
 
 @pytest.mark.parametrize("library", ["numpy", "PIL"])
 def test_the_simulator_names_what_it_lacks(library, tmp_path):
-    status, said = run_without(library, "cli.sim:main", "map", "-o", str(tmp_path / "map"))
+    status, said = run_without(library, "sar_compiler.cli.sim:main", "map", "-o", str(tmp_path / "map"))
     assert (status, "Traceback" in said) == (2, False)
     assert f"a library of the simulator is not here (import of {library}" in said
     assert "pip install 'sar_compiler[sim]'" in said
 
 
-SIMULATING = [("cli.sim:main", "run"), ("cli.run:main", "--sim")]
+SIMULATING = [("sar_compiler.cli.sim:main", "run"), ("sar_compiler.cli.run:main", "--sim")]
 
 
 @pytest.mark.ros
@@ -50,8 +50,8 @@ def test_what_the_simulator_lacks_is_not_taken_for_a_missing_ros(library, comman
 
 
 SERVERS = [
-    ("missions.search_and_rescue.server_commands:detect",),
-    ("missions.search_and_rescue.server_commands:report",),
+    ("search_and_rescue.server_commands:detect",),
+    ("search_and_rescue.server_commands:report",),
 ]
 
 
@@ -71,7 +71,9 @@ def test_without_ros_a_command_says_where_ros_comes_from(library, command):
 
 @pytest.mark.parametrize("library", ["starlette", "uvicorn"])
 def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_path):
-    status, said = run_without(library, "cli.journal_command:main", "replay", str(tmp_path / "m.journal"))
+    status, said = run_without(
+        library, "sar_compiler.cli.journal_command:main", "replay", str(tmp_path / "m.journal")
+    )
     assert (status, "Traceback" in said) == (2, False), said
     assert "sar-journal: the page takes a library that is not here (" in said
     assert "pip install 'sar_compiler[web]'" in said
@@ -79,7 +81,7 @@ def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_
 
 @pytest.mark.ros
 def test_a_mission_whose_page_cannot_be_served_does_not_begin():
-    status, said = run_without("uvicorn", "cli.run:main", "--sim", "--view", "web")
+    status, said = run_without("uvicorn", "sar_compiler.cli.run:main", "--sim", "--view", "web")
     assert (status, "Traceback" in said, "Looking" in said) == (2, False, False), said
     assert "sar-run: the page takes a library that is not here (" in said
     assert "pip install 'sar_compiler[web]'" in said
@@ -111,7 +113,9 @@ def registered(prefix, *names):
 
 
 @pytest.mark.parametrize(
-    "command", [*SIMULATING, *SERVERS, ("cli.sim:main", "sweep", "search_and_rescue")], ids=" ".join
+    "command",
+    [*SIMULATING, *SERVERS, ("sar_compiler.cli.sim:main", "sweep", "search_and_rescue")],
+    ids=" ".join,
 )
 def test_a_middleware_that_is_not_installed_is_said_before_ros_is_loaded(command, tmp_path):
     registered(tmp_path, "rmw_other_cpp")
@@ -145,6 +149,8 @@ def test_an_engine_that_cannot_be_loaded_says_what_is_missing(line, said, tmp_pa
     (tmp_path / "py_trees_ros").mkdir()
     (tmp_path / "py_trees_ros/__init__.py").touch()
     (tmp_path / "py_trees_ros/trees.py").write_text(line, encoding="utf-8")
-    status, err = run_without("nothing", "cli.run:main", "--engine", "py_trees_ros", PYTHONPATH=str(tmp_path))
+    status, err = run_without(
+        "nothing", "sar_compiler.cli.run:main", "--engine", "py_trees_ros", PYTHONPATH=str(tmp_path)
+    )
     assert (status, "Traceback" in err, "not installed here" in err) == (2, False, False), err
     assert f"sar-run: --engine py_trees_ros: it is here, and {said}" in err

@@ -6,14 +6,14 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, Status
 
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gathering import read_tree_file
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.zone_manager import ZoneManager
 from tests.nodes import leaves
 from tests.nodes.leaves import Radio
 from tests.trees import forest, forest_of
@@ -240,7 +240,7 @@ def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
         "py_trees.composites.Selector",
         "py_trees.decorators.OneShot",
     }
-    assert len([name for name in classes if name.startswith("sar_compiler.missions.search_and_rescue.")]) == 9
+    assert len([name for name in classes if name.startswith("search_and_rescue.")]) == 9
 
 
 def test_all_leaves_of_a_tree_hold_the_same_zone_manager():

@@ -11,10 +11,11 @@ import pytest
 
 from sar_compiler import opener
 from sar_compiler.documents.located import MAX_VALUES
-from sar_compiler.missions.search_and_rescue import areas_file
-from sar_compiler.ros import message_values, parameter_file, signals
+from sar_compiler.missions import parameter_file
+from sar_compiler.ros import message_values, signals
 from sar_compiler.sim import occupancy
 from sar_compiler.web import feed, page_server
+from search_and_rescue import areas_file
 from tests.docs.markdown import codes, prose, tables
 from tests.docs.test_reliability_page import all_tests
 

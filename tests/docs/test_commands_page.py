@@ -11,9 +11,9 @@ from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
 from sar_compiler.cli.loading import PROJECT_OPTIONS, add_project_options
-from sar_compiler.missions.search_and_rescue import server_commands
 from sar_compiler.ros.serving import server_parser
 from sar_compiler.testing import RENEW
+from search_and_rescue import server_commands
 from tests.docs.markdown import headings
 
 PAGE = Path("docs/commands.md")
@@ -205,7 +205,9 @@ def test_the_page_is_made_of_the_parsers_and_reviewed():
 
 def test_every_console_command_is_on_the_page():
     scripts = entry_points(group="console_scripts").names & {
-        each.name for each in entry_points(group="console_scripts") if each.value.startswith("sar_compiler.")
+        each.name
+        for each in entry_points(group="console_scripts")
+        if each.value.startswith(("sar_compiler.", "search_and_rescue."))
     }
     assert {parser.prog for parser in PARSERS} == scripts
 

@@ -4,9 +4,9 @@ import re
 import runpy
 from pathlib import Path
 
+from sar_compiler.compiler.outline import unicode_tree, with_tags
 from sar_compiler.testing import compiled
 from sar_compiler.views.drawing import mermaid
-from sar_compiler.views.outline import unicode_tree, with_tags
 from tests.docs.markdown import PAGES, blocks
 
 PAGE = Path("docs/drawings.md")

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sar_compiler.ros.parameter_file import check_parameter_file
-from sar_compiler.ros.parameter_reader import ParameterReader
+from sar_compiler.missions.parameter_file import check_parameter_file
+from sar_compiler.missions.parameter_reader import ParameterReader
 from tests.docs.markdown import blocks, codes, tables
 from tests.processes import BIN
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
-from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
-from sar_compiler.missions.search_and_rescue.search_theory import SWEEP_FACTORS
+from search_and_rescue.leaf_specs import SPECS
+from search_and_rescue.search_theory import SWEEP_FACTORS
 from tests.docs.markdown import blocks, codes, tables
 from tests.docs.test_worked_pages import follow
 

@@ -10,18 +10,18 @@ import yaml
 from py_trees.common import Status
 
 from sar_compiler.checks import check
+from sar_compiler.compiler.outline import unicode_tree
 from sar_compiler.leaves import Clock, register
 from sar_compiler.missions import Journal
 from sar_compiler.missions.mission import Mission, MissionRun
-from sar_compiler.missions.search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
+from sar_compiler.missions.parameter_reader import RunParameters
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
-from sar_compiler.ros.parameter_reader import RunParameters
 from sar_compiler.testing import compiled
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
-from sar_compiler.views.outline import unicode_tree
+from search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from tests.docs.markdown import blocks, codes, tables
 
 README = Path("README.md")
@@ -150,7 +150,7 @@ def test_every_leaf_of_the_mission_is_in_the_table_of_leaves():
     leaves = {
         spec.tag: "condition" if spec.kind is Kind.CONDITION else "action"
         for spec in default_registry()
-        if spec.class_path.startswith("sar_compiler.missions.search_and_rescue")
+        if spec.class_path.startswith("search_and_rescue")
     }
     assert explained == leaves
 

@@ -4,7 +4,7 @@ import json
 import re
 from pathlib import Path
 
-from sar_compiler.checks.verify import verdicts
+from sar_compiler.analysis.verify import verdicts
 from tests.docs.markdown import codes, tables
 from tests.docs.test_worked_pages import follow
 
@@ -34,7 +34,7 @@ def test_every_key_of_a_property_is_in_the_table():
 
 def test_every_code_of_a_finding_is_explained():
     text = "".join(
-        path.read_text(encoding="utf-8") for path in Path("sar_compiler/checks/verify").glob("*.py")
+        path.read_text(encoding="utf-8") for path in Path("sar_compiler/analysis/verify").glob("*.py")
     )
     written = set(re.findall(r'"([a-z]+(?:-[a-z]+)+)"', text)) - {"script-error"}
     explained = {code for cell in cells("The command") for code in codes(cell)}

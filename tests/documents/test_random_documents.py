@@ -10,7 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.checks.verify.properties import parse_property_file
+from sar_compiler.analysis.verify.properties import parse_property_file
 from sar_compiler.documents.toml_files import read_toml
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.sim.world import load_world

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.sim import main
-from sar_compiler.missions.search_and_rescue.hiding import Hiding
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
 from sar_compiler.sim import flights
+from search_and_rescue.hiding import Hiding
+from search_and_rescue.search_theory import Area
+from search_and_rescue.zone_manager import MapPose
 from tests.processes import children_of
 from tests.waiting import News
 

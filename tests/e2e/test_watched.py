@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from tests.cli.test_what_is_not_installed import run_without
-from tests.monitoring.groot2_client import Client
+from tests.groot2.groot2_client import Client
 from tests.processes import free_port
 from tests.trees import document
 
@@ -86,7 +86,7 @@ def test_a_mission_is_published_until_its_end(start, tree, ros):
 
 
 def test_what_watching_takes_is_imported_only_where_it_is_asked_for():
-    libraries = ("zmq", "msgpack", "mcap", "diagnostic_msgs", "visualization_msgs", "sar_compiler.monitoring")
-    program = f"import sys, sar_compiler.cli.run_mission; print([each for each in {libraries} if each in sys.modules])"
+    libraries = ("zmq", "msgpack", "mcap", "diagnostic_msgs", "visualization_msgs", "sar_compiler.groot2")
+    program = f"import sys, sar_compiler.execution.mission_run; print([each for each in {libraries} if each in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

@@ -55,7 +55,7 @@ class Mortal:
     @property
     def record(self):
         """The record of the mission in this life."""
-        from sar_compiler.missions.search_and_rescue.record import MissionRecord
+        from search_and_rescue.record import MissionRecord
 
         return self.mission.context[MissionRecord]
 
@@ -71,12 +71,12 @@ class Mortal:
         """Begin a life: take over what earlier ones have done, and cancel the goals that they have left."""
         from sar_compiler.compiler import compile_tree
         from sar_compiler.journal.opening import open_journal
-        from sar_compiler.missions.search_and_rescue.plugin import MISSION
-        from sar_compiler.project import load
+        from sar_compiler.loaded_tree import load
+        from sar_compiler.missions.parameter_reader import ParameterReader
         from sar_compiler.ros.clock import mission_clock
         from sar_compiler.ros.left_goals import LeftGoals
-        from sar_compiler.ros.parameter_reader import ParameterReader
         from sar_compiler.runtime.clock import Clock
+        from search_and_rescue.plugin import MISSION
         from tests.missions.mission_stage import BASE
 
         parameters = {"zone_order": [zone["id"] for zone in self.zones]}

@@ -167,7 +167,7 @@ def examples(rounds):
 def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, monkeypatch):
     from py_trees.common import Status
 
-    from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToZone
+    from search_and_rescue.actions.navigation import NavigateToZone
 
     monkeypatch.setattr("sar_compiler.ros.leaves.goals._RESULT_SEC", 0.2)
     monkeypatch.setattr("sar_compiler.ros.leaves.goals._CHASE_SEC", 0.1)
@@ -216,7 +216,7 @@ def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, mo
 def test_a_search_finds_nobody_where_nobody_can_be(stage, rounds):
     from py_trees.common import Status
 
-    from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
+    from search_and_rescue.actions.survivors import DetectSurvivor
 
     said: dict[str, Any] = {}
 

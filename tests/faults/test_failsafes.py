@@ -17,8 +17,12 @@ from sar_compiler import load
 from sar_compiler.cli.compile import main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZones
-from sar_compiler.missions.search_and_rescue.failsafes import (
+from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.testing import assert_scenario_holds
+from search_and_rescue.actions.zones import AbandonZones
+from search_and_rescue.failsafes import (
     BaseInReach,
     BatterySuffices,
     InsideFence,
@@ -26,15 +30,11 @@ from sar_compiler.missions.search_and_rescue.failsafes import (
     NotAborted,
     NotRecalled,
 )
-from sar_compiler.missions.search_and_rescue.operating import AwaitStandstill, NotHeld
-from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager
-from sar_compiler.runtime.answers import Answer, nominal
-from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.stub_leaf import StubLeaf
-from sar_compiler.testing import assert_scenario_holds
+from search_and_rescue.operating import AwaitStandstill, NotHeld
+from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import Fence, ZoneManager
 from tests.processes import in_order
 from tests.ros.conftest import Said
 from tests.ros.test_unasked_motion import Robot

@@ -19,7 +19,7 @@ from urllib.parse import quote
 import pytest
 
 from sar_compiler import opener
-from sar_compiler.agent.approval import approval_folder
+from sar_compiler.analysis.approval import approval_folder
 from sar_compiler.budget import Budget
 from sar_compiler.cli.compile import main as compile_command
 from sar_compiler.cli.journal_command import main as journal_command
@@ -27,7 +27,6 @@ from sar_compiler.cli.sim import main as sim_command
 from sar_compiler.errors import SarError
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions import ParameterReader
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
 from sar_compiler.nodes.installed import entry_points
 from sar_compiler.nodes.registry import RegistryError, load_registry
 from sar_compiler.opener import is_file
@@ -39,6 +38,7 @@ from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.placement import KeptPlaces
 from sar_compiler.sim.world import load_world
 from sar_compiler.web.replay import Replay
+from search_and_rescue.plugin import MISSION
 from tests.trees import document
 from tests.web.folding import fly
 
@@ -210,7 +210,7 @@ class Surface(NamedTuple):
 
 TREES = "tree/gathering.py:read_tree_file"
 YAML = "documents/yaml_files.py:read_yaml"
-PARAMETERS = "ros/parameter_file.py:_text_of"
+PARAMETERS = "missions/parameter_file.py:_text_of"
 BEGINNING = "tree/gathering.py:is_tree_file"
 SURFACES = {
     "a tree": Surface((TREES,), command("validate", "{}"), "xml"),
@@ -224,7 +224,7 @@ SURFACES = {
         (TREES,), named_by("sar.toml", "models = [{}]\n", command("validate", "tree.xml")), "xml", has_root=True
     ),
     "a tree of a set": Surface(
-        (TREES, "project/__init__.py:Project._set_files"),
+        (TREES, "project/project.py:Project._set_files"),
         named_by("sar.toml", "[project]\ntrees = [{}]\n", command("validate", "lacking.xml")), "xml", has_root=True,
     ),
     "a palette that lies beside a tree": Surface(
@@ -256,7 +256,7 @@ SURFACES = {
         ("documents/toml_files.py:read_toml",), under("sar.toml", lambda: edit("tree.xml", TREE)), "toml"
     ),
     "a scenario": Surface(
-        (YAML, "checks/simulate/scenario_files.py:read_scenario"), command("simulate", "tree.xml", "--scenario", "{}")
+        (YAML, "analysis/simulate/scenario_files.py:read_scenario"), command("simulate", "tree.xml", "--scenario", "{}")
     ),
     "a scenario of many runs": Surface(
         ("cli/sweep.py:_rows",), command("sweep", "tree.xml", "--scenario", "{}", "--vary", "ticks=1,2", "--runs", "1")
@@ -266,14 +266,14 @@ SURFACES = {
         named_by("s.yaml", "expect: {trace: {}}\n", command("simulate", "tree.xml", "--scenario", "s.yaml")), has_root=True,
     ),
     "properties": Surface(
-        ("checks/verify/properties.py:read_property_file",), command("verify", "tree.xml", "--properties", "{}")
+        ("analysis/verify/properties.py:read_property_file",), command("verify", "tree.xml", "--properties", "{}")
     ),
     "properties that are approved": Surface(
-        ("agent/approval.py:Fingerprint.of",), command("approve", "tree.xml", "--properties", "{}")
+        ("analysis/approval.py:Fingerprint.of",), command("approve", "tree.xml", "--properties", "{}")
     ),
     "parameters": Surface((PARAMETERS,), command("simulate", "tree.xml", "--params", "{}")),
     "areas": Surface(
-        ("ros/parameter_reader.py:ParameterReader.read_json_file", "ros/parameter_reader.py:ParameterReader.read_file"),
+        ("missions/parameter_reader.py:ParameterReader.read_json_file", "missions/parameter_reader.py:ParameterReader.read_file"),
         areas, "json", has_root=True,
     ),
     "a world": Surface(("sim/world.py:load_world",), lambda path: sim_command(["map", path])),
@@ -302,7 +302,7 @@ SURFACES = {
         under("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,
     ),
     "the cache of a replay": Surface(("web/replay.py:_CacheFile.read",), cached, "journal", is_sought=True),
-    "an approval": Surface(("agent/approval.py:_read", "agent/approval.py:_records"), approved, "json"),
+    "an approval": Surface(("analysis/approval.py:_read", "analysis/approval.py:_records"), approved, "json"),
     "a module that is trusted": Surface(("project/trust.py:Content.of",), trusted, "python", is_sought=True),
     "a module of a package": Surface(("nodes/registry.py:_submodules_with_leaves",), package, "python", is_sought=True),
     "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),

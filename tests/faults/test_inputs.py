@@ -23,14 +23,14 @@ from PIL import Image
 
 from sar_compiler.cli.compile import main as compile_command
 from sar_compiler.cli.sim import main as sim_command
-from sar_compiler.missions.search_and_rescue.actions.navigation import describe_end
-from sar_compiler.missions.search_and_rescue.actions.survivors import MapExtent
+from sar_compiler.missions.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.ros.message_values import FARTHEST_M
-from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.world import load_world
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.showing import in_one_line
+from search_and_rescue.actions.navigation import describe_end
+from search_and_rescue.actions.survivors import MapExtent
 from tests.processes import BIN
 from tests.slowness import without_progress
 from tests.trees import document

@@ -9,22 +9,22 @@ from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import SimulatedTree, compile_simulated
-from sar_compiler.missions.search_and_rescue.actions.report_queue import Backoff
-from sar_compiler.missions.search_and_rescue.operating import NotHeld
-from sar_compiler.missions.search_and_rescue.record import (
-    KeptReports,
-    MissionRecord,
-    Standing,
-    SurvivorReport,
-)
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.gathering import read_tree_file
+from search_and_rescue.actions.report_queue import Backoff
+from search_and_rescue.operating import NotHeld
+from search_and_rescue.record import (
+    KeptReports,
+    MissionRecord,
+    Standing,
+    SurvivorReport,
+)
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 from tests.processes import Command, in_order
 
 RESILIENT = Path("trees/search_and_rescue_resilient.xml")

@@ -39,7 +39,7 @@ class Misbehave(Behaviour):
         lives = int(count.read_text()) if count.exists() else 0
         count.write_text(str(lives + 1))
         if self._how == "die before the report":
-            from sar_compiler.cli.run_report import RunReport
+            from sar_compiler.reports.run_report import RunReport
 
             RunReport.write = lambda _: os.kill(os.getpid(), signal.SIGKILL)
             return Status.SUCCESS

@@ -10,13 +10,13 @@ from sar_compiler.cli.compile import main as sar_compile
 from sar_compiler.cli.journal_command import main as sar_journal
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.tree.diagnostic import TreeError
+from tests.analysis.verify.random_trees import random_tree
+from tests.analysis.verify.stage import bound
 from tests.chance import rounds
-from tests.checks.verify.random_trees import random_tree
-from tests.checks.verify.stage import bound
 from tests.trees import document
 from tests.views.flown import flown, simulated
 
-NODES = ("--nodes", "tests.checks.verify.leaves")
+NODES = ("--nodes", "tests.analysis.verify.leaves")
 ENDLESS = (
     "<KeepRunningUntilFailure><ForceSuccess>{}</ForceSuccess></KeepRunningUntilFailure>",
     '<RetryUntilSuccessful num_attempts="-1"><ForceFailure>{}</ForceFailure></RetryUntilSuccessful>',

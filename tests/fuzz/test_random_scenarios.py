@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.checks.simulate.running import ScenarioPlayer, failures
-from sar_compiler.checks.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.analysis.simulate.running import ScenarioPlayer, failures
+from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.analysis.trace_view import trace
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.gathering import read_tree_file
-from sar_compiler.views.runs import trace
 
 SCENARIOS = [path.read_text(encoding="utf-8") for path in sorted(Path("examples/scenarios").glob("*.yaml"))]
 PIECES = [

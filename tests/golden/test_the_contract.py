@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from sar_compiler.compiler.outline import outline
 from sar_compiler.testing import compiled
-from sar_compiler.views.outline import outline
 
 # What a node is, its name, and its memory or policy; indented by its depth.
 CONTRACT = """\

@@ -16,10 +16,10 @@ from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.runtime.events import HALTED, RESET, STARTED, TICKED, Event, with_end
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
+from tests.analysis.verify.stage import simulated_tree
+from tests.analysis.verify.test_same_as_py_trees import trees
 from tests.chance import rounds
 from tests.checks.test_events import ByChance
-from tests.checks.verify.stage import simulated_tree
-from tests.checks.verify.test_same_as_py_trees import trees
 from tests.views.flown import watched_tick
 
 TICKS = 8

@@ -21,7 +21,7 @@ from sar_compiler.journal.journal_entries import FACTS_LOST, Ending, Row
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.reserve import Kept, Reserve, read_reserve
-from sar_compiler.views.journals import journal_json
+from sar_compiler.reports.journals import journal_json
 from tests.full_disk import full_disk
 
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sar_compiler.checks.sweep import wilson
+from sar_compiler.analysis.sweep import wilson
 from sar_compiler.cli.journal_command import main
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.journal.journal_entries import RUN_BEGAN, Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json, statistics_as_yaml
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.views.leaf_statistics import RunStatistics, statistics_as_json, statistics_as_yaml
 from tests.chance import rounds
 
 

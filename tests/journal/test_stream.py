@@ -8,14 +8,14 @@ from contextlib import closing
 
 import pytest
 
-from sar_compiler.cli.journal_why import Explanation
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry, Row
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.recorded_events import recorded_events
-from sar_compiler.views.journals import journal_json, journal_lines
+from sar_compiler.reports.explanation import Explanation
+from sar_compiler.reports.journals import journal_json, journal_lines
 
 
 def live(journal):

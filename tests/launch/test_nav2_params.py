@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from sar_compiler.ros.parameter_file import check_parameter_file
+from sar_compiler.missions.parameter_file import check_parameter_file
 from tests.launch.launch_file import ROOT, LaunchFile, texts
 from tests.ros.conftest import Ros
 

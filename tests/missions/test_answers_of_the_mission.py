@@ -7,13 +7,13 @@ from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.testing import simulate
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.gathering import read_tree_file
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.zone_manager import ZoneManager
 from tests.trees import forest
 
 PLACE = {"x": 0.0, "y": 0.0, "yaw": 0.0}

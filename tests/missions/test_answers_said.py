@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
-from sar_compiler.missions.search_and_rescue.actions.report_queue import DeliverReports
-from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, NotifyBase
-from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone
-from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
-from sar_compiler.missions.search_and_rescue.record import SurvivorReport
+from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from search_and_rescue.actions.report_queue import DeliverReports
+from search_and_rescue.actions.survivors import DetectSurvivor, NotifyBase
+from search_and_rescue.actions.zones import AbandonZone, AdvanceZone
+from search_and_rescue.leaf_specs import SPECS
+from search_and_rescue.record import SurvivorReport
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage

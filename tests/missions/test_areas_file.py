@@ -11,8 +11,8 @@ from sar_compiler import load
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.missions import ParameterError, ParameterReader
 from sar_compiler.missions.beginning import begin_run
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search import Search
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search import Search
 
 PLACE = Georeference(48.1, 11.5, 30.0)
 CORNERS = [(10.0, 5.0), (30.0, 5.0), (30.0, 20.0), (10.0, 20.0)]
@@ -229,5 +229,5 @@ def test_a_corner_that_is_just_as_far_as_may_be_is_taken(
 
     inverse = Geod(ellps="WGS84").inv
     farthest = max(inverse(PLACE.lon, PLACE.lat, lon, lat)[2] for lon, lat in ring())
-    monkeypatch.setattr("sar_compiler.missions.search_and_rescue.areas_file._FARTHEST_M", farthest)
+    monkeypatch.setattr("search_and_rescue.areas_file._FARTHEST_M", farthest)
     assert list(begun(tmp_path, [feature()]).sweeps.grounds) == ["north"]

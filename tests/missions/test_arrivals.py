@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.coming_home import NavigateToCharge
-from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
-from sar_compiler.missions.search_and_rescue.actions.sweeping import NavigateThroughPieces, NavigateToPiece
-from sar_compiler.missions.search_and_rescue.homing import Homing
 from sar_compiler.ros.leaves.arrivals import Arrival, goal_destination
 from sar_compiler.ros.leaves.by_attributes import RosAction
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.ports import Input
+from search_and_rescue.actions.coming_home import NavigateToCharge
+from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from search_and_rescue.actions.sweeping import NavigateThroughPieces, NavigateToPiece
+from search_and_rescue.homing import Homing
 from tests.missions.test_charging_places import home_of
 from tests.missions.test_charging_places import searching as on_a_line
 from tests.missions.test_sweeping import PIECES, planned, searching

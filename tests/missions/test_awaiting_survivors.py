@@ -8,10 +8,10 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.missions.search_and_rescue.actions.survivors import AwaitSurvivor, DetectSurvivor
-from sar_compiler.missions.search_and_rescue.record import Standing
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from search_and_rescue.actions.survivors import AwaitSurvivor, DetectSurvivor
+from search_and_rescue.record import Standing
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from sar_compiler.missions.mission import MissionRun
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.ros.parameter_reader import ParameterReader, RunParameters
+from sar_compiler.missions.parameter_reader import ParameterReader, RunParameters
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search import Search
 
 PARAMETERS: dict[str, object] = {
     "zone_order": ["zone_b", "zone_a"],
@@ -47,14 +47,14 @@ def test_a_mission_that_names_places_drives_to_them() -> None:
 @pytest.mark.ros
 class TestTheReport:
     def report(self, mission: MissionRun, **parameters: Any) -> Any:
-        from sar_compiler.cli.run_mission_tree import RouteReport
+        from sar_compiler.execution.tree_run import RouteReport
         from sar_compiler.sim.occupancy import read_map
 
         occupancy = read_map(Path("maps/disaster_zone.yaml"))
         return RouteReport(mission, RunParameters(**parameters), occupancy)
 
     def test_places_for_which_no_time_is_left_are_counted(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("sar_compiler.cli.run_mission_tree._MOST_PLANNING_SEC", 0.0)
+        monkeypatch.setattr("sar_compiler.execution.tree_run._MOST_PLANNING_SEC", 0.0)
         report = self.report(begun())
         assert report.lines == []
         [problem] = report.problems

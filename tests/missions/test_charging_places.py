@@ -7,19 +7,19 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.missions import MissionPhase, ParameterError, ParameterReader
-from sar_compiler.missions.search_and_rescue.actions.coming_home import (
+from sar_compiler.missions.parameter_reader import RunParameters
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.sim.occupancy import read_map
+from search_and_rescue.actions.coming_home import (
     AwaitCharge,
     NavigateToCharge,
     ReturnInReach,
 )
-from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
-from sar_compiler.missions.search_and_rescue.homing import Homing
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
-from sar_compiler.ros.parameter_reader import RunParameters
-from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.sim.occupancy import read_map
+from search_and_rescue.energy import EnergyModel, Rates
+from search_and_rescue.homing import Homing
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import MapPose, ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage
@@ -98,7 +98,7 @@ def test_each_mistake_in_them_is_named_before_the_flight(given: dict[str, Any], 
 
 @pytest.mark.ros
 def test_a_check_names_a_place_that_cannot_be_reached() -> None:
-    from sar_compiler.cli.run_mission_tree import RouteReport
+    from sar_compiler.execution.tree_run import RouteReport
 
     occupancy = read_map(Path("maps/disaster_zone.yaml"))
     good, bad = (RouteReport(begun(dock__x=x, dock__y=3.0), RunParameters(), occupancy) for x in (-3.0, 99.0))

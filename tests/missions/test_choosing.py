@@ -6,10 +6,10 @@ import pytest
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.missions.choosing import MissionError, choose_mission, find_mission, load_missions
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
+from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.nodes.registry import load_registry
-from sar_compiler.ros.parameter_reader import ParameterReader
 from sar_compiler.tree.diagnostic import TreeError
+from search_and_rescue.plugin import MISSION
 from tests.trees import forest
 
 SOURCE = """

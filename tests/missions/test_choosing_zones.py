@@ -12,15 +12,15 @@ from py_trees.common import Status
 
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions import ParameterError, ParameterReader
-from sar_compiler.missions.search_and_rescue.actions.zones import ChooseZone
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.record import Standing
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.search_theory import Area, PoaMap
-from sar_compiler.missions.search_and_rescue.zone_manager import MOST_PLANNED, MapPose, ZoneManager
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.goals import goals_under_way
+from search_and_rescue.actions.zones import ChooseZone
+from search_and_rescue.areas import Ground
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.record import Standing
+from search_and_rescue.search import Search
+from search_and_rescue.search_theory import Area, PoaMap
+from search_and_rescue.zone_manager import MOST_PLANNED, MapPose, ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Host, Stage
@@ -99,7 +99,7 @@ def test_each_mistake_in_the_probabilities_is_named_before_the_flight(
 
 
 def test_a_speed_that_is_none_is_told_once() -> None:
-    from sar_compiler.ros.parameter_reader import read_run
+    from sar_compiler.missions.parameter_reader import read_run
 
     reader = ParameterReader({**probabilities(), "cruise_speed_mps": -1.0})
     MISSION.begin(reader)

@@ -8,24 +8,25 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler import load
-from sar_compiler.checks.property_watch import PropertyWatch
+from sar_compiler.analysis.property_watch import PropertyWatch
+from sar_compiler.analysis.tree_analysis import stage_of
+from sar_compiler.execution.order_record import OrderRecord
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.missions.order_record import OrderRecord
-from sar_compiler.missions.search_and_rescue.actions.sweeping import PlanSweep
-from sar_compiler.missions.search_and_rescue.actions.zones import ChooseZone
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.failsafes import NotAborted, NotRecalled
-from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
-from sar_compiler.missions.search_and_rescue.operating import NotHeld
-from sar_compiler.missions.search_and_rescue.orders import COMMANDS, VERBS, CommandSpec
-from sar_compiler.missions.search_and_rescue.search import _SENTENCES, Search
-from sar_compiler.missions.search_and_rescue.search_events import COMMAND_GIVEN
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
 from sar_compiler.runtime.answers import DeclaredAnswers
+from search_and_rescue.actions.sweeping import PlanSweep
+from search_and_rescue.actions.zones import ChooseZone
+from search_and_rescue.areas import Ground
+from search_and_rescue.failsafes import NotAborted, NotRecalled
+from search_and_rescue.leaf_specs import SPECS
+from search_and_rescue.operating import NotHeld
+from search_and_rescue.orders import COMMANDS, VERBS, CommandSpec
+from search_and_rescue.search import _SENTENCES, Search
+from search_and_rescue.search_events import COMMAND_GIVEN
+from search_and_rescue.search_theory import Area
+from search_and_rescue.zone_manager import Zone, ZoneManager
 
 pytestmark = pytest.mark.ros
 
@@ -70,7 +71,7 @@ class CommandedMission:
         self.lines: list[str] = []
         for leaf in self.leaves.values():
             leaf.say = leaf.complain = self.lines.append
-        simulated = load(TREE).stage().play().simulated
+        simulated = stage_of(load(TREE)).play().simulated
         self.numbers = {
             type_: leaf.number
             for leaf in simulated.leaves

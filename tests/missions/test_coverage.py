@@ -9,10 +9,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap, Points, Raster
-from sar_compiler.missions.search_and_rescue.sweeps import sweep
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+from search_and_rescue.areas import Ground
+from search_and_rescue.coverage import ObstacleMap, Points, Raster
+from search_and_rescue.sweeps import sweep
+from search_and_rescue.zone_manager import MapPose
 
 FIELD = ((0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0))
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.missions.search_and_rescue.actions.sweeping import PlanSweep
-from sar_compiler.missions.search_and_rescue.drawn_areas import DrawingError, DrawnAreas
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.ros.parameter_reader import ParameterReader
+from sar_compiler.missions.parameter_reader import ParameterReader
+from search_and_rescue.actions.sweeping import PlanSweep
+from search_and_rescue.drawn_areas import DrawingError, DrawnAreas
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search import Search
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage

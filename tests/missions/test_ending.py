@@ -3,12 +3,12 @@
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.execution.ending import EndCondition, Until, default_summary
 from sar_compiler.journal.situation import Display, Figure
-from sar_compiler.missions.ending import EndCondition, Until, default_summary
 from sar_compiler.missions.mission import MissionRun
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 
 SUCCESS, FAILURE, RUNNING, SKIPPED = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
 POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
+from search_and_rescue.energy import EnergyModel, Rates, Trip
 from tests.chance import rounds
 
 PRIOR = Rates(per_m=0.0005, per_sec=0.0001)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.zone_manager import Fence, read_fence
-from sar_compiler.ros.parameter_reader import ParameterError, ParameterReader
+from sar_compiler.missions.parameter_reader import ParameterError, ParameterReader
+from search_and_rescue.zone_manager import Fence, read_fence
 
 ELL = Fence([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0)])
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
-from sar_compiler.missions.search_and_rescue.homing import Homing
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
-from sar_compiler.missions.search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
+from search_and_rescue.areas import Ground
+from search_and_rescue.energy import EnergyModel, Rates
+from search_and_rescue.homing import Homing
+from search_and_rescue.search import Search
+from search_and_rescue.search_theory import Area
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
 from tests.chance import rounds
 
 # Many flights, of code that other tests reach.

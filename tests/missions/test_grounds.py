@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from sar_compiler.missions import ParameterError, ParameterReader
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search import Search
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search import Search
 
 SQUARE = [0.0, 0.0, 4.0, 0.0, 4.0, 4.0, 0.0, 4.0]
 

@@ -11,12 +11,12 @@ import yaml
 
 from sar_compiler.cli.compile import main
 from sar_compiler.missions import ParameterReader
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.hiding import Hiding, read_hiding
-from sar_compiler.missions.search_and_rescue.search_theory import Area, Tour
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
-from sar_compiler.missions.search_and_rescue.zone_order import ordered
-from sar_compiler.ros.parameter_reader import ParameterError
+from sar_compiler.missions.parameter_reader import ParameterError
+from search_and_rescue.areas import Ground
+from search_and_rescue.hiding import Hiding, read_hiding
+from search_and_rescue.search_theory import Area, Tour
+from search_and_rescue.zone_manager import MapPose
+from search_and_rescue.zone_order import ordered
 from tests.chance import rounds
 from tests.missions.test_offices import begun
 

@@ -11,19 +11,19 @@ from py_trees.common import Status
 
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions import MissionPhase
-from sar_compiler.missions.search_and_rescue.actions.coming_home import (
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.testing import simulate
+from search_and_rescue.actions.coming_home import (
     AwaitCharge,
     FullBatterySuffices,
     ReturnInReach,
 )
-from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates
-from sar_compiler.missions.search_and_rescue.failsafes import BatterySuffices
-from sar_compiler.missions.search_and_rescue.homing import Homing
-from sar_compiler.missions.search_and_rescue.search import BASE as BASE_NAME
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.testing import simulate
+from search_and_rescue.energy import EnergyModel, Rates
+from search_and_rescue.failsafes import BatterySuffices
+from search_and_rescue.homing import Homing
+from search_and_rescue.search import BASE as BASE_NAME
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 from tests.missions.test_both_trees_verified import broken, verify
 from tests.missions.test_choosing_zones import PlanningServer
 

@@ -5,14 +5,14 @@ from typing import Any
 import pytest
 
 from sar_compiler.missions import ParameterError, ParameterReader
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.energy import EnergyModel, Rates, Trip
-from sar_compiler.missions.search_and_rescue.homing import PRIOR, RESERVE, Homing
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
+from search_and_rescue.areas import Ground
+from search_and_rescue.energy import EnergyModel, Rates, Trip
+from search_and_rescue.homing import PRIOR, RESERVE, Homing
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search import Search
+from search_and_rescue.search_theory import Area
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import MapPose, ZoneManager
 
 BASE = MapPose(x=0.0, y=0.0, yaw=0.0)
 

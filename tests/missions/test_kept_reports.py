@@ -2,15 +2,15 @@
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.record import (
+from sar_compiler.runtime.context import is_mission_context, preview_of
+from search_and_rescue.record import (
     KeptReports,
     MissionRecord,
     Standing,
     SurvivorReport,
 )
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.runtime.context import is_mission_context, preview_of
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 
 FIRST, SECOND = SurvivorReport("survivor_1", 1.0, 2.0), SurvivorReport("survivor_2", 3.0, 4.0)
 

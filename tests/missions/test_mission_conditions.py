@@ -4,14 +4,14 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
-from sar_compiler.missions.search_and_rescue.conditions import (
+from search_and_rescue.actions.survivors import DetectSurvivor
+from search_and_rescue.conditions import (
     IsSurvivorDetected,
     MissionComplete,
     ZonesRemaining,
 )
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.zone_manager import ZoneManager
 
 ZONES = ZoneManager([{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}], {"x": 0, "y": 0, "yaw": 0})
 

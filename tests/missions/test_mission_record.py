@@ -3,19 +3,19 @@
 import pytest
 
 from sar_compiler.missions import Journal, JournalEntry
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.record import (
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.runtime.context import preview_of
+from search_and_rescue.areas import Ground
+from search_and_rescue.record import (
     FoundSurvivor,
     MissionRecord,
     Standing,
     SurvivorReport,
 )
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
-from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.context import preview_of
+from search_and_rescue.search import Search
+from search_and_rescue.search_theory import Area
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import MapPose, ZoneManager
 
 
 @pytest.fixture

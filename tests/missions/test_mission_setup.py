@@ -9,20 +9,20 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
-from sar_compiler.missions.search_and_rescue.actions.report_queue import DeliverReports, KeepReport
-from sar_compiler.missions.search_and_rescue.actions.survivors import (
+from sar_compiler.ros.leaves.leaf import MissingNodeError
+from sar_compiler.runtime.leaf_protocol import Settling
+from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from search_and_rescue.actions.report_queue import DeliverReports, KeepReport
+from search_and_rescue.actions.survivors import (
     BroadcastSurvivorTF,
     DetectSurvivor,
     LogNoDetection,
     NotifyBase,
 )
-from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
-from sar_compiler.missions.search_and_rescue.record import MissionRecord, SurvivorReport
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.ros.leaves.leaf import MissingNodeError
-from sar_compiler.runtime.leaf_protocol import Settling
+from search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
+from search_and_rescue.record import MissionRecord, SurvivorReport
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage
@@ -57,8 +57,8 @@ def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
 def test_the_leaves_can_be_imported_and_built_without_ros() -> None:
     program = (
         "import sys; sys.modules['rclpy'] = None\n"
-        "from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToZone\n"
-        "from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager\n"
+        "from search_and_rescue.actions.navigation import NavigateToZone\n"
+        "from search_and_rescue.zone_manager import ZoneManager\n"
         "NavigateToZone('NavigateToZone', ZoneManager([], {'x': 0, 'y': 0, 'yaw': 0}))\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True)

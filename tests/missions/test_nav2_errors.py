@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.actions.navigation import describe_end
+from search_and_rescue.actions.navigation import describe_end
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
-from sar_compiler.missions.search_and_rescue.failsafes import NavigationAvailable
-from sar_compiler.missions.search_and_rescue.leaf_specs import SPECS
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
+from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from search_and_rescue.failsafes import NavigationAvailable
+from search_and_rescue.leaf_specs import SPECS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.ros.parameter_file import read_parameter_file
-from sar_compiler.ros.parameter_reader import ParameterReader, RunParameters, read_run
+from sar_compiler.missions.parameter_file import read_parameter_file
+from sar_compiler.missions.parameter_reader import ParameterReader, RunParameters, read_run
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.planner import Planner, plan_route
 from sar_compiler.sim.world import World, find_world
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search import Search
 
 PARAMS = Path("config/offices_params.yaml")
 

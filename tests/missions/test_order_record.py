@@ -4,15 +4,15 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.execution.order_record import OrderRecord, RemoteSignature
+from sar_compiler.execution.verb_calls import VerbCalls
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor, Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.missions.order_record import OrderRecord, RemoteSignature
-from sar_compiler.missions.search_and_rescue.orders import VERBS
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
-from sar_compiler.missions.verb_calls import VerbCalls
+from search_and_rescue.orders import VERBS
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 
 pytestmark = pytest.mark.ros
 
@@ -121,7 +121,7 @@ def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_e
 
 def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, monkeypatch):
     robot.sign("pause", "Ada")
-    monkeypatch.setattr("sar_compiler.missions.order_record._SIGNED_SEC", 0.0)
+    monkeypatch.setattr("sar_compiler.execution.order_record._SIGNED_SEC", 0.0)
     robot.call("pause")
     assert robot.orders == [f"{A_CALL}: pause"]
 

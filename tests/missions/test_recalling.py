@@ -14,20 +14,20 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CHANGED, JournalEntry
-from sar_compiler.journal.json_values import json_text, json_value
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import Landmark, Situation
-from sar_compiler.missions.search_and_rescue.orders import OperatorOrders
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.record import (
+from sar_compiler.missions.parameter_reader import ParameterReader
+from sar_compiler.tree.json_values import json_text, json_value
+from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.record import (
     KeptReports,
     MissionRecord,
     Standing,
     SurvivorReport,
 )
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import Zone, ZoneManager
-from sar_compiler.ros.parameter_reader import ParameterReader
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import Zone, ZoneManager
 
 ZONES = ("zone_a", "zone_b", "zone_c")
 PARAMETERS: dict[str, Any] = {

@@ -6,10 +6,10 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.missions.search_and_rescue.actions.report_queue import DeliverReports, KeepReport
-from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor
-from sar_compiler.missions.search_and_rescue.record import DoneBefore, KeptReports, SurvivorReport
 from sar_compiler.runtime.clock import ManualClock
+from search_and_rescue.actions.report_queue import DeliverReports, KeepReport
+from search_and_rescue.actions.survivors import DetectSurvivor
+from search_and_rescue.record import DoneBefore, KeptReports, SurvivorReport
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import ScriptedService, Stage

@@ -7,14 +7,14 @@ from typing import Any
 import pytest
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.compiler.outline import outline
+from sar_compiler.execution.resuming import as_data, require_same_identity, require_same_tree
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.missions.resuming import as_data, require_same_identity, require_same_tree
-from sar_compiler.project import load
-from sar_compiler.ros.parameter_reader import ParameterError
+from sar_compiler.loaded_tree import load
+from sar_compiler.missions.parameter_reader import ParameterError
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.views.outline import outline
 from tests.trees import document
 
 BODY = '<Sequence name="S"><RetryUntilSuccessful num_attempts="2"><AlwaysFailure name="F"/></RetryUntilSuccessful></Sequence>'

@@ -9,11 +9,11 @@ from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import Level
-from sar_compiler.missions.search_and_rescue import search_events
-from sar_compiler.missions.search_and_rescue.record import MissionRecord, Standing, SurvivorReport
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
-from sar_compiler.missions.search_and_rescue.zone_manager import Fence, ZoneManager
+from search_and_rescue import search_events
+from search_and_rescue.record import MissionRecord, Standing, SurvivorReport
+from search_and_rescue.search import Search
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import Fence, ZoneManager
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def shown(search: Search, kind: str) -> list[tuple[Any, ...]]:
 
 
 def test_every_fact_of_a_search_reads_as_a_sentence() -> None:
-    from sar_compiler.missions.search_and_rescue.search import _SENTENCES
+    from search_and_rescue.search import _SENTENCES
 
     handled = {*MissionRecord._HANDLERS, *Sweeps._HANDLERS, *ZoneManager._HANDLERS}
     # These are told by who keeps the journal.

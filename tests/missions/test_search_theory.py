@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.search_theory import (
+from search_and_rescue.search_theory import (
     Area,
     PoaMap,
     Tour,
     pod_at_random,
     pod_of_parallel_sweep,
 )
-from sar_compiler.missions.search_and_rescue.zone_order import (
+from search_and_rescue.zone_order import (
     BEAM_UP_TO,
     EXACT_UP_TO,
     approximation,

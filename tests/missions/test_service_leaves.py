@@ -8,12 +8,12 @@ from nav_msgs.msg import OccupancyGrid
 from py_trees.common import Status
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from sar_compiler.missions.search_and_rescue.actions.survivors import (
+from search_and_rescue.actions.survivors import (
     DetectSurvivor,
     NotifyBase,
     map_extent_of,
 )
-from sar_compiler.missions.search_and_rescue.conditions import IsSurvivorDetected
+from search_and_rescue.conditions import IsSurvivorDetected
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import ScriptedService, Stage

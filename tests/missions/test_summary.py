@@ -1,8 +1,8 @@
 """The summary of a mission."""
 
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 
 POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.survivors import (
+from search_and_rescue.actions.survivors import (
     BroadcastSurvivorTF,
     DetectSurvivor,
     static_transforms_of,

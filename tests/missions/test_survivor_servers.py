@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.hiding import Hiding
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.server_commands import detect, report
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+from search_and_rescue.hiding import Hiding
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.search_theory import Area
+from search_and_rescue.server_commands import detect, report
+from search_and_rescue.zone_manager import MapPose
 from tests.processes import Command
 from tests.waiting import SILENCE_SEC
 
@@ -68,7 +68,7 @@ class Caller:
 
 class TestDetecting:
     def serve(self, ros: Ros, *parameters: str, faults: Any = None) -> Caller:
-        from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer
+        from search_and_rescue.servers import DetectSurvivorServer
 
         arguments = ["--ros-args", *(part for each in parameters for part in ("-p", each))]
         ros.add(DetectSurvivorServer(faults, context=ros.context, cli_args=arguments if parameters else None))
@@ -121,7 +121,7 @@ class TestDetecting:
         assert not caller.detect("zone_a").found
 
     def test_finds_only_who_hides_from_it(self, ros: Ros) -> None:
-        from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer
+        from search_and_rescue.servers import DetectSurvivorServer
 
         poses = {name: MapPose(x=1.0, y=2.0, yaw=0.0) for name in ("cave", "zone_a")}
         hiding = Hiding(poses, {"cave": Area(1.0, 1.0), "zone_a": Area(0.0, 1.0)}, 0)
@@ -134,7 +134,7 @@ class TestDetecting:
         ]
 
     def test_refuses_a_table_that_is_none(self, ros: Ros) -> None:
-        from sar_compiler.ros.parameter_reader import ParameterError
+        from sar_compiler.missions.parameter_reader import ParameterError
 
         with pytest.raises(ParameterError, match=r"survivors\.zone_b\.y: is missing"):
             self.serve(ros, "survivors.zone_b.x:=1")
@@ -146,14 +146,14 @@ class TestDetecting:
         assert warnings == ["parameter 'survivor' is not read; did you mean 'survivors'?"]
 
     def test_its_service_follows_its_namespace(self, make_ros: Callable[..., Ros]) -> None:
-        from sar_compiler.missions.search_and_rescue.servers import DetectSurvivorServer
+        from search_and_rescue.servers import DetectSurvivorServer
 
         ros = make_ros(["--ros-args", "-r", "__ns:=/robot1"])
         ros.add(DetectSurvivorServer(context=ros.context))
         assert Caller(ros).detect("zone_a").found
 
     def test_a_dropped_call_gets_no_answer_and_the_next_does(self, ros: Ros) -> None:
-        from sar_compiler.ros.faults import FaultPlan, parse_fault
+        from sar_compiler.missions.faults import FaultPlan, parse_fault
 
         plan = FaultPlan([parse_fault("detect_survivor:drop=1", MISSION.faults)])
         caller = self.serve(ros, faults=plan.for_service("detect_survivor"))
@@ -166,7 +166,7 @@ class TestDetecting:
 
 class TestReporting:
     def serve(self, ros: Ros, faults: Any = None) -> Caller:
-        from sar_compiler.missions.search_and_rescue.servers import ReportSurvivorServer
+        from search_and_rescue.servers import ReportSurvivorServer
 
         ros.add(ReportSurvivorServer(faults, context=ros.context))
         return Caller(ros)
@@ -200,7 +200,7 @@ class TestReporting:
         assert said.has("Report received: survivor_1 at (5.00, 2.00).")
 
     def test_refuses_on_request_and_then_acknowledges(self, ros: Ros) -> None:
-        from sar_compiler.ros.faults import FaultPlan, parse_fault
+        from sar_compiler.missions.faults import FaultPlan, parse_fault
 
         plan = FaultPlan([parse_fault("report_survivor:refuse=1", MISSION.faults)])
         caller = self.serve(ros, plan.for_service("report_survivor"))

@@ -10,9 +10,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.coverage import ObstacleMap
-from sar_compiler.missions.search_and_rescue.sweeps import MOST_PIECES, GroundError, sweep
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose
+from search_and_rescue.coverage import ObstacleMap
+from search_and_rescue.sweeps import MOST_PIECES, GroundError, sweep
+from search_and_rescue.zone_manager import MapPose
 
 OBLONG = ((0.0, 0.0), (8.0, 0.0), (8.0, 4.0), (0.0, 4.0))
 DATUM = MapPose(x=0.0, y=0.0, yaw=0.0)

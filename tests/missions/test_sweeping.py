@@ -11,15 +11,15 @@ from py_trees.common import Status
 from sar_compiler.errors import SarError
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions import Level
-from sar_compiler.missions.search_and_rescue.actions import sweeping
-from sar_compiler.missions.search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
-from sar_compiler.missions.search_and_rescue.areas import Ground
-from sar_compiler.missions.search_and_rescue.homing import Homing
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.search_theory import Area
-from sar_compiler.missions.search_and_rescue.sweep_record import Sweeps
-from sar_compiler.missions.search_and_rescue.zone_manager import MapPose, ZoneManager
 from sar_compiler.runtime.clock import ManualClock
+from search_and_rescue.actions import sweeping
+from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
+from search_and_rescue.areas import Ground
+from search_and_rescue.homing import Homing
+from search_and_rescue.search import Search
+from search_and_rescue.search_theory import Area
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import MapPose, ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage
@@ -259,7 +259,7 @@ class TestIsFindNew:
         assert self.answered(search, (1.0, 2.01)) is Status.SUCCESS
 
     def test_whom_the_operator_has_rejected_is_nobody_to_be_the_same_as(self) -> None:
-        from sar_compiler.missions.search_and_rescue.record import Standing
+        from search_and_rescue.record import Standing
 
         search = searching()
         search.record.survivor_named("survivor_1", 1.0, 1.0)

@@ -7,15 +7,15 @@ import py_trees
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
-from sar_compiler.missions.search_and_rescue.actions.survivors import (
+from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
+from search_and_rescue.actions.survivors import (
     BroadcastSurvivorTF,
     DetectSurvivor,
     LogNoDetection,
     NotifyBase,
 )
-from sar_compiler.missions.search_and_rescue.actions.zones import AdvanceZone
-from sar_compiler.missions.search_and_rescue.conditions import IsSurvivorDetected, ZonesRemaining
+from search_and_rescue.actions.zones import AdvanceZone
+from search_and_rescue.conditions import IsSurvivorDetected, ZonesRemaining
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import ScriptedService, Stage

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.execution.verb_calls import VerbCalls
 from sar_compiler.missions.mission import Verb, VerbError
-from sar_compiler.missions.verb_calls import VerbCalls
 
 pytestmark = pytest.mark.ros
 

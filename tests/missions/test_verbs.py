@@ -5,7 +5,7 @@ import math
 import pytest
 
 from sar_compiler.missions.mission import Verb, VerbError, VerbField
-from sar_compiler.missions.search_and_rescue.orders import VERBS
+from search_and_rescue.orders import VERBS
 
 GO = Verb(
     "go",

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.runtime.context import is_mission_context, preview_of
+from search_and_rescue.zone_manager import ZoneManager
 
 BASE = {"x": 0.5, "y": -0.5, "yaw": 3.14}
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, PostponeZone
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from search_and_rescue.actions.zones import AbandonZone, PostponeZone
+from search_and_rescue.zone_manager import ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage

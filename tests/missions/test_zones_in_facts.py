@@ -9,11 +9,11 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
-from sar_compiler.missions.search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
-from sar_compiler.missions.search_and_rescue.record import MissionRecord
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
 from sar_compiler.nodes.registry import default_registry
+from search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 from tests.chance import rounds
 from tests.trees import forest
 

@@ -15,23 +15,10 @@ from tests.mutants.equivalent import EQUIVALENT
 from tests.mutants.mutating import Mutant, mutants_of
 from tests.mutants.running import Bench
 
-_ROOMS = (
-    "agent",
-    "checks",
-    "cli",
-    "compiler",
-    "journal",
-    "lsp",
-    "missions",
-    "monitoring",
-    "nodes",
-    "project",
-    "ros",
-    "sim",
-    "views",
-    "web",
+PACKAGES = (
+    *(str(path) for path in sorted(Path("sar_compiler").iterdir()) if (path / "__init__.py").is_file()),
+    "search_and_rescue",
 )
-PACKAGES = tuple(f"sar_compiler/{room}" for room in _ROOMS)
 
 
 def all_mutants(root: Path, paths: list[str]) -> list[Mutant]:

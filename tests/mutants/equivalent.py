@@ -38,7 +38,7 @@ EQUIVALENT: list[tuple[str, str, str, str]] = [
         "it is how often the processor looks, and only says how soon somebody hears what is so either way",
     ),
     (
-        "sar_compiler/cli/serve.py",
+        "sar_compiler/execution/serve.py",
         "_FOUND_SEC, _LOOK_SEC = 5.0, 0.05",
         "0.05 -> 1.05",
         "it is how often the processor looks, as well",

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.ros.parameter_file import read_parameter_file
+from sar_compiler.missions.parameter_file import read_parameter_file
 from tests.nav2.parameter_files import (
     NAV2_TIMEOUT_MS,
     nav2_with_its_own_time_outs,

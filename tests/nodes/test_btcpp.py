@@ -13,6 +13,7 @@ from py_trees.common import Status
 
 from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
+from sar_compiler.compiler.outline import outline
 from sar_compiler.leaves import Input, Kind, Seconds, register
 from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
 from sar_compiler.nodes.models.palette import is_built_in
@@ -27,7 +28,6 @@ from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_writer import write_xml
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
-from sar_compiler.views.outline import outline
 from tests.nodes import leaves
 from tests.trees import document, errors, forest_of
 

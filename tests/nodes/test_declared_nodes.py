@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.missions.search_and_rescue import SPECS as LEAVES
 from sar_compiler.nodes.answers import SELF, mistake_in
 from sar_compiler.nodes.declaring import attribute, input_port, signature
 from sar_compiler.nodes.language import SPECS
@@ -22,10 +21,11 @@ from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.runtime.variables import Enums
+from search_and_rescue import SPECS as LEAVES
 from tests.runtime.stage import Stage
 from tests.trees import class_of
 
-MISSION = "sar_compiler.missions.search_and_rescue"
+MISSION = "search_and_rescue"
 LANGUAGE = [*SPECS, *(spec for version in VERSIONS for spec in specs(version) if spec.is_by_path)]
 DECLARED = {f"{spec.tag} of {spec.maker_path}": spec for spec in (*LANGUAGE, *LEAVES)}
 VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)

@@ -299,7 +299,7 @@ def test_a_meaning_in_other_words_than_semantics_is_refused():
         register("Tag", kind=Kind.CONTROL, semantics="sequence")  # type: ignore[arg-type]
 
 
-OWN = load_registry(["tests.checks.verify.own_controls"])
+OWN = load_registry(["tests.analysis.verify.own_controls"])
 
 
 @pytest.mark.parametrize(("children", "codes"), [(1, ["missing-child"]), (2, []), (3, ["too-many-children"])])
@@ -344,6 +344,6 @@ def test_a_limit_of_ones_own_is_read_off_the_attribute_that_the_meaning_names(li
 )
 def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class_at_the_node(tag, words):
     (finding,) = check(forest(f'<{tag} name="Here"><Success/></{tag}>'), OWN)
-    place = "the function 'possible' in the semantics of tests.checks.verify.own_controls."
+    place = "the function 'possible' in the semantics of tests.analysis.verify.own_controls."
     assert (finding.code, finding.span.line) == ("faulty-class", 3)
     assert finding.message.startswith(f"<{tag}>: {place}{words}")

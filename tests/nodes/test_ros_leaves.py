@@ -6,8 +6,8 @@ import pytest
 
 from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.errors import SarError
+from sar_compiler.loaded_tree import load
 from sar_compiler.nodes import ros_leaves
-from sar_compiler.project import load
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.xml import parse_xml

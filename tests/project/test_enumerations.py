@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from sar_compiler import load
+from sar_compiler.analysis.simulated import play_scenario
 from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.models.from_use import UseOfNodes
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.project.simulated import play_scenario
 from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.xml import parse_xml
 from tests.trees import document

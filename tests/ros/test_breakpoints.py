@@ -7,7 +7,7 @@ from sar_compiler import TreeRunner
 from sar_compiler.leaves import Clock
 from sar_compiler.runtime.breakpoints import Breakpoints
 from sar_compiler.testing import ManualClock
-from tests.monitoring.test_groot2 import Queue, main
+from tests.groot2.test_groot2 import Queue, main
 from tests.ros.conftest import make_ros, ros
 from tests.trees import write
 from tests.waiting import SILENCE_SEC

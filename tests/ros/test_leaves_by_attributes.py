@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.ros_fields import read_destinations, read_fields, read_path
 from sar_compiler.nodes.ros_leaves import specs
 from sar_compiler.nodes.spec import Direction, Role
 from sar_compiler.nodes.values import without_none
-from sar_compiler.project import load
 from sar_compiler.ros.leaves import by_attributes
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
 from sar_compiler.ros.poses import turn_by

@@ -10,9 +10,9 @@ import sar_compiler
 from sar_compiler import TreeRunner
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.leaves import Clock
-from sar_compiler.signs import rgb
+from sar_compiler.style import rgb
 from sar_compiler.testing import ManualClock
-from tests.monitoring.test_groot2 import Queue, main
+from tests.groot2.test_groot2 import Queue, main
 from tests.trees import write
 
 pytestmark = pytest.mark.ros
@@ -61,7 +61,7 @@ def publish(ros, tmp_path):
         tree = sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
         node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
         publisher = MissionPublisher(node)
-        publisher.begin(tree, runner)
+        publisher.on_compiled(tree, runner)
         runner.setup(node=node)
         runners.append(runner)
         return runner, publisher

@@ -15,8 +15,8 @@ from sar_compiler import TreeRunner
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.leaves import Clock
 from sar_compiler.testing import ManualClock
+from tests.groot2.test_groot2 import Queue, main
 from tests.launch.test_search_and_rescue_launch import FILE
-from tests.monitoring.test_groot2 import Queue, main
 from tests.trees import write
 from tests.waiting import SILENCE_SEC
 
@@ -52,7 +52,7 @@ def record(ros, tree, tmp_path):
 
     node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
     recording = MissionRecording(node, tmp_path / "run.mcap")
-    recording.begin(tree, runner)
+    recording.on_compiled(tree, runner)
     runner.setup(node=node)
     yield recording, runner, node
     runner.shutdown()
@@ -64,7 +64,7 @@ def test_the_trees_log_and_the_missions_are_read_back(record, tmp_path):
     recording.take(JournalEntry(1, 1, 1e9 + 0.5, 0.0, "zone_visited", {"zone": "zone_a"}))
     for kind in ("status", "pose", "plan", "map", "log"):
         recording.take(JournalEntry(1, 1, 1e9, 0.0, kind, {"x": 1.0}))
-    recording.end(has_begun=True)
+    recording.on_end(has_begun=True)
     found = read(tmp_path / "run.mcap")
     (tree,), (log,), (said,) = (
         found[f"/robot1/{name}"] for name in ("mission/tree", "behavior_tree_log", "mission_log")
@@ -106,7 +106,7 @@ def test_topics_of_the_mission_are_recorded_as_they_come(record, ros, tmp_path):
         publishers[name].publish(message)
     ros.spin_until(lambda: len(recording._recorder._channels) == 4, "the messages")
     assert node.get_subscriptions_info_by_topic("/robot1/plan") == []
-    recording.end(has_begun=True)
+    recording.on_end(has_begun=True)
     found = read(tmp_path / "run.mcap")
     assert found["/robot1/cmd_vel"][0].linear.x == 0.5
     assert list(found["/robot1/scan"][0].ranges) == [1.0, 2.0]
@@ -128,7 +128,7 @@ def test_topics_are_played_as_they_were_published(record, ros, tmp_path):
     scans.publish(LaserScan())
     recording.take(JournalEntry(1, 1, 1e9, 0.0, "zone_visited", {}))
     ros.spin_until(lambda: len(recording._recorder._channels) == 4, "the messages")
-    recording.end(has_begun=True)
+    recording.on_end(has_begun=True)
     with AnyReader([tmp_path / "run.mcap"]) as reader:
         connections: list[Any] = [*reader.connections]
         offered = {each.topic: each.ext.offered_qos_profiles for each in connections}
@@ -208,9 +208,9 @@ def test_a_run_that_never_began_leaves_no_file(ros, tree, tmp_path):
 
     path = tmp_path / "run.mcap"
     recording = MissionRecording(ros.node("mission"), path)
-    recording.begin(tree, TreeRunner(tree))
+    recording.on_compiled(tree, TreeRunner(tree))
     ros.spin_until(lambda: recording._recorder._channels, "the tree in the file")
-    recording.end(has_begun=False)
+    recording.on_end(has_begun=False)
     assert not path.exists()
 
 

@@ -50,7 +50,7 @@ def test_time_outs_of_half_a_second_and_no_time_outs_at_all_are_no_matter(ros: R
 
 def test_the_shipped_parameter_file_is_taken_without_advice(ros: Ros) -> None:
     from sar_compiler import resources
-    from sar_compiler.ros.parameter_file import read_parameter_file
+    from sar_compiler.missions.parameter_file import read_parameter_file
 
     file = resources.shipped("config", "nav2_params.yaml")
     for name in ("bt_navigator", "controller_server", "behavior_server", "velocity_smoother"):

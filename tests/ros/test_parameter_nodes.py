@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.resources import shipped_root
-from sar_compiler.ros.parameter_file import (
+from sar_compiler.missions.parameter_file import (
     ParameterFileError,
     check_parameter_file,
     rcl_kind,
     read_parameter_file,
 )
-from sar_compiler.ros.parameter_reader import ParameterReader, read_run
+from sar_compiler.missions.parameter_reader import ParameterReader, read_run
+from sar_compiler.resources import shipped_root
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -2,13 +2,13 @@
 
 import pytest
 
-from sar_compiler.ros.parameter_file import (
+from sar_compiler.missions.parameter_file import (
     ParameterFileError,
     check_parameter_file,
     read_parameter_file,
     sections_elsewhere,
 )
-from sar_compiler.ros.parameter_reader import ParameterReader, unread_files
+from sar_compiler.missions.parameter_reader import ParameterReader, unread_files
 
 NODE = "/robot1/search_and_rescue"
 

@@ -14,12 +14,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.missions.search_and_rescue.zone_manager import read_survivors
-from sar_compiler.opener import UnreadableFileError
-from sar_compiler.resources import shipped_root
-from sar_compiler.ros.parameter_file import ParameterFileError, check_parameter_file
-from sar_compiler.ros.parameter_reader import (
+from sar_compiler.missions.parameter_file import ParameterFileError, check_parameter_file
+from sar_compiler.missions.parameter_reader import (
     MOST_PLACES,
     RUN_PARAMETER_NAMES,
     ParameterError,
@@ -28,6 +24,10 @@ from sar_compiler.ros.parameter_reader import (
     lookalikes,
     read_run,
 )
+from sar_compiler.opener import UnreadableFileError
+from sar_compiler.resources import shipped_root
+from search_and_rescue.plugin import MISSION
+from search_and_rescue.zone_manager import read_survivors
 
 MISSION_NAMES = (*RUN_PARAMETER_NAMES, *MISSION.parameter_names)
 HEAD = "/**:\n  ros__parameters:\n"
@@ -506,7 +506,7 @@ class TestParameterFiles:
 
     @given(st.text(max_size=60))
     def test_any_text_passes_or_is_refused_in_words(self, text: str) -> None:
-        from sar_compiler.ros import parameter_file
+        from sar_compiler.missions import parameter_file
 
         for problem in parameter_file._Walk(HEAD + "    x: " + text).problems:
             assert problem.text

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.ros_leaves import specs
 from sar_compiler.nodes.spec import Role
-from sar_compiler.project import load
 from tests.docs.markdown import blocks
 from tests.ros.conftest import Ros
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from sar_compiler import load
+from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.missions.mission import MissionRun
 
 pytestmark = pytest.mark.ros
@@ -35,24 +36,25 @@ class Broken:
         self.taken.append("conclude")
 
 
-def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any) -> None:
-    from sar_compiler.cli.run_watch import RunWatch
+def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sar_compiler.execution.run_watch import RunWatch
 
-    tree, watch = load("search_and_rescue").stage().play().simulated.compiled, Broken()
+    tree, watch = stage_of(load("search_and_rescue")).play().simulated.compiled, Broken()
     engine: Any = SimpleNamespace(add_post_tick_handler=lambda _: None)
     run: Any = SimpleNamespace(
         node=ros.node("mission"),
         options=SimpleNamespace(properties=True, tree_id=None, approval=None),
-        loaded=SimpleNamespace(watch=lambda *_, **__: watch),
+        loaded=None,
         mission=MissionRun(),
         values={},
     )
-    companion = RunWatch(run)
-    companion.begin(tree, engine)
+    monkeypatch.setattr("sar_compiler.execution.run_watch.watch_tree", lambda *_, **__: watch)
+    extension = RunWatch(run)
+    extension.on_compiled(tree, engine)
     tree.root.tick_once()
     tree.root.tick_once()
     assert watch.taken.count("answers") == 1
     assert watch.taken[-1] == "answers"
-    companion.conclude(is_over=True)
-    assert companion.verdicts() == {"one": "broken", "two": "unknown"}
-    assert companion.in_words() == "Watched for 2 properties: 1 broken (one), 1 unknown (two)."
+    extension.on_last_tick(is_over=True)
+    assert extension.verdicts() == {"one": "broken", "two": "unknown"}
+    assert extension.in_words() == "Watched for 2 properties: 1 broken (one), 1 unknown (two)."

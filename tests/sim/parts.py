@@ -28,9 +28,9 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
+from sar_compiler.missions.faults import FaultPlan
 from sar_compiler.process_end import dependent_environment, end_with_parent
 from sar_compiler.ros.arguments import init_arguments
-from sar_compiler.ros.faults import FaultPlan
 from sar_compiler.ros.leaves.goals import ABORTED, CANCELED, SUCCEEDED
 from sar_compiler.ros.middleware import require_middleware, ros_up
 from sar_compiler.ros.poses import yaw_of

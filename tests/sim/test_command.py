@@ -177,6 +177,6 @@ def test_the_core_needs_no_ros() -> None:
     code = (
         "import sys; sys.modules['rclpy'] = None\n"
         + "".join(f"import sar_compiler.sim.{name}\n" for name in modules)
-        + "import sar_compiler.ros.faults, sar_compiler.cli.sim\n"
+        + "import sar_compiler.missions.faults, sar_compiler.cli.sim\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

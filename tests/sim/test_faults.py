@@ -4,8 +4,7 @@ import re
 
 import pytest
 
-from sar_compiler.missions.search_and_rescue.plugin import MISSION
-from sar_compiler.ros.faults import (
+from sar_compiler.missions.faults import (
     NAVIGATION_FAULTS,
     CallFate,
     Fault,
@@ -14,6 +13,7 @@ from sar_compiler.ros.faults import (
     ServiceFaults,
     parse_fault,
 )
+from search_and_rescue.plugin import MISSION
 
 TARGETS = {**MISSION.faults, **NAVIGATION_FAULTS}
 

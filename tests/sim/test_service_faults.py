@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.ros.faults import FaultPlan, create_service, parse_fault
+from sar_compiler.missions.faults import FaultPlan, create_service, parse_fault
 from tests.sim.conftest import Client
 
 pytestmark = pytest.mark.ros

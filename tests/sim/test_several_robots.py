@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
+from sar_compiler.missions.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.placement import Placement, PlacementError
 from sar_compiler.sim.world import World

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.ros.faults import NAVIGATION_FAULTS, FaultError, FaultPlan, parse_fault
+from sar_compiler.missions.faults import NAVIGATION_FAULTS, FaultError, FaultPlan, parse_fault
 from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.placement import Placement
 from sar_compiler.sim.world import World, find_world

@@ -3,28 +3,29 @@
 import functools
 import random
 
-from sar_compiler.checks.simulate.scenario_files import Scenario
+from sar_compiler.analysis.simulate.scenario_files import Scenario
+from sar_compiler.analysis.tree_analysis import stage_of
+from sar_compiler.compiler.outline import outline
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.status_watch import StatusWatch
+from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.registry import load_registry
-from sar_compiler.project import load
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.views.outline import outline
 from tests.trees import document
 
 TICKS = 60
-REGISTRY = load_registry(["tests.checks.verify.leaves"])
+REGISTRY = load_registry(["tests.analysis.verify.leaves"])
 ACTION, CONDITION = "A", "P"
 
 
 def simulated(tree, registry=REGISTRY):
     """Return a tree with stub leaves."""
-    return load(tree, registry=registry).stage().play().simulated
+    return stage_of(load(tree, registry=registry)).play().simulated
 
 
 class Said:

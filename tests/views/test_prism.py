@@ -3,13 +3,13 @@
 import re
 from collections import deque
 
-from sar_compiler.checks.verify import verify
-from sar_compiler.checks.verify.properties import parse_property_file
-from sar_compiler.checks.verify.verdicts import AN_END
+from sar_compiler.analysis.verification_view import PrismModel
+from sar_compiler.analysis.verify import verify
+from sar_compiler.analysis.verify.properties import parse_property_file
+from sar_compiler.analysis.verify.verdicts import AN_END
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.views.verification import PrismModel
-from tests.checks.verify.random_trees import random_tree
-from tests.checks.verify.stage import TAGS, bound, simulated_tree, verdict
+from tests.analysis.verify.random_trees import random_tree
+from tests.analysis.verify.stage import TAGS, bound, simulated_tree, verdict
 
 
 class Files:

@@ -22,14 +22,14 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CHANGED, OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.journal.situation import Display, beginning, changes_by
-from sar_compiler.missions.search_and_rescue.plugin import SearchAndRescue
-from sar_compiler.missions.search_and_rescue.search import _SENTENCES
-from sar_compiler.ros.parameter_reader import ParameterReader
-from sar_compiler.signs import COLOURS, MARKS
-from sar_compiler.views.mission_report import ReportError, report_data, report_text, require_form
-from sar_compiler.views.report_exchange import cot_report
-from sar_compiler.views.report_forms import FORMS
-from sar_compiler.views.report_html import html_report, report_map
+from sar_compiler.missions.parameter_reader import ParameterReader
+from sar_compiler.reports.mission_report import ReportError, report_data, report_text, require_form
+from sar_compiler.reports.report_exchange import cot_report
+from sar_compiler.reports.report_forms import FORMS
+from sar_compiler.reports.report_html import html_report, report_map
+from sar_compiler.style import COLOURS, MARKS
+from search_and_rescue.plugin import SearchAndRescue
+from search_and_rescue.search import _SENTENCES
 
 NASTY = "<script>alert('x')</script>&\x1b[2J"
 VIENNA = {"georeference.lat": 48.2, "georeference.lon": 16.37, "georeference.heading": 90.0}

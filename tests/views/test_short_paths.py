@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.views.mission_report import ShortPaths
+from sar_compiler.reports.mission_report import ShortPaths
 
 
 @pytest.fixture

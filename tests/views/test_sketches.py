@@ -13,8 +13,8 @@ from lxml import etree
 
 from sar_compiler import TreeError, load
 from sar_compiler.cli.compile import _drawing
+from sar_compiler.compiler.sketch import Sketch, sketch_tree
 from sar_compiler.tree.gathering import tree_files_in
-from sar_compiler.views.sketch import Sketch, sketch_tree
 from tests.chance import rounds
 from tests.cli.running import run
 from tests.docs.test_findings import CODES, page_of
@@ -191,7 +191,7 @@ def test_where_there_is_no_tree_nothing_is_drawn(tmp_path, text):
 
 
 def test_subtrees_that_make_too_many_nodes_are_folded(tmp_path, monkeypatch):
-    monkeypatch.setattr("sar_compiler.views.sketch.MAX_NODES", 50)
+    monkeypatch.setattr("sar_compiler.compiler.sketch.MAX_NODES", 50)
     each = "".join(
         f'<BehaviorTree ID="T{number}"><Sequence><SubTree ID="T{number + 1}"/><SubTree ID="T{number + 1}"/></Sequence></BehaviorTree>'
         for number in range(20)

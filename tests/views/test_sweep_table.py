@@ -2,8 +2,8 @@
 
 import json
 
-from sar_compiler.checks.sweep import Played, StoppingRule, SweptRow
-from sar_compiler.views.sweep_table import sweep_as_json, sweep_as_text
+from sar_compiler.analysis.sweep import Played, StoppingRule, SweptRow
+from sar_compiler.analysis.sweep_table import sweep_as_json, sweep_as_text
 
 RULE = StoppingRule(runs=4, half_width=0.0, confidence=0.95)
 

@@ -3,8 +3,8 @@
 import json
 from xml.etree import ElementTree as ET
 
-from sar_compiler.checks.simulate.running import Coverage, failures
-from sar_compiler.views.runs import (
+from sar_compiler.analysis.simulate.running import Coverage, failures
+from sar_compiler.analysis.trace_view import (
     PlayedScenario,
     coverage_text,
     junit,
@@ -13,7 +13,7 @@ from sar_compiler.views.runs import (
     trace,
     verdict,
 )
-from tests.checks.simulate.stage import played
+from tests.analysis.simulate.stage import played
 
 WAITS = """
 name: a scenario

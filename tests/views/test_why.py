@@ -15,10 +15,10 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.missions.search_and_rescue.search import Search
-from sar_compiler.missions.search_and_rescue.zone_manager import ZoneManager
+from sar_compiler.reports.why import Inquiry, difference_text, first_difference, why_text
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.views.why import Inquiry, difference_text, first_difference, why_text
+from search_and_rescue.search import Search
+from search_and_rescue.zone_manager import ZoneManager
 
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
 

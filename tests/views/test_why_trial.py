@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.views.why import Inquiry
+from sar_compiler.reports.why import Inquiry
 from tests.views.flown import injected
 
 pytestmark = pytest.mark.unmeasured

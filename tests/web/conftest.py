@@ -24,8 +24,8 @@ from sar_compiler.journal.situation import (
     MissionPhase,
     RasterLayer,
 )
+from sar_compiler.reports.report_html import html_report
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.views.report_html import html_report
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
 from sar_compiler.web.page_server import PageServer
 from sar_compiler.web.replay import Replay

@@ -6,9 +6,9 @@ from importlib.resources import files
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from sar_compiler.cli.run_page import _form, _TellsWhy
-from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.web.run_page import _form, _TellsWhy
+from search_and_rescue.orders import VERBS
 from tests.web.conftest import as_address, patrol_report
 from tests.web.flown import SCENES
 from tests.web.test_page import Asked

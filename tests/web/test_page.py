@@ -9,16 +9,16 @@ import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from sar_compiler.cli.run_page import _form, _TellsWhy
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.missions.search_and_rescue.orders import VERBS
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import ReplayFeed, as_json
 from sar_compiler.web.page_server import PageServer, Tool
 from sar_compiler.web.page_state import PageState
 from sar_compiler.web.replay import Replay
+from sar_compiler.web.run_page import _form, _TellsWhy
+from search_and_rescue.orders import VERBS
 from tests.processes import free_port
 from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
 from tests.web.folding import history

@@ -11,8 +11,8 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.situation import Level
+from sar_compiler.reports.mission_report import report_data
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.views.mission_report import report_data
 from sar_compiler.web.page_state import PageState
 from tests.chance import rounds
 from tests.web.conftest import ABOUT, KINDS, Patrol

@@ -5,7 +5,7 @@ import base64
 import pytest
 
 from sar_compiler.journal.journal_entries import Ending
-from sar_compiler.views.report_html import html_report
+from sar_compiler.reports.report_html import html_report
 from tests.views.test_reports import CONFIRMED, alarm, mission
 from tests.web.conftest import as_address, patrol_report
 

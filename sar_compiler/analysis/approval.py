@@ -1,0 +1,379 @@
+"""What a person has approved to be run: a tree with all that it is made of, exactly as it was then.
+
+That is its files, which tree of them is run, the parameters of the mission with the files that these name, and the file of
+properties. Records lie in the user's state folder, a readable file for each tree. Beside the tree, whoever writes trees could
+write an approval as well.
+"""
+
+import hashlib
+import json
+import os
+import shlex
+import stat
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sar_compiler.errors import SarError
+from sar_compiler.missions.beginning import read_parameters
+from sar_compiler.opener import (
+    APPROVAL,
+    PROPERTIES,
+    FileContent,
+    UnreadableFileError,
+    folder_entries,
+    read_file,
+)
+from sar_compiler.project import ProjectTree
+from sar_compiler.resources import state_folder
+from sar_compiler.tree.content import bytes_of, real_path
+from sar_compiler.tree.diagnostic import Source
+
+# The parameters of every ROS node, which say nothing of the mission.
+_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+_TRUSTED_OWNERS = (0,)
+"""Users whose files count as the user's own: root."""
+_SHOWN = 3
+"""How many changed parameters a message names."""
+
+
+class ApprovalError(SarError):
+    """A tree is not approved as it is, or an approval cannot be kept, read or revoked."""
+
+
+class Fingerprint(NamedTuple):
+    """What a run of a tree is made of.
+
+    Attributes:
+        file: The tree file, with links followed.
+        tree: The ID of the tree that is run; empty if it has none.
+        files: The SHA-256 of the tree file, of each file that it includes, and of those that trees of its set come from with
+            what these include; by their paths from its folder.
+        parameters: The parameters of the mission, by their flat names, without those of every ROS node.
+        named: The SHA-256 of each file that a parameter names, by the parameter.
+        properties: The SHA-256 of the file of properties; empty without one.
+    """
+
+    file: Path
+    tree: str
+    files: Mapping[str, str]
+    parameters: Mapping[str, object]
+    named: Mapping[str, str]
+    properties: str
+
+    @classmethod
+    def of(
+        cls, tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
+    ) -> "Fingerprint":
+        """Return what a tree is made of as it was read, whatever has become of the files since.
+
+        Args:
+            tree: The tree file.
+            tree_id: The tree in it; by default the one that the file executes.
+            params: The parameter file; by default that of the mission.
+            properties: The file of properties, if one is named.
+
+        Raises:
+            TreeError: If it is malformed, has errors, or no such tree.
+            ApprovalError: If a file that was read twice, as a part of its set as well, has changed between.
+            ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+            UnreadableFileError: If the file of properties cannot be read.
+        """
+        reader = read_parameters(tree, params, tree_id)
+        return cls(
+            tree.forest.place,
+            _id_of(tree, tree_id),
+            _files_of(tree),
+            _mission_parameters(reader.parameters),
+            _sums(reader.files),
+            "" if properties is None else _sum(read_file(properties, PROPERTIES).whole()),
+        )
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256 over all of it: equal wherever the same files lie in the same way."""
+        return _sum(json.dumps(self[1:], sort_keys=True).encode())
+
+
+class Approval(NamedTuple):
+    """That somebody has approved a tree.
+
+    Attributes:
+        file: The tree file.
+        by: Who.
+        when: When, UTC, as ISO 8601 writes it.
+        digest: `Fingerprint.digest` of then.
+        tree, files, parameters, named, properties: As `Fingerprint` had them then.
+    """
+
+    file: str
+    by: str
+    when: str
+    digest: str
+    tree: str
+    files: Mapping[str, str]
+    parameters: Mapping[str, object]
+    named: Mapping[str, str]
+    properties: str
+
+    def __str__(self) -> str:
+        tree = f" ({self.tree})" if self.tree else ""
+        return f"{self.file}{tree}: approved by {self.by} on {self.when}, digest {self.digest}"
+
+
+def approve(fingerprint: Fingerprint, by: str) -> Approval:
+    """Store that somebody approves a tree now, instead of what was approved of this tree before.
+
+    Args:
+        fingerprint: What the tree is made of.
+        by: Who.
+
+    Raises:
+        ApprovalError: If that cannot be stored, or others could write there as well.
+    """
+    when = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    approval = Approval(str(fingerprint.file), by, when, fingerprint.digest, *fingerprint[1:])
+    record = _record(fingerprint.file, fingerprint.tree)
+    try:
+        record.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _require_own_folder()
+        record.write_text(f"{json.dumps(approval._asdict(), indent=2)}\n", encoding="utf-8")
+        record.chmod(0o600)
+    except OSError as error:
+        raise ApprovalError(f"cannot store that {fingerprint.file} is approved: {error}") from error
+    return approval
+
+
+def approvals() -> Iterator[Approval]:
+    """Yield what is approved, by the names of the records.
+
+    Raises:
+        ApprovalError: If a record cannot be read, or others could have written it.
+    """
+    for record in _records(""):
+        yield _read(record)
+
+
+def revoke(file: Path) -> list[Approval]:
+    """Delete the approvals of the trees of a file, whatever it has become, and return them.
+
+    Raises:
+        ApprovalError: If none is approved, or a record cannot be deleted.
+    """
+    records = _records(_name_of(real_path(file)))
+    if not records:
+        raise ApprovalError(f"{file} is not approved")
+    try:
+        revoked = [_read(record) for record in records]
+        for record in records:
+            record.unlink()
+    except OSError as error:
+        raise ApprovalError(f"cannot revoke the approval of {file}: {error}") from error
+    return revoked
+
+
+class ApprovalCheck:
+    """Checks that a run is approved: first its tree, then the parameters that ROS has given to its node, and what it is watched for.
+
+    Args:
+        tree: The tree, as it was read.
+        tree_id: The tree in the file; by default the one that the file executes.
+        params: The parameter file that the command line names, for the messages.
+        properties: The file of properties that the command line names, likewise.
+
+    Raises:
+        ApprovalError: If the tree is not approved as it is; the message says what has changed, and how to approve it.
+        TreeError: If it is malformed.
+    """
+
+    def __init__(
+        self,
+        tree: ProjectTree,
+        tree_id: str | None,
+        params: Path | None = None,
+        properties: Path | None = None,
+    ) -> None:
+        self._path = tree.path
+        self._how = f"look at it, then: {approve_command(tree, tree_id, params, properties)}"
+        wanted = _id_of(tree, tree_id)
+        record = _record(real_path(tree.path), wanted)
+        if not record.is_file():
+            others = [each.tree for each in map(_read, _records(_name_of(real_path(tree.path))))]
+            what = f"the tree '{wanted}' of {tree.path}" if others and wanted else str(tree.path)
+            instead = f" ({', '.join(others)} is)" if any(others) else ""
+            raise ApprovalError(
+                f"{what} is not approved{instead}, and --approved starts nothing else; {self._how}"
+            )
+        self._approval = _read(record)
+        self._refuse(_changed_files(_files_of(tree), self._approval.files))
+
+    def require_properties(self, source: Source) -> None:
+        """Require that a run is watched for the properties that were approved.
+
+        Args:
+            source: The file of properties, as it was read.
+
+        Raises:
+            ApprovalError: If it is another one.
+        """
+        if _sum(bytes_of(source, source.text)) != self._approval.properties:
+            self._refuse([f"{source.path} is not the file of properties that was approved"])
+
+    def require_parameters(self, parameters: Mapping[str, object], files: Mapping[str, FileContent]) -> None:
+        """Require that a run has the parameters that were approved.
+
+        Args:
+            parameters: Those of its node, by their flat names, whichever way they were given.
+            files: The files that they name, as they were read, by the parameter.
+
+        Raises:
+            ApprovalError: If it has others, or a file has changed.
+        """
+        now, then = _mission_parameters(parameters), self._approval.parameters
+        changed = [
+            f"{name} is {_shown(now, name)} and was {_shown(then, name)}"
+            for name in sorted(now.keys() | then.keys())
+            if _shown(now, name) != _shown(then, name)
+        ]
+        if len(changed) > _SHOWN:
+            changed = [*changed[:_SHOWN], f"and {len(changed) - _SHOWN} more parameters"]
+        sums = _sums(files)
+        changed += [
+            f"{files[name].path} has changed" for name in sums if sums[name] != self._approval.named.get(name)
+        ]
+        self._refuse(changed)
+
+    def _refuse(self, changes: Sequence[str]) -> None:
+        if changes:
+            approval = self._approval
+            raise ApprovalError(
+                f"{self._path} is not what {approval.by} approved on {approval.when}: {', '.join(changes)}; {self._how}"
+            )
+
+
+def approve_command(
+    tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
+) -> str:
+    """Return the command line by which a person approves a run."""
+    options = {"tree": tree_id, "params": params, "properties": properties}
+    words = [f"--{name}={value}" for name, value in options.items() if value is not None]
+    return shlex.join(["sar-compile", "approve", str(tree.path), *words])
+
+
+def _id_of(tree: ProjectTree, tree_id: str | None) -> str:
+    element = tree.forest.main_tree(tree_id)
+    return tree_id or "" if element is None else element.attributes.get("ID", "")
+
+
+def _files_of(tree: ProjectTree) -> dict[str, str]:
+    forest, files = tree.forest, dict[str, str]()
+    for source in (each.source for each in (*forest.files, *forest.others)):
+        name = os.path.relpath(real_path(Path(source.path)), forest.place.parent)
+        sum_now = _sum(bytes_of(source, source.text))
+        if files.setdefault(name, sum_now) != sum_now:
+            raise ApprovalError(f"{source.path} has changed while it was read; start over")
+    return files
+
+
+def _changed_files(now: Mapping[str, str], then: Mapping[str, str]) -> list[str]:
+    return [
+        *(f"{name} has changed" for name in now if name in then and then[name] != now[name]),
+        *(f"{name} is new" for name in now.keys() - then.keys()),
+        *(f"{name} is not part of it any more" for name in then.keys() - now.keys()),
+    ]
+
+
+def _mission_parameters(parameters: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters as JSON has them: ROS has arrays for lists."""
+    return {
+        name: value if isinstance(value, str) or not isinstance(value, Iterable) else [*value]
+        for name, value in parameters.items()
+        if name.partition(".")[0] not in _OF_ROS
+    }
+
+
+def _shown(parameters: Mapping[str, object], name: str) -> str:
+    return json.dumps(parameters[name]) if name in parameters else "not given"
+
+
+def _sums(files: Mapping[str, FileContent]) -> dict[str, str]:
+    return {name: _sum(content.data) for name, content in files.items()}
+
+
+def _sum(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def approval_folder() -> Path:
+    """Return the folder of the user's approvals: a file for each tree."""
+    return state_folder() / "approved"
+
+
+def _name_of(file: Path) -> str:
+    return _sum(os.fsencode(file))
+
+
+def _record(file: Path, tree: str) -> Path:
+    return approval_folder() / f"{_name_of(file)}-{_sum(tree.encode())[:16]}.json"
+
+
+def _records(beginning: str) -> list[Path]:
+    """Return the records whose names begin so."""
+    folder = approval_folder()
+    if not folder.exists():
+        return []
+    _require_own_folder()
+    return [
+        each for each in folder_entries(folder) if each.suffix == ".json" and each.name.startswith(beginning)
+    ]
+
+
+def _require_own_folder() -> None:
+    """Require that nobody but the user, and the system, can write approvals.
+
+    Raises:
+        ApprovalError: If others can.
+    """
+    folder = real_path(approval_folder())
+    about = folder.stat()
+    _require_own(folder, about.st_uid, about.st_mode)
+    for above in folder.parents:
+        mode = above.stat().st_mode
+        # In a folder such as /tmp (sticky) only the owner can exchange what lies in it.
+        if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+            _refuse_place(above, "everybody may write there", f"chmod o-w {shlex.quote(str(above))}")
+
+
+def _require_own(place: Path, owner: int, mode: int) -> None:
+    if sys.platform == "win32":
+        return
+    if owner not in (os.geteuid(), *_TRUSTED_OWNERS):
+        _refuse_place(place, "it belongs to another user", f"rm -r {shlex.quote(str(place))}")
+    if mode & (stat.S_IWGRP | stat.S_IWOTH):
+        _refuse_place(place, "others may write there", f"chmod go-w {shlex.quote(str(place))}")
+
+
+def _refuse_place(place: Path, why: str, how: str) -> None:
+    raise ApprovalError(f"no approval in {place} counts: {why}. Look at what is approved, then: {how}")
+
+
+def _read(record: Path) -> Approval:
+    _require_own_folder()
+    try:
+        content = read_file(record, APPROVAL)
+        data: Any = json.loads(content.text())
+    except UnreadableFileError as error:
+        raise ApprovalError(f"cannot read what is approved: {error}") from error
+    except (ValueError, RecursionError):
+        data = None
+    identity = content.identity
+    assert identity is not None  # noqa: S101 - only standard input has none
+    _require_own(record, identity.owner, identity.mode)
+    kinds = {"files": dict, "parameters": dict, "named": dict}
+    if isinstance(data, dict) and data.keys() == set(Approval._fields):
+        approval = Approval(**data)
+        if all(isinstance(data[name], kinds.get(name, str)) for name in data):
+            return approval
+    raise ApprovalError(f"{record} is no record of an approval: delete it, and approve the tree anew")

@@ -1,0 +1,313 @@
+"""Reading of what files beside a tree assume: `facts:` and `answers:` of the world, and `controls:`.
+
+These name the stand-ins for nodes of which nobody here knows what they do.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+from sar_compiler.analysis.leaf_words import LeafWords, report_script, unknown_in, word
+from sar_compiler.compiler.simulated_tree import (
+    Assumptions,
+    SimulatedTree,
+    described_parents,
+    put_in_place,
+    self_ticking_parents,
+)
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.models import described_specs
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import NodeSpec, Role
+from sar_compiler.runtime.answers import STATUSES, Answer, Fact
+from sar_compiler.runtime.expressions import name_uses
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.runtime.tokens import ScriptError
+from sar_compiler.runtime.variables import UNKNOWN
+from sar_compiler.tree.guessing import nearest
+from sar_compiler.tree.model import TreeFile
+
+# What chances that people have rounded may differ by.
+_ROUNDING = 1e-3
+_KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+
+
+@dataclass(frozen=True)
+class StartValues:
+    """Start values of runs from a mission's parameters; a scenario or a property file overrides them.
+
+    Attributes:
+        parameters: The keys of the root blackboard.
+        facts: The facts that they decide; those that a tree does not know do not count.
+        period_sec: The time between two ticks, seconds; None if they do not say it.
+    """
+
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    period_sec: float | None = None
+
+
+class DisputedFactError(SarError):
+    """Leaves give a fact different initial values, and no file decides between them."""
+
+
+def raise_disputes(simulated: SimulatedTree) -> None:
+    """Raise an error if leaves of a tree give a fact different initial values.
+
+    Raises:
+        DisputedFactError: If there is anything.
+    """
+    if simulated.disputes:
+        raise DisputedFactError("; ".join(simulated.disputes.values()))
+
+
+def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptions:
+    """Return the initial facts that a mission's parameters give for a tree that is simulated without it."""
+    known = simulated.fact_values()
+    return Assumptions({name: fact for name, fact in start.facts.items() if name in known})
+
+
+def read_assumptions(
+    document: Document, facts: Value | None, answers: Value | None, simulated: SimulatedTree
+) -> Assumptions:
+    """Read the assumptions of a file; mistakes become findings of the document.
+
+    Args:
+        document: The file.
+        facts: The value of its `facts:`, if it has any.
+        answers: The value of its `answers:`, if it has any.
+        simulated: The tree, simulated without any of it.
+    """
+    said = {} if answers is None else _read_answers(answers, LeafWords(document, simulated))
+    used = {use for options in said.values() for answer in options for use in _names_in(answer)}
+    values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
+    return Assumptions(values, said)
+
+
+def _read_facts(
+    document: Document, value: Value, known: Mapping[str, Fact], used: set[str]
+) -> dict[str, Fact]:
+    facts: dict[str, Fact] = {}
+    for key, inner in value.entries or ():
+        name, fact = key.text or "", inner.data
+        if not is_fact_name(name) or placeholders(name):
+            document.report("wrong-name", "a fact is a word of letters, digits and _", key)
+        elif name not in known and name not in used:
+            listed = ", ".join(known) or "none"
+            message = f"no leaf of this tree knows a fact '{name}'; there is {listed}"
+            document.report("unknown-fact", message, key, suggestion=nearest(name, known))
+        else:
+            kind = type(known.get(name, fact))
+            if type(fact) is kind or (kind is float and type(fact) is int):
+                facts[name] = kind(fact)
+            else:
+                message = f"the fact '{name}' is {_KINDS[kind]}, and this is {inner.kind}"
+                document.report("wrong-value", message, inner)
+    return facts
+
+
+def _read_answers(value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...]]:
+    said: dict[str, tuple[Answer, ...]] = {}
+    for key, inner in value.entries or ():
+        leaves = words.find(key)
+        specs = list({id(spec): spec for spec in map(words.spec, leaves)}.values())
+        kept = [item for item in inner.listed if "answer" in item.mapping]
+        options = [_answer(words.document, item, specs) for item in inner.listed if item not in kept]
+        declared = _declared(words, key, kept, leaves, specs) if kept else ()
+        found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
+        _check_chances(words.document, inner, found)
+        said[key.text or ""] = found
+    return said
+
+
+def _declared(
+    words: LeafWords,
+    key: Value,
+    items: Sequence[Value],
+    leaves: Sequence[StubLeaf],
+    specs: Sequence[NodeSpec],
+) -> tuple[Answer, ...]:
+    """Return the answers that leaves have declared, with the chances and times that a file gives to some of them."""
+    if len(specs) != 1:
+        message = f"'{key.text}' names leaves that declare different answers"
+        if specs:
+            words.document.report("wrong-value", message, key, hint="say it of each by its path or tag")
+        return ()
+    answers = list(specs[0].answers)
+    said: set[int] = set()
+    for item in items:
+        for part in item.mapping.keys() & {"status", "label", "when", "then"}:
+            message = f"'answer' means one that is declared, and that says its '{part}' itself"
+            words.document.report("conflicting-keys", message, item.mapping[part])
+        name = words.answer(item.mapping["answer"], leaves)
+        for place, answer in enumerate(answers):
+            if name is not None and name in (answer.label, answer.status):
+                if place in said:
+                    message = f"what is said of the answer '{name}' is said twice here"
+                    words.document.report("wrong-value", message, item.mapping["answer"])
+                said.add(place)
+                p, sec = _chance(words.document, item.mapping)
+                answers[place] = replace(answer, p=p, sec=sec)
+                break
+    return tuple(answers)
+
+
+def _chance(
+    document: Document, parts: Mapping[str, Value]
+) -> tuple[tuple[float, float] | None, tuple[float, float]]:
+    """Return what a file says of how likely an answer is, and of how long it takes."""
+    return _interval(document, parts.get("p")), _interval(document, parts.get("sec")) or (0.0, 0.0)
+
+
+def _interval(document: Document, value: Value | None) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    numbers = [float(each.data) for each in value.listed]
+    if numbers[-1] < numbers[0]:
+        document.report("wrong-value", "an interval goes from the lower to the higher number", value)
+    return numbers[0], numbers[-1]
+
+
+def _check_chances(document: Document, value: Value, answers: Sequence[Answer]) -> None:
+    """Report chances that cannot add up, and a time before the answers of a leaf that never runs."""
+    ending = [answer for answer in answers if answer.status != "RUNNING"]
+    known = [answer.p for answer in ending if answer.p is not None]
+    least, most = sum(p[0] for p in known), sum(p[1] for p in known)
+    if least > 1.0 + _ROUNDING:
+        document.report(
+            "wrong-value", f"the chances p of these answers add up to {least:g}, and not to 1", value
+        )
+    elif known and len(known) == len(ending) and most < 1.0 - _ROUNDING:
+        message = f"the chances p of these answers add up to {most:g} at most, and one of them must come"
+        document.report("wrong-value", message, value)
+    if any(answer.sec[1] for answer in ending) and len(ending) == len(answers):
+        hint = "leave sec out, or list an answer that is RUNNING as well"
+        document.report(
+            "wrong-value", "none of these answers is RUNNING, so they take no time", value, hint=hint
+        )
+
+
+def check_answers(value: Value | None, words: LeafWords) -> None:
+    """Report unknown names in the answers that leaves are assumed to give, once all assumptions are known.
+
+    Args:
+        value: The value of the file's `answers:`, if it has any.
+        words: The words for the tree, simulated with all that is assumed of it.
+    """
+    items = [item for _, inner in (value.entries if value else None) or () for item in inner.listed]
+    for item in items:
+        for part in [
+            item.mapping[name] for name in ("when", "then") if item.entries and name in item.mapping
+        ]:
+            text = part.text or ""
+            if placeholders(text):
+                continue  # filled for each leaf
+            with suppress(ScriptError):  # reported already
+                for slip in unknown_in(parse(text), words.names):
+                    if text[slice(*slip.place)] != UNKNOWN:
+                        words.document.report(
+                            "unknown-fact", slip.message, part, slip.place, suggestion=slip.suggestion
+                        )
+
+
+def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:
+    outcomes = [status for status in STATUSES if all(_can(spec, status) for spec in specs)]
+    parts = value.mapping or {"status": value}
+    status = word(document, parts["status"], outcomes, "the status of an answer")
+    label, when, then = (
+        parts[part].text or "" if part in parts else "" for part in ("label", "when", "then")
+    )
+    answer = Answer(status or "", label, when, then, *_chance(document, parts))
+    usable = all(_scripts_fit(document, parts, answer, spec) for spec in specs)
+    return answer if status is not None and usable else None
+
+
+def _can(spec: NodeSpec, status: str) -> bool:
+    """Return whether a leaf can have an outcome; one that names none can have the usual ones."""
+    return status in (spec.outcomes or ("SUCCESS", "FAILURE", "RUNNING"))
+
+
+def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer, spec: NodeSpec) -> bool:
+    known = [SELF, *(p.name for p in spec.parameters.values() if p.role is Role.REFERENCE)]
+    mistake = mistake_in(answer, known, [p.name for p in spec.parameters.values() if p.is_whole_number])
+    if mistake is not None:
+        part, _, error = mistake
+        report_script(document, parts[part], error)
+    return mistake is None
+
+
+def _names_in(answer: Answer) -> set[str]:
+    """Return the names in the scripts of an answer that could be read; those with placeholders are left out."""
+    scripts = [parse(text) for text in (answer.when, answer.then) if text and not placeholders(text)]
+    return {use.name for script in scripts for use in name_uses(script)}
+
+
+def take_controls(
+    document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
+) -> None:
+    """Replace nodes that only a model or their own methods describe by a file's stand-ins; its mistakes become findings.
+
+    Args:
+        document: The file.
+        controls: The value of its `controls:`.
+        binding: The tree, which is changed.
+        registry: The registered nodes.
+        files: The tree files and palettes whose models describe nodes.
+    """
+    own = self_ticking_parents(binding)
+    known = [spec.tag for spec in described_specs(files, registry) if not spec.kind.is_leaf]
+    known += dict.fromkeys(node.spec.tag for node in own)
+    stand_ins: dict[str, NodeSpec] = {}
+    for key, value in controls.entries or ():
+        tag = key.text or ""
+        if tag not in known:
+            listed = ", ".join(known) or "none"
+            message = f"no control or decorator that only a model or its own methods describe is called '{tag}'; there is {listed}"
+            document.report("unknown-node", message, key, suggestion=nearest(tag, known))
+            continue
+        nodes = [node for node in (*described_parents(binding), *own) if node.spec.tag == tag]
+        spec = _stand_in(document, value, tag, nodes, registry)
+        # Where there is a finding, anything may stand there while the others are sought.
+        fits = (each for each in registry if not _replacement_fault(each, nodes))
+        stand_ins[tag] = spec or next(fits)
+    put_in_place(binding, stand_ins)
+
+
+def _stand_in(
+    document: Document, value: Value, wanted: str, nodes: Sequence[BoundNode], registry: Registry
+) -> NodeSpec | None:
+    """Return the stand-in for some nodes; reports one that cannot be it."""
+    tag = value.text or ""
+    variants = registry.variants(tag)
+    if not variants:
+        parents = [spec.tag for spec in registry if not spec.kind.is_leaf]
+        message = f"no control or decorator is called '{tag}'"
+        hint = "sar-compile nodes lists them"
+        document.report("unknown-node", message, value, suggestion=nearest(tag, parents), hint=hint)
+        return None
+    faults = [_replacement_fault(spec, nodes) for spec in variants]
+    if "" in faults:
+        return variants[faults.index("")]
+    message = f"<{tag}> cannot replace <{wanted}>: {faults[0]}"
+    document.report("wrong-value", message, value, hint="sar-compile nodes TAG says what a node needs")
+    return None
+
+
+def _replacement_fault(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
+    """Return why a node cannot replace some others; empty if it can."""
+    if spec.kind.is_leaf:
+        return "it is a leaf"
+    needed = [each.name for each in (*spec.required, *spec.references) if each.required]
+    if needed:
+        return f"it needs {', '.join(dict.fromkeys(needed))}, and would have nothing but defaults here"
+    least, most = spec.child_count
+    for node in nodes:
+        count = len(node.children)
+        if count < least or (most is not None and count > most):
+            children = "one child" if count == 1 else f"{count} children"
+            return f"'{node.name}' in line {node.element.line} has {children}"
+    return ""

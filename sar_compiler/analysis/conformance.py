@@ -1,0 +1,453 @@
+"""Whether a flight was one of the runs that proofs speak of, which of the properties it has broken, and what was otherwise than they assume.
+
+The recorded run is found again among all runs of the tree, with what the properties remember in each state. So of a property it is known whether
+all runs that fit the record break it, some of them, or none.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from enum import Enum
+from functools import reduce
+from itertools import takewhile
+from operator import and_, or_
+from typing import NamedTuple
+
+from sar_compiler.analysis.property_watch import PropertyWatch, WatchAlarm, only_when, undeclared
+from sar_compiler.analysis.verify.properties import LeftOut, Properties, PropertyFile, properties_of
+from sar_compiler.analysis.verify.recorded_runs import FoundTick, LostTick, TreeRuns, Way, ticks_of
+from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
+from sar_compiler.runtime.kernel.searching import Judgement
+from sar_compiler.runtime.stub_leaf import StubLeaf
+
+_RUNNING, _HALTED = "RUNNING", "HALTED"
+_MOST_TOLD = 12
+"""How many events are told of a run that led to something."""
+
+
+class PropertyFate(Enum):
+    """What has become of a property in a flight."""
+
+    KEPT = "kept"
+    BROKEN = "broken"
+    """In every run that fits the record."""
+    IN_DOUBT = "may be broken"
+    """In some of the runs that fit the record, not in all."""
+    OPEN = "open"
+    """Something still had to come, or is judged at an end, when the run was stopped."""
+
+
+class FlownProperty(NamedTuple):
+    """A property, and what has become of it.
+
+    Attributes:
+        name: What it is called.
+        fate: What has become of it.
+        tick: The number of the tick that has broken it, from 1; 0 for none.
+        time_sec: When that was, seconds since the run began.
+        event: The event that has broken it, `OpenDoor opened`; empty if it is the end of a run.
+        place: Where the leaf stands, `file:line:column`; empty for none.
+        by_events: Whether the run was none of the tree's any more, so that its events alone were judged.
+        run: The last events that led there.
+    """
+
+    name: str
+    fate: PropertyFate
+    tick: int = 0
+    time_sec: float = 0.0
+    event: str = ""
+    place: str = ""
+    by_events: bool = False
+    run: tuple[Event, ...] = ()
+
+
+class Misfit(NamedTuple):
+    """The first event of a flight that no possible run of its tree has.
+
+    Attributes:
+        tick: The number of its tick, from 1.
+        time_sec: When it was, seconds since the run began.
+        event: What happened, `GuardBase lost`.
+        place: Where the leaf or the root stands, `file:line:column`.
+        possible: What would have been possible in its place.
+        why: What would have had to be so, in words; empty if that cannot be told.
+        run: The last events that led there.
+    """
+
+    tick: int
+    time_sec: float
+    event: str
+    place: str
+    possible: tuple[str, ...]
+    why: str
+    run: tuple[Event, ...]
+
+
+class Conformance(NamedTuple):
+    """What was found out about a flight.
+
+    Attributes:
+        ticks: The number of its ticks in which anything was noted last.
+        misfit: What no possible run has; None if the flight was one of them.
+        properties: What has become of each property.
+        left_out: The properties that say nothing about the tree.
+    """
+
+    ticks: int
+    misfit: Misfit | None
+    properties: tuple[FlownProperty, ...]
+    left_out: tuple[LeftOut, ...]
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether it was one of the tree's runs, and has broken nothing for sure or perhaps."""
+        wrong = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
+        return self.misfit is None and not any(each.fate in wrong for each in self.properties)
+
+
+def conform(
+    simulated: SimulatedTree,
+    file: PropertyFile | None,
+    tags: Collection[str],
+    record: Iterable[Event],
+    names: Sequence[str],
+    *,
+    is_over: bool,
+) -> Conformance:
+    """Compare a flight with all runs of its tree.
+
+    Args:
+        simulated: The tree with stub leaves, whose facts begin as the flight did; it is used up.
+        file: The properties; None for none.
+        tags: The tags of leaves that a tree can have.
+        record: What leaves did. Answers that are as the last ones may be left out, and ticks in which there are no others.
+        names: The names of the nodes that ran, in pre-order.
+        is_over: Whether the run is over by its own condition, so that nothing comes any more; of one that was stopped, broken off or goes on, what is owed is open.
+
+    Raises:
+        TreeError: If the file says something that makes no sense for the tree; carries the findings.
+        UndecidableError: If the tree's runs cannot be gone through.
+        OtherTreeError: If the tree has nodes other than those that ran.
+    """
+    prepared = Prepared.of(simulated)
+    properties = properties_of(file, prepared, tags)
+    flight = _ReplayedFlight(TreeRuns(simulated, names, properties.rules, prepared), [*record], simulated)
+    moments, lost = flight.runs.found_again(flight.record)
+    if lost is not None and not is_over and flight.is_unfinished(lost):
+        lost = None
+    judged = _Judged(flight, properties, moments)
+    if lost is None:
+        judged.conclude(is_over=is_over)
+    elif file is not None:
+        judged.go_on(PropertyWatch(flight.at_start(), file, tags), lost, is_over=is_over)
+    ticks = flight.record[-1].tick if flight.record else 0
+    misfit = None if lost is None else flight.misfit(lost)
+    return Conformance(ticks, misfit, judged.found(), properties.left_out)
+
+
+class _ReplayedFlight:
+    """A recorded run, beside all runs of its tree."""
+
+    def __init__(self, runs: TreeRuns, record: Sequence[Event], simulated: SimulatedTree) -> None:
+        self.runs, self.record = runs, record
+        self._simulated = simulated
+        self._leaves = {leaf.number: leaf for leaf in simulated.leaves}
+        self._judged: dict[bytes, Judgement] = {}
+
+    def at_start(self) -> SimulatedTree:
+        """Return the tree, with its facts as they were when the run began."""
+        self.runs.stepper.steps.restore(self.runs.start)
+        return self._simulated
+
+    def judgement(self, state: bytes) -> Judgement:
+        """Judge a state, as a proof does."""
+        known = self._judged.get(state)
+        if known is None:
+            known = self.runs.stepper.judgement(state)
+            if known.is_open:
+                idle = all(way.state == state for way in self.runs.ways(state))
+                known = self.runs.stepper.judgement(state, idle=idle)
+            self._judged[state] = known
+        return known
+
+    def place(self, number: int) -> str:
+        """Return where a node stands, `file:line:column`."""
+        behaviour = self.runs.stepper.flat.nodes[number].behaviour
+        element = self._simulated.compiled.origins[behaviour.id].bound.element
+        return f"{element.source.path}:{element.line}:{element.column}"
+
+    def led_to(self, tick: int, number: int | None = None) -> tuple[Event, ...]:
+        """Return the last events up to a tick, or up to what a leaf did in it."""
+        led: list[Event] = []
+        last: dict[int, str] = {}
+        for event in takewhile(lambda each: each.tick <= tick, self.record):
+            if event.what in (ANSWERED, HALTED) and event.number in self._leaves:
+                # One that goes on running has another entry for each thing that it says.
+                if event.status != "RUNNING" or last.get(event.number) != event.deed:
+                    led.append(event)
+                last[event.number] = event.deed
+            if event.tick == tick and event.number == number and event.what != STARTED:
+                break
+        return tuple(led[-_MOST_TOLD:])
+
+    def _noted(self, lost: LostTick) -> list[Event]:
+        return [event for event in lost.events if event.answer and event.number in self._leaves]
+
+    def is_unfinished(self, lost: LostTick) -> bool:
+        """Return whether a tick can be one that was not finished, or not written to its end; nothing is known of one in which nothing was noted.
+
+        Even then only a node that ran can have been stopped.
+        """
+        noted, recorded = self._noted(lost), lost.events[-1].statuses
+        halted = {number for number, status in recorded if status == _HALTED}
+        ran = {number for number, status in recorded if status == _RUNNING}
+        return (
+            lost.is_last
+            and len(lost.events) > 1
+            and any(
+                way.common(noted, lost.told)[0] == len(noted) and halted <= ran | way.running
+                for state in lost.states
+                for way in self.runs.beginnings(state)
+            )
+        )
+
+    def misfit(self, lost: LostTick) -> Misfit:
+        """Return the first event of a tick that no possible run has."""
+        noted = self._noted(lost)
+        tried = [
+            _Attempt(state, way, *way.common(noted, lost.told))
+            for state in lost.states
+            for way in self.runs.ways(state)
+        ]
+        most = max((each.common for each in tried), default=0)
+        best = [each for each in tried if each.common == most]
+        if most < len(noted):
+            number, said, possible, why = self._wrong_answer(noted, most, best)
+        else:
+            number, said, possible, why = self._missing_answer(lost, best)
+        run = self.led_to(lost.number, number)
+        listed = tuple(dict.fromkeys(possible))
+        return Misfit(lost.number, lost.time_sec, said, self.place(number), listed, why, run)
+
+    def _wrong_answer(
+        self, noted: Sequence[Event], most: int, best: "Sequence[_Attempt]"
+    ) -> tuple[int, str, list[str], str]:
+        """Return what is told of an answer that no run has: the leaf, the event, what would have been possible, and why."""
+        event = noted[most]
+        is_again = any(each.number == event.number for each in noted[:most])
+        own = [
+            (each, place)
+            for each in best
+            for place, answer in enumerate(each.way.answers[: each.place + 1])
+            if answer.number == event.number and (place == each.place or not is_again)
+        ]
+        if not own:
+            return (
+                event.number,
+                event_words(event),
+                [each.next for each in best],
+                "in no run is it this leaf's turn there",
+            )
+        attempt, place = own[0]
+        self.runs.put_before(attempt.state, attempt.way, place)
+        possible = [event_words(each.way.answers[place]) for each, place in own]
+        return event.number, event_words(event), possible, _why(self._leaves[event.number], event)
+
+    def _missing_answer(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
+        """Return the same where the record lacks something."""
+        end, root = lost.events[-1], self.runs.names[0]
+        fitting = [each.way for each in best if each.is_whole and each.way.root == end.status]
+        going_on = [each for each in best if not each.is_whole]
+        if going_on and not fitting:
+            state, way, _, place = going_on[0]
+            missing, told = way.answers[place], lost.told
+            number, was = missing.number, told.statuses.get(missing.number, "")
+            possible = [each.next for each in going_on]
+            if not was:
+                return number, f"no answer of {missing.leaf}", possible, ""
+            again = missing._replace(status=was, label=told.labels.get(number) or "")
+            self.runs.put_before(state, way, place)
+            return number, f"{missing.leaf} still {again.answer}", possible, _why(self._leaves[number], again)
+        if not fitting:
+            return 0, f"{root} {end.status or 'did not end its tick'}", [each.next for each in best], ""
+        stopped = {event.number for event in lost.events if event.what == HALTED} & self._leaves.keys()
+        differing = min((stopped ^ way.halted for way in fitting), key=len)
+        if not differing:
+            return self._wrong_status(lost, fitting)
+        number = min(differing)
+        name = self.runs.names[number]
+        said, other = (HALTED, "goes on") if number in stopped else ("goes on", HALTED)
+        return number, f"{name} {said}", [f"{name} {other}"], ""
+
+    def _wrong_status(self, lost: LostTick, fitting: Sequence[Way]) -> tuple[int, str, list[str], str]:
+        """Return the same where the answers fit, and a node was recorded with a status that it cannot have."""
+        recorded = lost.events[-1].statuses
+        wrong = [(each, way) for way in fitting if (each := way.other_status(recorded)) is not None]
+        (number, status), _ = wrong[0]
+        name = self.runs.names[number]
+        possible = [
+            f"{name} {way.statuses[number] or 'at rest'}" for (node, _), way in wrong if node == number
+        ]
+        return number, f"{name} {status}", possible, ""
+
+
+class _Attempt(NamedTuple):
+    """A possible tick, held beside a recorded one: its state before, and how far both go together (`Way.common`)."""
+
+    state: bytes
+    way: Way
+    common: int
+    place: int
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of its answers were recorded."""
+        return self.place == len(self.way.answers)
+
+    @property
+    def next(self) -> str:
+        """What comes next in it."""
+        if self.is_whole:
+            return f"the tick ends with {self.way.root}"
+        return event_words(self.way.answers[self.place])
+
+
+def event_words(event: Event) -> str:
+    """Return an event as files of properties name it: `OpenDoor opened`."""
+    return f"{event.leaf} {'starts' if event.what == STARTED else event.deed}"
+
+
+def _why(leaf: StubLeaf, event: Event) -> str:
+    """Return what is assumed of a leaf that gives an answer which cannot be now, in words; empty if it can."""
+    known = [each for each in leaf.answers if each.status == event.status and event.label in ("", each.label)]
+    if not known:
+        return f"it is assumed that {undeclared(leaf, event.status, event.label)}"
+    return (
+        "" if any(map(leaf.is_possible, known)) else f"it is assumed that {''.join(only_when(leaf, known))}"
+    )
+
+
+class _Breakage(NamedTuple):
+    """When a property was broken: the tick, its time, and the event, None for the end of a run."""
+
+    tick: int
+    time_sec: float
+    event: Event | None
+    by_events: bool = False
+
+
+class _Judged:
+    """What becomes of properties, tick by tick, in all runs that fit a record.
+
+    Args:
+        flight: The flight.
+        properties: The properties.
+        moments: Its ticks, as far as they are the tree's.
+    """
+
+    def __init__(self, flight: _ReplayedFlight, properties: Properties, moments: Sequence[FoundTick]) -> None:
+        self._flight, self._properties = flight, properties
+        self._has_ended = False
+        self._open = 0
+        self._last = FoundTick(0, 0.0, ())
+        # Of each state that the run can be in: the properties that were broken on some way to it, and those on each, as bits.
+        self._some = {flight.runs.start: 0}
+        self._each = dict(self._some)
+        # When each was broken on some way, and when there was none left on which it was not.
+        self._doubted: dict[int, _Breakage] = {}
+        self._broken: dict[int, _Breakage] = {}
+        for moment in moments:
+            self._take(moment)
+
+    def _take(self, moment: FoundTick) -> None:
+        """Take a tick."""
+        some: dict[bytes, int] = {}
+        each: dict[bytes, int] = {}
+        events: dict[int, Event] = {}
+        for state, way in moment.ways:
+            judgement = self._flight.judgement(way.state)
+            self._has_ended |= judgement.ends
+            broken = judgement.broken
+            for rule, event in way.broken:
+                events.setdefault(rule, event)
+                broken |= 1 << rule
+            some[way.state] = some.get(way.state, 0) | self._some[state] | broken
+            each[way.state] = each.get(way.state, -1) & (self._each[state] | broken)
+        self._last = moment
+        self._note(some, each, events)
+
+    def _note(self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]) -> None:
+        """Note what is broken by now."""
+        self._some, self._each = some, each
+        in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
+        for rule in range(len(self._properties.names)):
+            breakage = _Breakage(self._last.number, self._last.time_sec, events.get(rule))
+            if in_some >> rule & 1:
+                self._doubted.setdefault(rule, breakage)
+            if in_each >> rule & 1:
+                self._broken.setdefault(rule, breakage)
+
+    def conclude(self, *, is_over: bool) -> None:
+        """Take the end of the run, all of which was found.
+
+        Args:
+            is_over: Whether it is over by its own condition, so that every tick from now on would leave all as it is.
+        """
+        if is_over:
+            stepper, states = self._flight.runs.stepper, [*self._some]
+            ends = {state: stepper.judgement(state, idle=True) for state in states}
+            self._has_ended |= any(each.ends for each in ends.values())
+            broken = {state: each.broken for state, each in ends.items()}
+            some = {state: self._some[state] | broken[state] for state in states}
+            each = {state: self._each[state] | broken[state] for state in states}
+            self._note(some, each, {})
+        pending = [self._flight.judgement(state).pending for state in self._some]
+        self._open = reduce(or_, pending, 0)
+        if not self._has_ended:
+            self._open |= self._at_end
+
+    @property
+    def _at_end(self) -> int:
+        """The properties that are judged at an end, as bits."""
+        count = self._properties.rules.monitors.count
+        return (1 << len(self._properties.names)) - (1 << count)
+
+    def go_on(self, watch: PropertyWatch, lost: LostTick, *, is_over: bool) -> None:
+        """Judge by its events alone what comes from a tick on that is none of the tree's."""
+        times, names = {}, self._properties.names
+        for tick in ticks_of(self._flight.record):
+            times[tick[-1].tick] = tick[-1].time_sec or 0.0
+            for event in tick:
+                watch.take(event)
+        watch.conclude(is_over=is_over)
+        for alarm in watch.alarms:
+            if alarm.cause.is_broken and alarm.tick >= lost.number:
+                led = None if alarm.number is None else self._event_of(alarm)
+                breakage = _Breakage(alarm.tick, times.get(alarm.tick, 0.0), led, by_events=True)
+                self._broken.setdefault(names.index(alarm.about), breakage)
+        self._open = sum(1 << names.index(name) for name in watch.owed)
+        if not is_over:
+            self._open |= self._at_end
+
+    def _event_of(self, alarm: WatchAlarm) -> Event | None:
+        said = (
+            each for each in self._flight.record if (each.tick, each.number) == (alarm.tick, alarm.number)
+        )
+        return next((each for each in said if event_words(each) == alarm.event), None)
+
+    def found(self) -> tuple[FlownProperty, ...]:
+        """Return what has become of each property."""
+        return tuple(self._fate(rule, name) for rule, name in enumerate(self._properties.names))
+
+    def _fate(self, rule: int, name: str) -> FlownProperty:
+        breakage, fate = self._broken.get(rule), PropertyFate.BROKEN
+        if breakage is None:
+            breakage, fate = self._doubted.get(rule), PropertyFate.IN_DOUBT
+        if breakage is None:
+            return FlownProperty(name, PropertyFate.OPEN if self._open >> rule & 1 else PropertyFate.KEPT)
+        tick, time_sec, event, by_events = breakage
+        number = None if event is None else event.number
+        place = "" if number is None else self._flight.place(number)
+        said = "" if event is None else event_words(event)
+        run = self._flight.led_to(tick, number)
+        return FlownProperty(name, fate, tick, time_sec, said, place, by_events, run)

@@ -1,0 +1,292 @@
+"""The words for leaves, facts and keys in files beside a tree, the conditions made of them, and scalars that are more than plain data."""
+
+import functools
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any, NamedTuple
+
+from sar_compiler.checks.rules.entry_accesses import entry_table_of
+from sar_compiler.compiler.simulated_tree import SimulatedTree, match_rank
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.nodes.spec import NodeSpec
+from sar_compiler.nodes.values import type_of
+from sar_compiler.runtime.answers import STATUSES, Fact
+from sar_compiler.runtime.blackboard import ROOT_SIGN
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
+from sar_compiler.runtime.expressions import Access, Script, name_uses
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.runtime.tokens import ScriptError
+from sar_compiler.tree.guessing import nearest
+
+_DURATION = type_of(timedelta)
+
+
+def word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
+    """Return the text of a scalar, one of some words; reports any other."""
+    words = list(known)
+    if value.text in words:
+        return value.text
+    message = f"{what} is one of {', '.join(words)}, and this is {value.kind}"
+    document.report("wrong-value", message, value, suggestion=nearest(value.text or "", words))
+    return None
+
+
+def seconds(value: Value) -> float:
+    """Return a duration that a schema has held, in seconds."""
+    return span_sec(value)[0]
+
+
+def span_sec(value: Value) -> tuple[float, float]:
+    """Return the shortest and the longest of the durations that a schema has held (`4s`, `4s to 9s`), in seconds."""
+    if isinstance(value.data, (int, float)):
+        return float(value.data), float(value.data)
+    spans: list[Any] = [_DURATION.convert("".join(part.split())) for part in value.data.split("to")]
+    times = [float(span.total_seconds()) for span in spans]
+    return min(times), max(times)
+
+
+def script(document: Document, value: Value | None) -> Script | None:
+    """Return a script; reports one that cannot be read, at its place."""
+    if value is None:
+        return None
+    try:
+        return parse(value.text or "")
+    except ScriptError as error:
+        report_script(document, value, error)
+        return None
+
+
+def report_script(document: Document, value: Value, error: ScriptError) -> None:
+    """Report the mistake in a script, at its place."""
+    part, suggestion, hint = (error.start, error.end), error.suggestion, error.hint
+    document.report("script-error", error.message, value, part, suggestion=suggestion, hint=hint)
+
+
+def parameters(value: Value | None) -> dict[str, Fact]:
+    """Return the values of the keys of the root blackboard."""
+    return {} if value is None else dict(value.data)
+
+
+class Names(NamedTuple):
+    """The names that conditions on a tree can use.
+
+    Attributes:
+        known: The facts, the keys of the main tree, then the names of enumerations.
+        is_open: Whether there may be more keys, in ways that the file does not show.
+    """
+
+    known: tuple[str, ...]
+    is_open: bool
+
+
+class Slip(NamedTuple):
+    """A mistake in a condition.
+
+    Attributes:
+        message: What is wrong.
+        place: Where it stands in the script, in characters.
+        suggestion: What to write instead of an unknown name, if it can be guessed.
+        hint: The remedy, if the name is known.
+    """
+
+    message: str
+    place: tuple[int, int]
+    suggestion: str | None = None
+    hint: str | None = None
+
+
+def names_of(simulated: SimulatedTree) -> Names:
+    """Return the names that a tree's facts have, and the keys of its main tree."""
+    top = simulated.compiled.instance
+    table = entry_table_of(top)
+    keys = [entry.key for entry in table.entries if entry.scope is top.scope]
+    for bound in top.tree.uses:
+        keys += bound.remapping.keys.values()
+    prefix = f"{top.scope.board.prefix}/"
+    effects = (
+        entry.name
+        for leaf in simulated.leaves
+        for entry in leaf.entries(f"{name} := 0" for a in leaf.answers if a.then for name in _made_by(a.then))
+    )
+    for name in (*top.scope.board.names(), *effects):
+        key = name.removeprefix(prefix)
+        if name != key and "/" not in key:
+            keys.append(key)
+    return Names(tuple(dict.fromkeys([*simulated.fact_values(), *keys, *simulated.enums])), table.is_open)
+
+
+def _made_by(effect: str) -> Iterator[str]:
+    """Yield the names that a script makes, if they are not there."""
+    return (use.name for use in name_uses(parse(effect)) if use.access is Access.CREATE)
+
+
+def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Iterator[Slip]:
+    """Yield the unknown names in a script: those that neither the tree nor the script itself defines.
+
+    Args:
+        script: The script.
+        names: What there is in the tree.
+        own: Further names.
+    """
+    known = [*names.known, *own]
+    for use in name_uses(script) if not names.is_open else ():
+        if use.access is not Access.CREATE and use.name.removeprefix(ROOT_SIGN) not in known:
+            message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(known) or 'none'}"
+            yield Slip(message, (use.start, use.end), suggestion=nearest(use.name, known))
+
+
+def slips(script: Script, names: Names, own: Collection[str], later: Collection[str] = ()) -> Iterator[Slip]:
+    """Yield the mistakes in a condition.
+
+    Args:
+        script: The condition.
+        names: What there is in the tree.
+        own: The names of what is known of the run itself.
+        later: The names of what will be known when a tick is over.
+    """
+    usable = True
+    for use in name_uses(script):
+        place = (use.start, use.end)
+        if use.access is not Access.READ:
+            message = f"a condition only looks at '{use.name}' and does not change it"
+            yield Slip(message, place, hint="write == to compare")
+        elif use.name in later:
+            message = f"'{use.name}' is known only when a tick is over; an event comes before that"
+            yield Slip(message, place, hint="end and at_end can use it")
+        else:
+            continue
+        usable = False
+    if usable:
+        yield from unknown_in(script, names, own)
+
+
+STARTS = "starts"
+_DEEDS = {STARTS: STARTED, HALTED: HALTED}
+
+
+@dataclass(frozen=True)
+class EventPattern:
+    """A pattern of leaves' events, as a file writes it: `OpenDoor opened`.
+
+    Attributes:
+        text: How it is written.
+        leaves: The leaves that are meant.
+        what: `STARTED`, `ANSWERED` or `HALTED`.
+        answer: For `ANSWERED`: the label or the status.
+    """
+
+    text: str
+    leaves: tuple[StubLeaf, ...]
+    what: str
+    answer: str = ""
+
+    def matches(self, event: Event) -> bool:
+        """Return whether an event matches this pattern."""
+        if event.what != self.what or all(leaf.number != event.number for leaf in self.leaves):
+            return False
+        return self.what != ANSWERED or self.answer in (event.label, event.status)
+
+
+class LeafWords:
+    """The words of a document for the leaves of one tree, and for what conditions ask of it."""
+
+    def __init__(self, document: Document, simulated: SimulatedTree) -> None:
+        self.document = document
+        self.leaves = simulated.leaves
+        self.simulated = simulated
+        self._origins = simulated.compiled.origins
+
+    @functools.cached_property
+    def names(self) -> Names:
+        """The names that conditions know."""
+        return names_of(self.simulated)
+
+    def spec(self, leaf: StubLeaf) -> NodeSpec:
+        """Return what the registry or a model says of a leaf."""
+        return self._origins[leaf.id].bound.spec
+
+    def named(self, key: str) -> tuple[StubLeaf, ...]:
+        """Return the leaves that a key names: a path, a name or a tag."""
+        return tuple(leaf for leaf in self.leaves if match_rank(key, leaf.path, leaf.tag))
+
+    def find(self, value: Value) -> tuple[StubLeaf, ...]:
+        """Return the leaves that a value names; reports one that names none."""
+        key = value.text or ""
+        found = self.named(key)
+        if not found:
+            self._report_unknown(value, key)
+        return found
+
+    def answer(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
+        """Return a label or a status that each of some leaves can answer; reports anything else."""
+        text, known = value.text or "", answer_words(leaves)
+        if text not in known:
+            message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
+            self.document.report("unknown-answer", message, value, suggestion=nearest(text, known))
+            return None
+        return text
+
+    def condition(
+        self, value: Value | None, own: Collection[str], later: Collection[str] = ()
+    ) -> Script | None:
+        """Return a condition; reports what is wrong with it.
+
+        Args:
+            value: The condition; None if none is written.
+            own: The names of what is known of the run itself.
+            later: The names of what is known of it only when a tick is over.
+        """
+        condition = script(self.document, value)
+        if condition is None or value is None:
+            return None
+        found = list(slips(condition, self.names, own, later))
+        for slip in found:
+            code = "wrong-condition" if slip.hint else "unknown-fact"
+            self.document.report(
+                code, slip.message, value, slip.place, suggestion=slip.suggestion, hint=slip.hint
+            )
+        return None if found else condition
+
+    def deed(self, value: Value) -> EventPattern | None:
+        """Return the events that a text names; reports a text that names none."""
+        text = value.text or ""
+        words = text.split(" ")
+        for count in range(len(words) - 1, 0, -1):
+            key, rest = " ".join(words[:count]), " ".join(words[count:])
+            leaves = self.named(key)
+            if leaves:
+                return self._of(value, leaves, (text, rest))
+        known = self.named(text)
+        if known:
+            message = f"'{text}' is a leaf; an event says what it does as well"
+            self.document.report("wrong-value", message, value, hint=f"write {text} {answer_words(known)[0]}")
+        else:
+            self._report_unknown(value, words[0])
+        return None
+
+    def _of(self, value: Value, leaves: tuple[StubLeaf, ...], texts: tuple[str, str]) -> EventPattern | None:
+        text, rest = texts
+        if rest in _DEEDS:
+            return EventPattern(text, leaves, _DEEDS[rest])
+        known = answer_words(leaves)
+        if rest in known:
+            return EventPattern(text, leaves, ANSWERED, rest)
+        message = f"'{leaves[0].name}' never does '{rest}'; it does {', '.join([*known, *_DEEDS])}"
+        near = nearest(rest, [*known, *_DEEDS])
+        part = (len(text) - len(rest), len(text))
+        self.document.report("unknown-answer", message, value, part, suggestion=near)
+        return None
+
+    def _report_unknown(self, value: Value, key: str) -> None:
+        names = list(dict.fromkeys(word for leaf in self.leaves for word in (leaf.name, leaf.tag)))
+        message = f"no leaf that can be scripted is called '{key}'; there is {', '.join(names) or 'none'}"
+        self.document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
+
+
+def answer_words(leaves: Iterable[StubLeaf]) -> list[str]:
+    """Return the labels of what some leaves can answer, then the statuses."""
+    labels = [answer.label for leaf in leaves for answer in leaf.answers if answer.label]
+    statuses = {answer.status for leaf in leaves for answer in leaf.answers}
+    return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

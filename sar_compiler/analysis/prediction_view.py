@@ -1,0 +1,155 @@
+"""What is to be expected of a tree's runs, as text, as JSON and as a picture."""
+
+import math
+from collections.abc import Iterator
+from html import escape
+from importlib.resources import files
+
+from sar_compiler.analysis.predict import Prediction
+from sar_compiler.analysis.predict.weighed_graph import Between
+from sar_compiler.style import literal
+from sar_compiler.tree.plain import as_json, count_text
+
+_SHARES = (0.05, 0.5, 0.95)
+"""Which quantiles of the time are told."""
+_MOST_LEAVES = 8
+# The picture, in its own units.
+_WIDTH, _HEIGHT, _LEFT, _BELOW, _ABOVE = 640, 360, 56, 44, 20
+_MOST_POINTS = 400
+
+
+def prediction_as_text(prediction: Prediction, seconds: float) -> str:
+    """Return the chances, the times, and a line for each leaf that matters.
+
+    Args:
+        prediction: What is to be expected.
+        seconds: How long it took to compute, in seconds.
+    """
+    return "\n".join(_lines(prediction, seconds))
+
+
+def _lines(found: Prediction, seconds: float) -> Iterator[str]:
+    states, steps = count_text(found.states, "state"), count_text(found.steps, "step")
+    yield f"{states}{'' if found.complete else ' and more'}, {steps} between them, {seconds:.1f} s"
+    rows = [("success", _percent(found.success)), ("an end", _percent(found.ends))]
+    rows += [("time", _time(found))] if found.time_sec else []
+    rows += [("time to success", _seconds(found.success_sec))] if found.success_sec else []
+    rows += [(name, _percent(chance)) for name, chance in found.properties.items()]
+    width = max(len(name) for name, _ in rows) + 1
+    yield from (f"  {name + ':':{width}} {said}" for name, said in rows)
+    for each in found.left_out:
+        yield f"  {each.name}: left out, since this tree has no {', '.join(each.missing)}"
+    yield from _influence_lines(found)
+    if found.unknown:
+        names = ", ".join("/".join(path) for path in found.unknown)
+        yield f"\nOf these leaves no chance is known, so that some numbers have two bounds: {names}"
+    if not found.complete:
+        yield (
+            "\nNot all states were gone through: what is behind the others may be anything. A time between two takes a state for each tick of it: "
+            "give answers a single time (sec: 30) or, where no limit waits for it, none; or let ticks be further apart (--period)."
+        )
+
+
+def _influence_lines(found: Prediction) -> Iterator[str]:
+    leaves = found.influences[:_MOST_LEAVES]
+    if not leaves:
+        return
+    width = max(len("/".join(each.leaf)) for each in leaves)
+    yield f"\nWhat success depends on{', were chances that are not known in the middle' if found.unknown else ''}:"
+    yield f"  {'leaf':{width}}  a point more of it  if it never failed"
+    for each in leaves:
+        gain = f"{each.derivative:+.2f} points"
+        yield f"  {'/'.join(each.leaf):{width}}  {gain:>18}  {100 * each.if_never_failed:>16.1f} %"
+
+
+def _percent(chance: Between) -> str:
+    low, high = (f"{100 * each:.1f}" for each in chance)
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def _seconds(time_sec: Between | None) -> str:
+    if time_sec is None:
+        return ""
+    low, high = (f"{each:.1f}" for each in time_sec)
+    return f"{low} s" if low == high else f"{low} to {high} s"
+
+
+def _time(found: Prediction) -> str:
+    quantiles = [(share, found.quantile(share)) for share in _SHARES]
+    said = ", ".join(f"{100 * share:g} % by {sec:.1f} s" for share, sec in quantiles if sec is not None)
+    return f"{_seconds(found.time_sec)}{f' ({said})' if said else ''}"
+
+
+def prediction_as_json(prediction: Prediction, seconds: float) -> str:
+    """Return what is to be expected as a JSON object; see `prediction_as_text`."""
+
+    def numbers(between: Between | None) -> dict[str, float] | None:
+        return None if between is None else {"low": between.low, "high": between.high}
+
+    data = {
+        "success": numbers(prediction.success),
+        "end": numbers(prediction.ends),
+        "properties": {name: numbers(chance) for name, chance in prediction.properties.items()},
+        "time_sec": numbers(prediction.time_sec),
+        "success_sec": numbers(prediction.success_sec),
+        "quantiles_sec": {f"{share:g}": prediction.quantile(share) for share in _SHARES},
+        "leaves": [
+            {
+                "leaf": "/".join(each.leaf),
+                "derivative": each.derivative,
+                "if_never_failed": each.if_never_failed,
+            }
+            for each in prediction.influences
+        ],
+        "unknown": ["/".join(path) for path in prediction.unknown],
+        "left_out": [{"property": each.name, "missing": list(each.missing)} for each in prediction.left_out],
+        "states": prediction.states,
+        "steps": prediction.steps,
+        "complete": prediction.complete,
+        "stopped": prediction.stopped,
+        "seconds": round(seconds, 3),
+    }
+    return as_json(data)
+
+
+def prediction_as_svg(prediction: Prediction) -> str:
+    """Return a picture of the chance that a run has ended by each time, and that it has ended well; there must be a distribution."""
+    points = prediction.distribution
+    last_sec = points[-1][0] or 1.0
+    wide, high = _WIDTH - _LEFT - _ABOVE, _HEIGHT - _BELOW - _ABOVE
+
+    def line(values: list[tuple[float, float]], name: str) -> str:
+        way = [(float(_LEFT), float(_ABOVE + high))]
+        for sec, share in values[:: max(1, len(values) // _MOST_POINTS)] + values[-1:]:
+            x, y = _LEFT + wide * sec / last_sec, _ABOVE + high * (1.0 - share)
+            way += [(x, way[-1][1]), (x, y)]
+        drawn = "L".join(f"{x:.1f} {y:.1f}" for x, y in way)
+        return f'<path class="{name}" d="M{drawn}"><title>{name}</title></path>'
+
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{_WIDTH}" height="{_HEIGHT}" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img">',
+        f"<title>the chance that a run has ended, and ended well, by each time: {escape(_time(prediction))}</title>",
+        f"<style>\n{literal(files(__package__).joinpath('prediction.css').read_text('utf-8'))}</style>",
+        f'<rect class="ground" width="{_WIDTH}" height="{_HEIGHT}"/>',
+        *_axes(last_sec, wide, high),
+        line([(sec, ended) for sec, _, ended in points], "ended"),
+        line([(sec, succeeded) for sec, succeeded, _ in points], "succeeded"),
+        f'<text class="ended" x="{_LEFT + 8}" y="{_ABOVE + 14}">ended</text>',
+        f'<text class="succeeded" x="{_LEFT + 8}" y="{_ABOVE + 30}">succeeded</text>',
+        "</svg>",
+    ]
+    return "".join(f"{each}\n" for each in lines)
+
+
+def _axes(last_sec: float, wide: float, high: float) -> Iterator[str]:
+    for part in (0.0, 0.25, 0.5, 0.75, 1.0):
+        y = _ABOVE + high * (1.0 - part)
+        yield f'<path class="axis" d="M{_LEFT} {y:.1f}H{_LEFT + wide}"/>'
+        yield f'<text class="scale" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{100 * part:g} %</text>'
+    # The largest round number of seconds of which at least three fit.
+    power = 10.0 ** math.floor(math.log10(last_sec))
+    step = next(each * power for each in (2.0, 1.0, 0.5, 0.2) if 3.0 * each * power <= last_sec)
+    for number in range(int(last_sec / step) + 1):
+        x = _LEFT + wide * number * step / last_sec
+        yield f'<text class="scale" x="{x:.1f}" y="{_ABOVE + high + 18}" text-anchor="middle">{number * step:.4g}</text>'
+    yield f'<text class="scale" x="{_LEFT + wide / 2}" y="{_HEIGHT - 8}" text-anchor="middle">time, s</text>'

@@ -1,0 +1,137 @@
+"""Verifying a loaded tree, with a file of properties and the user's facts."""
+
+import contextlib
+import functools
+from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from sar_compiler.analysis.assumptions import (
+    StartValues,
+    check_answers,
+    raise_disputes,
+    read_assumptions,
+    start_assumptions,
+    take_controls,
+)
+from sar_compiler.analysis.leaf_words import LeafWords
+from sar_compiler.analysis.property_watch import PropertyWatch
+from sar_compiler.analysis.trying import TrialBudget, can_prepare, findings_of_runs, mark
+from sar_compiler.analysis.verify.limits import limits_of
+from sar_compiler.analysis.verify.properties import PropertyFile, read_property_file
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.documents.located import Document
+from sar_compiler.documents.yaml_files import document_of
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.opener import admit
+from sar_compiler.project.project_tree import ProjectTree
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.tree.diagnostic import Diagnostic
+
+SearchResult = TypeVar("SearchResult")
+TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
+"""Searches the runs of a tree, as `checks.verify.verify` does, given what else that takes."""
+
+
+def search_runs(
+    tree: ProjectTree,
+    binding: Binding,
+    properties: str | Path | None,
+    facts: Mapping[str, object] | Document | None,
+    start: StartValues,
+    search: TreeSearch[SearchResult],
+    answers: Iterable[str | Path] = (),
+) -> SearchResult:
+    """Return what a search finds in the runs of a bound tree; with a file of properties."""
+    path = default_properties(tree, binding) if properties is None else properties
+    file = None if path is None else read_property_file(path)
+    others = [read_property_file(each) for each in answers]
+    parameters = {**start.parameters, **({} if file is None else file.parameters)}
+    # The findings about the file are raised when all of them are known.
+    with contextlib.nullcontext() if file is None else file.document.findings_first():
+        if file is not None and file.controls is not None:
+            files = (*tree.project.palettes, *tree.forest.files)
+            take_controls(file.document, file.controls, binding, tree.project.registry, files)
+        compiled = functools.partial(compile_simulated, binding, parameters, all_runs=True)
+        simulated = compiled()
+        assumed = start_assumptions(start, simulated)
+        for each in others:
+            assumed |= read_assumptions(each.document, each.facts, each.answers, simulated)
+            each.document.raise_findings()
+        if file is not None:
+            assumed |= read_assumptions(file.document, file.facts, file.answers, simulated)
+        if facts:
+            # The file may declare facts of its own.
+            assumed |= _of_the_user(facts, compiled(assumed))
+        simulated = compiled(assumed)
+        raise_disputes(simulated)
+        for each in others if file is None else [file, *others]:
+            tree.report_warnings(each.document.warnings)
+        if file is not None:
+            check_answers(file.answers, LeafWords(file.document, simulated))
+        return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})
+
+
+def begin_with(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
+    """Have facts be at the start what they are in one run; a file of properties says how those of proofs begin."""
+    for name in facts.keys() & simulated.fact_values().keys():
+        simulated.facts.resolve(name).write(facts[name])
+
+
+def watch_runs(
+    tree: ProjectTree,
+    binding: Binding,
+    properties: str | Path | None,
+    watched: CompiledTree,
+    facts: Mapping[str, Fact],
+    parameters: Mapping[str, object],
+    clock: Callable[[], float],
+) -> PropertyWatch:
+    """Return what watches a run of a bound tree for properties; see `tree_analysis.watch_tree`."""
+
+    def watch(simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str]) -> PropertyWatch:
+        begin_with(simulated, facts)
+        return PropertyWatch(simulated, file, tags, watched, clock, limits_of(simulated, facts))
+
+    return search_runs(tree, binding, properties, None, StartValues(parameters, facts), watch)
+
+
+def try_runs(tree: ProjectTree, binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
+    """Return findings about ticks of a bound tree that raise; see `tree_analysis.try_tree`."""
+    if not can_prepare(binding, budget):
+        return []
+    mark(binding)
+
+    def search(
+        simulated: SimulatedTree, _file: PropertyFile | None, _tags: Collection[str]
+    ) -> list[Diagnostic]:
+        return findings_of_runs(simulated, binding, budget, how_to_see, tree.findings)
+
+    try:
+        return search_runs(tree, binding, None, None, StartValues(), search)
+    except SarError:  # a parameter is missing, or nobody knows what a node does: `verify` says it
+        return []
+
+
+def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
+    """Return the file of the properties that the mission of a bound tree brings along; None for none."""
+    from sar_compiler.missions.choosing import mission_of
+
+    mission = mission_of(tree, binding)
+    if mission is None:
+        return None
+    specs = [bound.spec for bound in binding.nodes() if bound.spec.kind.is_leaf]
+    path = mission.default_properties({spec.cls for spec in specs if spec.cls and not spec.signature.factory})
+    if path is not None:
+        admit(path)
+    return path
+
+
+def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
+    if not isinstance(facts, Document):
+        facts = document_of(facts, "facts", "name a fact")
+    said = read_assumptions(facts, facts.root, None, simulated)
+    facts.raise_findings()
+    return said

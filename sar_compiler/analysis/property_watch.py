@@ -1,0 +1,425 @@
+"""Watching one run for the properties of a file, and for what their proofs assume.
+
+What a leaf has answered decides what the facts are, exactly as in a proof: its script `then` is run on facts that begin as the run does. The monitors
+are those of the search, and are told of the same events in the same order. So a run breaks a property here at the event at which `verify` says it does.
+"""
+
+from collections import deque
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from enum import Enum
+from typing import NamedTuple
+
+from sar_compiler.analysis.verify.limits import spending_conditions
+from sar_compiler.analysis.verify.properties import ConditionError, Properties, PropertyFile, properties_of
+from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
+from sar_compiler.analysis.verify.state import Alphabet, Prepared
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
+from sar_compiler.runtime.expressions import name_uses
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.chances import Spending
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.kernel.trail import Guarded, Trail
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf, StubLeafError
+from sar_compiler.runtime.variables import ScriptValue, VariableError
+from sar_compiler.runtime.walking import pre_order
+
+_MOST_TOLD = 20
+"""How many events are told of a run that led to an alarm; of those that properties hear as many again."""
+
+
+class WatchedEvent(NamedTuple):
+    """An event of a run that is watched.
+
+    Attributes:
+        time_sec: When it was, seconds since the run began.
+        tick: In which tick, from 1.
+        number: The leaf's number.
+        deed: What the leaf did, in a word.
+    """
+
+    time_sec: float
+    tick: int
+    number: int
+    deed: str
+
+
+class AlarmCause(Enum):
+    """Why there is an alarm."""
+
+    BROKEN = "a property is broken"
+    OWED = "something still had to come when the run was over"
+    ASSUMPTION = "something is otherwise than proofs assume"
+    UNJUDGED = "a condition cannot be evaluated"
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether a property is broken."""
+        return self in (AlarmCause.BROKEN, AlarmCause.OWED)
+
+
+class WatchAlarm(NamedTuple):
+    """What is wrong with a run that is watched.
+
+    Attributes:
+        cause: Why.
+        about: The property's name; of an assumption, what it says.
+        event: The event, `OpenDoor opened`; empty if it is none.
+        tick: The number of the tick, from 1.
+        number: The leaf's number; None if it is none.
+        run: The last events that led there, in order: answers and halts, without what a leaf has answered in the tick before as well, and those that
+            the properties hear.
+    """
+
+    cause: AlarmCause
+    about: str
+    event: str
+    tick: int
+    number: int | None
+    run: tuple[WatchedEvent, ...]
+
+    @property
+    def text(self) -> str:
+        """The alarm in a sentence."""
+        if self.cause is AlarmCause.ASSUMPTION:
+            return f"Assumption failed: {self.about}"
+        if self.cause is AlarmCause.UNJUDGED:
+            return f"Not watched: {self.about}"
+        how = "owed at the end" if self.cause is AlarmCause.OWED else self.event or "at the end"
+        return f"Property broken: {self.about} ({how})"
+
+
+class _OwnKeys(FactVariables):
+    """Facts as they are assumed, and the keys of a tree that writes these itself."""
+
+    def create(self, name: str, value: ScriptValue) -> ScriptValue:
+        """Write a fact."""
+        return super().create(name, value) if self.is_fact(name) else value
+
+    def assign(self, name: str, value: ScriptValue) -> ScriptValue:
+        """Write a fact."""
+        return super().assign(name, value) if self.is_fact(name) else value
+
+
+class _HeldCondition:
+    """A condition as it was before what a leaf does has changed anything."""
+
+    def __init__(self, holds: Callable[[], bool], tell: Callable[[str], None]) -> None:
+        self._holds, self._tell = holds, tell
+        self.held = False
+
+    def take(self) -> None:
+        """Look whether it holds."""
+        try:
+            self.held = self._holds()
+        except ConditionError as error:
+            self.held = False
+            self._tell(str(error))
+
+
+class PropertyWatch:
+    """Watches one run of a tree.
+
+    Args:
+        simulated: The tree with stub leaves, whose facts begin as the run does; it is used up.
+        file: The file of properties; None for none.
+        tags: The tags of leaves that a tree can have.
+        watched: The tree that is watched, whose keys are read; by default these are those of the simulated one, in which only its leaves' scripts write.
+        clock: Returns the time, seconds since the run began.
+        limits: The facts that only say how often something happens at most. What a condition finds in one tick after the other (a mission that is
+            held) has happened once.
+
+    Raises:
+        TreeError: If the file says something that makes no sense for the tree; carries the findings.
+
+    Attributes:
+        file: The file of properties.
+        properties: The properties.
+        alarms: What was found wrong since these were taken last; a property and an assumption are told of once.
+        broken: The names of the properties that were broken.
+    """
+
+    def __init__(
+        self,
+        simulated: SimulatedTree,
+        file: PropertyFile | None,
+        tags: Collection[str] = (),
+        watched: CompiledTree | None = None,
+        clock: Callable[[], float] = lambda: 0.0,
+        limits: Collection[str] = (),
+    ) -> None:
+        prepared = Prepared(simulated, Alphabet(simulated))
+        keys = None if watched is None else watched.instance.scope
+        self.properties: Properties = properties_of(file, prepared, tags, keys)
+        if watched is not None:
+            _read_keys_of(watched, simulated)
+        self.file = file
+        self.alarms: list[WatchAlarm] = []
+        self.broken: set[str] = set()
+        self._told: set[str] = set()
+        self._clock = clock
+        self._leaves = {leaf.number: leaf for leaf in simulated.leaves}
+        self._alphabet, self._facts = prepared.alphabet, simulated.facts
+        self._numbers = _numbers(prepared.alphabet)
+        rules = self.properties.rules
+        self._looks: dict[int, list[_HeldCondition]] = {}
+        guarded = {
+            event: [self._looked(event, each) for each in some] for event, some in rules.guarded.items()
+        }
+        monitors = rules.monitors
+        self._trail = Trail(guarded, monitors.heard, monitors.after, EntryCells())
+        self._trail.begin(0)
+        self._tick, self._root = 1, ""
+        # The last events that properties hear, and the last others, each with its place in the run.
+        self._heard: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
+        self._others: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
+        self._count = 0
+        self._hears = monitors.heard.union(rules.guarded)
+        # Of each leaf: what it has done last, and in which tick.
+        self._last: dict[int, tuple[str, int]] = {}
+        self._spending = Spending(
+            spending_conditions(simulated, limits), [*map(simulated.facts.resolve, limits)]
+        )
+
+    @property
+    def remembered(self) -> int:
+        """What the properties remember, as a number: where it is the same, `owed` is."""
+        return self._trail.watched
+
+    @property
+    def owed(self) -> list[str]:
+        """The names of the properties by which something still has to come."""
+        owed = self.properties.rules.monitors.owed(self._trail.watched)
+        return [name for number, name in enumerate(self.properties.names) if owed >> number & 1]
+
+    def _looked(self, event: int, guard: Guarded) -> Guarded:
+        leaf, _ = self._alphabet.answers[event]
+        look = _HeldCondition(guard.holds, self._cannot_judge)
+        self._looks.setdefault(leaf.number, []).append(look)
+        return replace(guard, holds=lambda: look.held)
+
+    def take(self, event: Event) -> None:
+        """Take an event of a run that is read, or that was played."""
+        if event.what == TICKED:
+            self.end_tick(event.status)
+            return
+        self.looks(event.number)
+        if event.what == ANSWERED:
+            self.answers(event.number, event.status, event.label)
+        elif event.what == STARTED:
+            self.starts(event.number)
+        elif event.what == HALTED:
+            self.halts(event.number)
+
+    def raise_fact(self, name: str, by: int) -> None:
+        """Raise a fact that something else than a leaf has changed, such as a command; nothing happens where the tree has no such fact."""
+        entry = self._facts.resolve(name)
+        known = entry.read() if entry.exists else None
+        if isinstance(known, int | float):
+            entry.write(known + by)
+
+    def looks(self, number: int) -> None:
+        """Look at the conditions that decide whether the next event of a leaf counts; before it changes anything."""
+        for look in self._looks.get(number, ()):
+            look.take()
+
+    def starts(self, number: int) -> None:
+        """Take the start of a leaf."""
+        self._happens(number, STARTED)
+
+    def halts(self, number: int) -> None:
+        """Take that a leaf is stopped while it was running."""
+        self._happens(number, HALTED)
+
+    def answers(self, number: int, status: str, label: str = "") -> None:
+        """Take an answer of a leaf.
+
+        Args:
+            number: The leaf's number.
+            status: The status.
+            label: Which answer it means; empty if that is not known.
+        """
+        numbers = self._numbers.get((number, ANSWERED, status, label))
+        if numbers is None:
+            self._answers_unknown(number, status, label)
+            return
+        left = self._spending.before(number, label or status)
+        self._answer(number, numbers, label or status)
+        self._spending.after(left)
+
+    def _answer(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
+        """Take a declared answer, which can be one of some."""
+        (event, answer), excluded = numbers[0], None
+        if len(numbers) > 1 or (answer is not None and answer.when):
+            (event, answer), excluded = self._possible(number, numbers)
+        self._note(number, deed, is_heard=event in self._hears)
+        if excluded is not None:
+            self._tell_assumption(number, *excluded)
+        self._trail.take(event)
+        if self._trail.broken:
+            self._tell_broken(number, deed)
+        if answer is not None and answer.then:
+            self._change(self._leaves[number], answer)
+
+    def end_tick(self, root: str) -> None:
+        """Take the end of a tick, and what the root came to; empty if the tick was not finished."""
+        self._root = root
+        self._judge(is_over=False)
+        self._spending.end_tick()
+        self._spending.begin_tick()
+        self._tick += 1
+
+    def conclude(self, *, is_over: bool) -> None:
+        """Take the end of the run.
+
+        Args:
+            is_over: Whether it is over by its own condition, so that every tick from now on would leave all as it is; what is owed by a run that was stopped stays open.
+        """
+        if is_over:
+            self._tick -= 1
+            self._judge(is_over=True)
+
+    def _judge(self, *, is_over: bool) -> None:
+        outcome = WORDS.index(self._root)
+        try:
+            judgement = self.properties.rules.judge(outcome, self._trail.watched, True if is_over else None)
+        except ConditionError as error:
+            self._cannot_judge(str(error))
+            return
+        if judgement.ends:
+            self._tell(judgement.broken, "", None, judgement.pending)
+
+    def _happens(self, number: int, what: str) -> None:
+        for event, _ in self._numbers.get((number, what, "", ""), ()):
+            self._note(number, what, is_heard=event in self._hears)
+            self._trail.take(event)
+            if self._trail.broken:
+                self._tell_broken(number, what)
+
+    def _possible(
+        self, number: int, numbers: Sequence[tuple[int, Answer | None]]
+    ) -> tuple[tuple[int, Answer | None], tuple[str, str] | None]:
+        """Return the answer that can be meant; if none is possible now the first one, and why it is not (`only_when`)."""
+        leaf = self._leaves[number]
+        try:
+            for event, answer in numbers:
+                if answer is None or leaf.is_possible(answer):
+                    return (event, answer), None
+        except StubLeafError as error:
+            self._cannot_judge(str(error))
+            return numbers[0], None
+        return numbers[0], only_when(leaf, [answer for _, answer in numbers if answer is not None])
+
+    def _answers_unknown(self, number: int, status: str, label: str) -> None:
+        """Take an answer that a leaf has not declared, or of which it has not said which it is."""
+        self._note(number, label or status)
+        leaf = self._leaves.get(number)
+        if leaf is None:
+            return
+        known = [each for each in leaf.answers if each.status == status]
+        if label or not known:
+            self._tell_assumption(number, undeclared(leaf, status, label))
+        else:
+            listed = ", ".join(dict.fromkeys(answer.name for answer in known))
+            self._tell_assumption(number, f"'{leaf.name}' says which of its answers it gives: {listed}")
+
+    def _change(self, leaf: StubLeaf, answer: Answer) -> None:
+        try:
+            leaf.change(answer)
+        except StubLeafError as error:
+            self._cannot_judge(str(error))
+
+    def _note(self, number: int, deed: str, *, is_heard: bool = False) -> None:
+        if deed == STARTED and not is_heard:
+            return
+        last, self._last[number] = self._last.get(number), (deed, self._tick)
+        if last not in ((deed, self._tick), (deed, self._tick - 1)):
+            self._count += 1
+            event = WatchedEvent(self._clock(), self._tick, number, deed)
+            (self._heard if is_heard else self._others).append((self._count, event))
+
+    def _tell_broken(self, number: int, deed: str) -> None:
+        broken, self._trail.broken = self._trail.broken, 0
+        leaf = self._leaves[number]
+        word = "starts" if deed == STARTED else deed
+        self._tell(broken, f"{leaf.name} {word}", number, 0)
+
+    def _tell(self, broken: int, event: str, number: int | None, owed: int) -> None:
+        for place, name in enumerate(self.properties.names):
+            if broken >> place & 1 and name not in self.broken:
+                self.broken.add(name)
+                cause = AlarmCause.OWED if owed >> place & 1 else AlarmCause.BROKEN
+                self._raise(cause, name, event, number)
+
+    def _tell_assumption(self, number: int, about: str, now: str = "") -> None:
+        if about not in self._told:
+            self._told.add(about)
+            leaf = self._leaves[number]
+            self._raise(AlarmCause.ASSUMPTION, about + now, f"{leaf.name} {self._last[number][0]}", number)
+
+    def _cannot_judge(self, about: str) -> None:
+        if about not in self._told:
+            self._told.add(about)
+            self._raise(AlarmCause.UNJUDGED, about, "", None)
+
+    def _raise(self, cause: AlarmCause, about: str, event: str, number: int | None) -> None:
+        run = tuple(event for _, event in sorted((*self._others, *self._heard)))
+        self.alarms.append(WatchAlarm(cause, about, event, self._tick, number, run))
+
+
+def only_when(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
+    """Return when a leaf gives some answers, none of which is possible now, and what is so now, in words."""
+    whens = dict.fromkeys(answer.when for answer in answers)
+    names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
+    values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)
+    return f"'{leaf.name}' answers '{answers[0].name}' only when {' or '.join(whens)}", f"; {values}"
+
+
+def _value(leaf: StubLeaf, name: str) -> str:
+    try:
+        return repr(leaf.variables.read(name))
+    except VariableError:
+        return "not known"
+
+
+def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
+    """Return what a leaf answers that has given an answer which is none of these, in words."""
+    listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
+    return f"'{leaf.name}' answers {listed}, and this was {label or status}"
+
+
+def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
+    """Let stub leaves read the keys of a tree that is ticked.
+
+    Raises:
+        OtherTreeError: If it has other nodes.
+    """
+    behaviours = [*pre_order(watched.root)]
+    if [each.name for each in behaviours] != [each.name for each in pre_order(simulated.root)]:
+        raise OtherTreeError(
+            "the tree has nodes of which proofs do not know what they tick; nobody can watch it for properties"
+        )
+    for leaf in simulated.leaves:
+        scope = watched.origins.construction(behaviours[leaf.number].id).instance.scope
+        leaf.variables = _OwnKeys(simulated.facts, scope, leaf.variables.enums)
+
+
+def _numbers(alphabet: Alphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Answer | None]]]:
+    """Return the numbers of events, with the answers, by the leaf's number, what it does, status and label.
+
+    Where a status has one answer only, a leaf need not say which it is.
+    """
+    numbers: dict[tuple[int, str, str, str], list[tuple[int, Answer | None]]] = {}
+    labels: dict[tuple[int, str], set[str]] = {}
+    for number, (event, (_, answer)) in enumerate(zip(alphabet.events, alphabet.answers, strict=True)):
+        key = event.number, event.what, event.status, event.label
+        numbers.setdefault(key, []).append((number, answer))
+        labels.setdefault((event.number, event.status), set()).add(event.label)
+    for (leaf, status), known in labels.items():
+        if status and len(known) == 1:
+            numbers[leaf, ANSWERED, status, ""] = numbers[leaf, ANSWERED, status, known.pop()]
+    return numbers

@@ -1,0 +1,546 @@
+"""Runs of a tree by a scenario, on a clock that is moved by hand: leaves that answer what it says, what it expects, coverage."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from random import Random
+from typing import NamedTuple
+from uuid import UUID
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from sar_compiler.analysis.leaf_words import EventPattern
+from sar_compiler.analysis.simulate.scenario_files import OWN, AnswerStep, Scenario
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.runtime.answers import STATUSES, Answer, chances, middle, nominal
+from sar_compiler.runtime.clock import Clock
+from sar_compiler.runtime.evaluation import EvaluationError, Program
+from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.chances import TOLERANCE_SEC
+from sar_compiler.runtime.kernel.live import LiveTree
+from sar_compiler.runtime.kernel.tree_nodes import Visit
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf
+from sar_compiler.runtime.variables import (
+    Enums,
+    ScriptValue,
+    UnknownVariableError,
+    VariableError,
+    unknown_value_of,
+)
+from sar_compiler.tree.guessing import did_you_mean, nearest
+
+
+class RunVariables(FactVariables):
+    """The variables of a scenario's conditions, which only read.
+
+    Attributes:
+        now: What the names of the run itself stand for.
+    """
+
+    def __init__(self, simulated: SimulatedTree) -> None:
+        super().__init__(simulated.facts, simulated.compiled.instance.scope, Enums(simulated.enums))
+        self.now: Mapping[str, ScriptValue] = {}
+        self._simulated = simulated
+
+    def read(self, name: str) -> ScriptValue:
+        """Return a value; raises as `Variables` says, with the name that was probably meant."""
+        if name in self.now:
+            return self.now[name]
+        try:
+            return super().read(name)
+        except UnknownVariableError as error:
+            near = nearest(name, [*OWN, *self._simulated.fact_values()])
+            raise VariableError(f"{error}{did_you_mean(near)}") from error
+
+
+class ScriptedError(SarError):
+    """A scenario demands an answer that a leaf cannot give at this point of the run."""
+
+
+class Drawn(NamedTuple):
+    """One choice that was made for a leaf.
+
+    Attributes:
+        leaf: The leaf.
+        answer: The label or the status of the answer.
+        after_sec: For how long it runs before, seconds.
+        usual: Whether that is what the leaf usually answers.
+    """
+
+    leaf: StubLeaf
+    answer: str
+    after_sec: float = 0.0
+    usual: bool = True
+
+
+class Scripted:
+    """Chooses the answers of leaves by a scenario; leaves that it does not mention answer by their chances, or what is usual.
+
+    Args:
+        scenario: What leaves answer, step by step, and what chance decides.
+        variables: What the conditions of steps see.
+        clock: What times are measured with.
+
+    Attributes:
+        choices: What was chosen so far, in order.
+    """
+
+    def __init__(self, scenario: Scenario, variables: RunVariables, clock: Clock) -> None:
+        self.choices: list[Drawn] = []
+        self._random = Random(scenario.seed)  # noqa: S311 - it must be possible to repeat a run
+        self._unusual = scenario.unusual
+        scripts = scenario.scripts.items()
+        self._clock = clock
+        self._plans: dict[StubLeaf, _Plan | _ByChance] = {
+            leaf: _Plan(leaf, [*map(_Left, steps)], self._random, variables, clock) for leaf, steps in scripts
+        }
+
+    def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
+        """Return the scenario's answer, or else the usual one.
+
+        Raises:
+            ScriptedError: If the leaf cannot answer that now.
+        """
+        plan = self._plans.get(leaf)
+        if plan is None and leaf.is_by_chance:
+            plan = self._plans[leaf] = _ByChance(leaf, self._random, self._clock)
+        if plan is not None:
+            return plan.choose(options, self.choices)
+        answer = usual = nominal(options)
+        if self._unusual and self._random.random() < self._unusual:
+            others = [each for each in options if each.status != "RUNNING" and each != usual]
+            answer = self._random.choice(others or [usual])
+        self.choices.append(Drawn(leaf, answer.name, usual=answer == usual))
+        return answer
+
+
+@dataclass(eq=False)
+class _ByChance:
+    """What a leaf of which chances or times are known answers, and after which time: chosen when it begins, as `kernel.chances` does."""
+
+    leaf: StubLeaf
+    random: Random
+    clock: Clock
+    _answer: Answer | None = None
+    _until: float = 0.0
+
+    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
+        """Return the leaf's next answer, and record the choice."""
+        now = self.clock.now() + TOLERANCE_SEC
+        if self.leaf.status is not Status.RUNNING or (now >= self._until and self._answer not in options):
+            self._draw(options, choices)
+        running = [answer for answer in options if answer.status == "RUNNING"]
+        if self._answer is None or (running and now < self._until):
+            return running[0]
+        return self._answer
+
+    def _draw(self, options: Sequence[Answer], choices: list[Drawn]) -> None:
+        ending = [answer for answer in options if answer.status != "RUNNING"]
+        self._answer = None
+        if ending:
+            self._answer = self.random.choices(ending, middle(chances(ending)))[0]
+            after_sec = round(self.random.uniform(*self._answer.sec), 3)
+            self._until = self.clock.now() + after_sec
+            usual = self._answer == nominal(options) and not after_sec
+            choices.append(Drawn(self.leaf, self._answer.name, after_sec, usual=usual))
+
+
+@dataclass(eq=False)
+class _Plan:
+    leaf: StubLeaf
+    steps: "Sequence[_Left]"
+    random: Random
+    variables: RunVariables
+    clock: Clock
+    _current: Drawn | None = None
+    _since: float = 0.0
+
+    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
+        """Return the leaf's next answer, and record the choice."""
+        if self.leaf.status is not Status.RUNNING:
+            self._current = None  # what was interrupted counts as taken
+        if self._current is None:
+            self._current = self._next(options)
+            self._since = self.clock.now()
+            choices.append(self._current)
+        choice = self._current
+        if self.clock.now() - self._since < choice.after_sec - TOLERANCE_SEC:
+            return self._named("RUNNING", options)
+        self._current = None
+        at_once = choice.usual and not choice.after_sec
+        return nominal(options) if at_once else self._named(choice.answer, options)
+
+    def _next(self, options: Sequence[Answer]) -> Drawn:
+        """Return what is chosen of the steps that are left, or else what is usual."""
+        step = next((left.step for left in self.steps if left.take(self._holds, self.random)), None)
+        usual = nominal(options)
+        if step is None:
+            return Drawn(self.leaf, usual.name)
+        after_sec = step.after_sec
+        if step.longest_sec > after_sec:
+            after_sec = round(self.random.uniform(after_sec, step.longest_sec), 3)
+        return Drawn(self.leaf, step.answer, after_sec, _by_name(step.answer, options)[:1] == [usual])
+
+    def _named(self, name: str, options: Sequence[Answer]) -> Answer:
+        found = _by_name(name, options)
+        if found:
+            return found[0]
+        leaf = self.leaf
+        conditions = [a.when for a in leaf.answers if name in (a.label, a.status) and a.when]
+        raise ScriptedError(
+            f"'{leaf.name}' cannot answer '{name}' here: that needs {' or '.join(conditions)}; it can answer "
+            f"{', '.join(answer.name for answer in options)}"
+        )
+
+    def _holds(self, step: AnswerStep) -> bool:
+        if step.when is None:
+            return True
+        try:
+            return step.when.holds(self.variables)
+        except EvaluationError as error:
+            raise ScriptedError(f"'{self.leaf.name}': when '{step.when.script.text}': {error}") from error
+
+
+def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:
+    """Return the answers that a label or a status names, those with the label first."""
+    labelled = [answer for answer in options if answer.label == name]
+    return labelled + [answer for answer in options if answer.status == name]
+
+
+_Holds = Callable[[AnswerStep], bool]
+
+
+class _Left:
+    """The number of times that a step can still be taken."""
+
+    def __init__(self, step: AnswerStep) -> None:
+        self.step = step
+        self._left = step.times
+        self._chances = 0
+
+    def take(self, holds: _Holds, random: Random) -> bool:
+        """Take the step, if that can be now."""
+        if self._left == 0 or not holds(self.step):
+            return False
+        self._chances += 1
+        if self._chances % self.step.every:
+            return False
+        if self.step.chance < 1.0 and random.random() >= self.step.chance:
+            return False
+        if self._left is not None:
+            self._left -= 1
+        return True
+
+
+_ROOT_IS_DONE = Program(parse("root == 'SUCCESS' || root == 'FAILURE'"))
+
+
+class UntilError(SarError):
+    """The condition that ends a run cannot be evaluated."""
+
+
+@dataclass
+class Run:
+    """A run so far.
+
+    Attributes:
+        simulated: The tree.
+        scenario: The scenario.
+        ticks: Its ticks.
+        ended: Whether the condition for its end has come true.
+        trouble: What broke it off; empty if nothing did.
+        is_undecided: Whether that is a value that is needed and not known.
+    """
+
+    simulated: SimulatedTree
+    scenario: Scenario
+    ticks: list[TickRecord] = field(default_factory=list)
+    ended: bool = False
+    trouble: str = ""
+    is_undecided: bool = False
+
+    @property
+    def events(self) -> Iterator[Event]:
+        """What has happened, one by one."""
+        return (event for tick in self.ticks for event in tick.events)
+
+    @property
+    def root(self) -> str:
+        """The root's status after the last tick; `INVALID` before the first one."""
+        return self.ticks[-1].root if self.ticks else "INVALID"
+
+    @property
+    def time_sec(self) -> float:
+        """When the last tick was, seconds from the first one."""
+        return self.ticks[-1].time_sec if self.ticks else 0.0
+
+
+class Player:
+    """Ticks a simulated tree by a scenario, tick by tick.
+
+    Args:
+        simulated: The tree.
+        scenario: The scenario.
+        variables: What its conditions see.
+        tick_tree: Ticks the tree, and returns the number of the outcome.
+
+    Attributes:
+        run: What has come of it so far.
+        scripted: What has chosen the answers.
+    """
+
+    def __init__(
+        self,
+        simulated: SimulatedTree,
+        scenario: Scenario,
+        variables: RunVariables,
+        tick_tree: Callable[[], int],
+    ) -> None:
+        self.run = Run(simulated, scenario)
+        self._simulated = simulated
+        self._variables = variables
+        self._tick_tree = tick_tree
+        self._start_sec = simulated.clock.now()
+        self._until = scenario.until or _ROOT_IS_DONE
+        self.scripted = Scripted(scenario, variables, simulated.clock)
+        simulated.policy = self.scripted
+
+    def tick(self) -> TickRecord:
+        """Tick the tree once, a period after the last time.
+
+        Raises:
+            Exception: Whatever a node raises.
+        """
+        simulated, run = self._simulated, self.run
+        if run.ticks:
+            simulated.clock.advance(run.scenario.period_sec)
+        number, time_sec = len(run.ticks) + 1, round(simulated.clock.now() - self._start_sec, 6)
+        self._variables.now = {"root": run.root, "tick": number, "time": time_sec}
+        simulated.events.clear()
+        root = ""
+        try:
+            root = WORDS[self._tick_tree()]
+        finally:
+            events = with_end(simulated.events, simulated.root.name, root, number, time_sec)
+            run.ticks.append(self._record(events))
+        self._variables.now = {"root": root, "tick": number, "time": time_sec}
+        return run.ticks[-1]
+
+    def _record(self, events: tuple[Event, ...]) -> TickRecord:
+        """Return what a tick has come to, of which leaves have done something."""
+        return TickRecord(events, {}, {})
+
+    def is_over(self) -> bool:
+        """Return whether the condition for the end is true now.
+
+        Raises:
+            UntilError: If that cannot be said.
+        """
+        try:
+            self.run.ended = self._until.holds(self._variables)
+        except EvaluationError as error:
+            raise UntilError(f"until '{self._until.script.text}': {error}") from error
+        return self.run.ended
+
+    def go(self, is_spent: Callable[[], bool] = lambda: False) -> Run:
+        """Tick until the end, until an error, or until a budget is spent, which is asked before each tick."""
+        run = self.run
+        try:
+            while len(run.ticks) < run.scenario.max_ticks and not is_spent():
+                self.tick()
+                if self.is_over():
+                    break
+        except Exception as error:  # noqa: BLE001 - whatever a user's decorator raises ends a real run as well
+            run.trouble = self._simulated.explain(error)
+            run.is_undecided = unknown_value_of(error) is not None
+        return run
+
+
+class ScenarioPlayer(Player):
+    """Ticks a tree that was compiled for one run, and records everything that changes.
+
+    Args:
+        simulated: The tree.
+        scenario: The scenario.
+    """
+
+    def __init__(self, simulated: SimulatedTree, scenario: Scenario) -> None:
+        tree = LiveTree(simulated.root, is_strict=True)
+        self._visits: list[Visit] = []
+        tick_tree = partial(tree.tick_and_visit, self._visits)
+        super().__init__(simulated, scenario, RunVariables(simulated), tick_tree)
+        self._facts: Mapping[str, object] = dict(simulated.fact_values())
+        self._keys = _keys(simulated)
+
+    def _record(self, events: tuple[Event, ...]) -> TickRecord:
+        simulated = self._simulated
+        statuses = {visit.behaviour.id: WORDS[visit.outcome] for visit in self._visits}
+        self._visits.clear()
+        facts, keys = dict(simulated.fact_values()), _keys(simulated)
+        changed, written = value_changes(self._facts, facts), value_changes(self._keys, keys)
+        self._facts, self._keys = facts, keys
+        return TickRecord(events, changed, written, statuses)
+
+
+def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
+    """Return the entries of the tree's blackboard, by their keys; those of a subtree with its path before."""
+    return simulated.compiled.board.values()
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An expectation that does not hold.
+
+    Attributes:
+        expected: The word of the expectation in a scenario; `run` for a run that could not be finished.
+        message: What is the case instead.
+        line: Where the scenario says it; 0 where it does not.
+    """
+
+    expected: str
+    message: str
+    line: int = 0
+
+
+def failures(run: Run) -> list[Failure]:
+    """Return what does not hold of the expectations of a run's scenario, but for its trace."""
+    if run.trouble:
+        return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
+    lines = run.scenario.expect.lines
+    return [Failure(place.split()[0], message, lines.get(place, 0)) for place, message in _all(run)]
+
+
+def _all(run: Run) -> Iterator[tuple[str, str]]:
+    """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
+    expect = run.scenario.expect
+    yield from _ending(run)
+    if expect.root is not None and run.root != expect.root:
+        yield "root", f"the root is {run.root} in the last tick; expected {expect.root}"
+    values = run.simulated.fact_values()
+    for name, fact in expect.facts.items():
+        if values.get(name) != fact:
+            yield (
+                f"facts {name}",
+                f"the fact '{name}' is {values.get(name)!r} at the end; expected {fact!r}",
+            )
+    yield from _order(run)
+    for deed in expect.never:
+        event = next(filter(deed.matches, run.events), None)
+        if event is not None:
+            yield f"never {deed.text}", f"'{deed.text}' happens in tick {event.tick} ({event.time_sec:g} s)"
+    for deed, bounds in expect.counts:
+        number = sum(map(deed.matches, run.events))
+        if number < bounds.least or (bounds.most is not None and number > bounds.most):
+            yield f"count {deed.text}", f"'{deed.text}' {_times(number)}; expected {bounds}"
+
+
+def _ending(run: Run) -> Iterator[tuple[str, str]]:
+    expect, last = run.scenario.expect, f"tick {len(run.ticks)} ({run.time_sec:g} s)"
+    if run.ended != expect.ends:
+        until = run.scenario.until
+        what = f"until '{until.script.text}' is" if until else "the root has"
+        how = "true" if until else "succeeded or failed"
+        if run.ended:
+            yield "ends", f"the run ends with {last}: {what} {how}"
+        else:
+            yield "ends", f"the run has not ended by {last}: {what} not {how} yet"
+    elif run.ended and expect.within_ticks is not None and len(run.ticks) > expect.within_ticks:
+        yield "within", f"the run ends with {last}, not by tick {expect.within_ticks}"
+    elif run.ended and expect.within_sec is not None and run.time_sec > expect.within_sec:
+        yield "within", f"the run ends with {last}, not by {expect.within_sec:g} s"
+
+
+def _order(run: Run) -> Iterator[tuple[str, str]]:
+    """Search for the events of an order, each after the one before."""
+    events = run.events
+    before: EventPattern | None = None
+    for deed in run.scenario.expect.order:
+        if not any(map(deed.matches, events)):
+            place = f" after '{before.text}'" if before else ""
+            yield f"order {deed.text}", f"'{deed.text}' does not happen{place}"
+            return
+        before = deed
+
+
+def _times(number: int) -> str:
+    return "never happens" if not number else f"happens {'once' if number == 1 else f'{number} times'}"
+
+
+@dataclass
+class Covered:
+    """The outcomes seen of one node of the file, in all instances of its tree.
+
+    Attributes:
+        bound: The node.
+        ticked: Whether it was ever ticked.
+        outcomes: All that it can come to, if it is a leaf: the names of its answers.
+        seen: What of it has been seen.
+    """
+
+    bound: BoundNode
+    ticked: bool = False
+    outcomes: list[str] = field(default_factory=list)
+    seen: set[str] = field(default_factory=set)
+
+    @property
+    def unseen(self) -> list[str]:
+        """The outcomes that were not seen."""
+        return [outcome for outcome in self.outcomes if outcome not in self.seen]
+
+
+class Coverage:
+    """Collects what runs have shown of the nodes of a file."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[tuple[str, int, int], Covered] = {}
+
+    @property
+    def nodes(self) -> list[Covered]:
+        """The nodes, file by file, in the order of each."""
+        return [self._nodes[place] for place in sorted(self._nodes)]
+
+    @property
+    def never_ticked(self) -> list[Covered]:
+        """The nodes that no run has ticked."""
+        return [node for node in self.nodes if not node.ticked]
+
+    @property
+    def unseen(self) -> list[Covered]:
+        """The leaves that were ticked, with outcomes that no run has shown."""
+        return [node for node in self.nodes if node.ticked and node.unseen]
+
+    def add(self, run: Run) -> None:
+        """Add the outcomes that a run has shown."""
+        origins = run.simulated.compiled.origins
+        nodes: dict[UUID, Covered] = {}
+        leaves = {leaf.number: leaf.id for leaf in run.simulated.leaves}
+        for behaviour in run.simulated.root.iterate():
+            bound = origins[behaviour.id].bound
+            # What is wrapped around a node (conditions, a OneShot) has another name, and is not the node.
+            if behaviour.name == bound.name:
+                covered = nodes[behaviour.id] = self._nodes.setdefault(_place(bound), Covered(bound))
+                covered.outcomes = list(dict.fromkeys([*covered.outcomes, *_outcomes(behaviour, bound)]))
+        for event in run.events:
+            if event.answer:
+                nodes[leaves[event.number]].seen.add(event.answer)
+        for tick in run.ticks:
+            for node in tick.statuses.keys() & nodes.keys():
+                nodes[node].ticked = True
+                nodes[node].seen.add(tick.statuses[node])
+
+
+def _outcomes(behaviour: Behaviour, bound: BoundNode) -> list[str]:
+    if isinstance(behaviour, StubLeaf):
+        return [answer.name for answer in behaviour.answers]
+    leaf = bound.spec.kind.is_leaf and not behaviour.children
+    return [status for status in STATUSES if leaf and status in bound.spec.outcomes]
+
+
+def _place(bound: BoundNode) -> tuple[str, int, int]:
+    element = bound.element
+    return element.source.path, element.line, element.column

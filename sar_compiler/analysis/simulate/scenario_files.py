@@ -1,0 +1,402 @@
+"""Scenarios, as plain data and read from files; every mistake in one is a finding with its place."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from sar_compiler.analysis.assumptions import (
+    StartValues,
+    check_answers,
+    raise_disputes,
+    read_assumptions,
+    start_assumptions,
+    take_controls,
+)
+from sar_compiler.analysis.leaf_words import EventPattern, LeafWords, parameters, seconds, span_sec, word
+from sar_compiler.checks.configuration import path_inside
+from sar_compiler.compiler import bind_main
+from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated, match_rank
+from sar_compiler.documents.located import Document, Value
+from sar_compiler.documents.yaml_files import read_yaml
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.opener import SCENARIO
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.evaluation import Program
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.guessing import nearest
+from sar_compiler.tree.model import TreeFile
+
+PERIOD_SEC = 0.5
+"""The default time between two ticks, seconds: 2 Hz, as `sar-run` ticks."""
+OWN = ("root", "tick", "time")
+"""The names of values of the run itself."""
+
+MAX_TICKS = 1000
+"""The default limit: a run is stopped after this many ticks."""
+
+
+@dataclass(frozen=True)
+class AnswerStep:
+    """One step of a script: an answer given once, or a number of times.
+
+    Attributes:
+        answer: The label or the status of the answer.
+        after_sec: For how long it runs before, seconds.
+        longest_sec: If above `after_sec`, it runs for a time between the two, chosen by chance.
+        when: Takes the step only where this is true; None: always.
+        times: How often the step is taken; None for any number.
+        every: Takes the step only at every n-th chance.
+        chance: The probability with which the step is taken where it could be.
+    """
+
+    answer: str
+    after_sec: float = 0.0
+    longest_sec: float = 0.0
+    when: Program | None = None
+    times: int | None = 1
+    every: int = 1
+    chance: float = 1.0
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The number of times that something may happen.
+
+    Attributes:
+        least: At least.
+        most: At most; None for any number.
+    """
+
+    least: int
+    most: int | None
+
+    def __str__(self) -> str:
+        if self.least == self.most:
+            return str(self.least)
+        return f"at least {self.least}" if self.most is None else f"at most {self.most}"
+
+
+@dataclass(frozen=True)
+class Expectations:
+    """The expected results of a run.
+
+    Attributes:
+        root: The root's status after the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
+        ends: Whether the run ends, before it is broken off.
+        within_ticks: The largest number of ticks to the end.
+        within_sec: The longest time to the end, in seconds.
+        facts: Facts at the end.
+        order: Each happens after the one before.
+        never: None of these happens.
+        counts: How often these happen.
+        trace: A file that holds the trace.
+        lines: The lines in the scenario's file, by the word there, and what stands below it: `root`, `facts at`,
+            `never NotifyBase refused`.
+    """
+
+    root: str | None = None
+    ends: bool = True
+    within_ticks: int | None = None
+    within_sec: float | None = None
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    order: tuple[EventPattern, ...] = ()
+    never: tuple[EventPattern, ...] = ()
+    counts: tuple[tuple[EventPattern, Bounds], ...] = ()
+    trace: Path | None = None
+    lines: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scripted run.
+
+    Attributes:
+        name: What it is called.
+        path: Its file; empty where there is none.
+        period_sec: The time between two ticks, seconds.
+        max_ticks: The number of ticks after which it is broken off.
+        until: It ends when this is true; None: when the root has succeeded or failed.
+        scripts: What leaves answer; any other leaf answers what is usual.
+        expect: What must be true of it.
+        seed: Of all that chance decides in it.
+        unusual: The probability with which a leaf of which the scripts say nothing answers what is not usual.
+        warnings: Findings about its file with which it can be played.
+    """
+
+    name: str = "as usual"
+    path: str = ""
+    period_sec: float = PERIOD_SEC
+    max_ticks: int = MAX_TICKS
+    until: Program | None = None
+    scripts: Mapping[StubLeaf, tuple[AnswerStep, ...]] = field(default_factory=dict)
+    expect: Expectations = field(default_factory=Expectations)
+    seed: int = 0
+    unusual: float = 0.0
+    warnings: tuple[Diagnostic, ...] = ()
+
+
+def read_expectations(value: Value | None, words: LeafWords) -> Expectations:
+    """Read what a scenario expects; reports what cannot be expected."""
+    document, parts = words.document, {} if value is None else value.mapping
+    plain = {} if value is None else value.data
+    ticks, limit_sec = _within(parts["within"]) if "within" in parts else (None, None)
+    return Expectations(
+        root=plain.get("root"),
+        ends=plain.get("ends", True),
+        within_ticks=ticks,
+        within_sec=limit_sec,
+        facts=_facts(document, parts["facts"], words.simulated.fact_values()) if "facts" in parts else {},
+        order=_deeds(parts.get("order"), words),
+        never=_deeds(parts.get("never"), words),
+        counts=_counts(parts["count"], words) if "count" in parts else (),
+        trace=path_inside(document, Path(document.source.path).parent, parts["trace"], "trace")
+        if "trace" in parts
+        else None,
+        lines=dict(_lines(document, parts)),
+    )
+
+
+def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
+    """Yield the names of the expectations, and their contents, with their lines."""
+    for name, value in parts.items():
+        yield name, document.source.place(value.start)[0]
+        below = [key for key, _ in value.entries] if value.entries is not None else value.listed
+        for key in below:
+            yield f"{name} {key.text}", document.source.place(key.start)[0]
+
+
+def _within(value: Value) -> tuple[int | None, float | None]:
+    text = value.text or ""
+    return (int(text.split()[0]), None) if "tick" in text else (None, seconds(value))
+
+
+def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[str, Fact]:
+    facts: dict[str, Fact] = {}
+    for key, inner in value.entries or ():
+        name = key.text or ""
+        if name not in known:
+            message = f"there is no fact '{name}'; there is {', '.join(known) or 'none'}"
+            document.report("unknown-fact", message, key, suggestion=nearest(name, known))
+        else:
+            facts[name] = inner.data
+    return facts
+
+
+def _deeds(value: Value | None, words: LeafWords) -> tuple[EventPattern, ...]:
+    deeds = [] if value is None else [words.deed(item) for item in value.listed]
+    return tuple(deed for deed in deeds if deed is not None)
+
+
+def _counts(value: Value, words: LeafWords) -> tuple[tuple[EventPattern, Bounds], ...]:
+    counts = []
+    for key, inner in value.entries or ():
+        deed = words.deed(key)
+        if deed is not None:
+            counts.append((deed, _bounds(inner.data)))
+    return tuple(counts)
+
+
+def _bounds(said: float | str) -> Bounds:
+    """Read `2`, `at least 2` or `at most 2`."""
+    *which, number = said.split() if isinstance(said, str) else [said]
+    return Bounds(0 if "most" in which else int(number), None if "least" in which else int(number))
+
+
+_ALWAYS = "always"
+
+
+def read_scripts(value: Value, words: LeafWords) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
+    """Return the steps of each leaf of which a scenario says something.
+
+    Where several keys name a leaf, its path counts before its name, and its name before its tag.
+    """
+    scripts: dict[StubLeaf, tuple[AnswerStep, ...]] = {}
+    ranks: dict[StubLeaf, int] = {}
+    for key, inner in value.entries or ():
+        leaves = words.find(key)
+        steps = _steps(inner, words, leaves)
+        for leaf in leaves:
+            rank = match_rank(key.text or "", leaf.path, leaf.tag)
+            if rank > ranks.get(leaf, 0):
+                scripts[leaf], ranks[leaf] = steps, rank
+    return scripts
+
+
+def _steps(value: Value, words: LeafWords, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
+    """Read one step that is always taken, or a list of steps that are taken once each, but for those every n-th time."""
+    one = value.items is None
+    steps = [_step(item, words, leaves, always=one) for item in value.listed]
+    return tuple(step for step in steps if step is not None)
+
+
+def _step(value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always: bool) -> AnswerStep | None:
+    times = None if always else 1
+    if value.entries is None:
+        answer = words.answer(value, leaves) if leaves else None
+        return None if answer is None else AnswerStep(answer, times=times)
+    parts = value.mapping
+    answer = words.answer(parts["answer"], leaves) if leaves else None
+    after = parts.get("after")
+    if after is not None:
+        _check_running(words.document, after, leaves)
+    least, longest = span_sec(after) if after else (0.0, 0.0)
+    step = AnswerStep(
+        answer or "",
+        after_sec=least,
+        longest_sec=longest,
+        when=_program(words.condition(parts.get("when"), OWN), words.simulated),
+        times=_times(parts["times"]) if "times" in parts else None if "every" in parts else times,
+        every=int(parts["every"].data) if "every" in parts else 1,
+        chance=float(parts["chance"].data) if "chance" in parts else 1.0,
+    )
+    return step if answer is not None else None
+
+
+def _program(condition: Script | None, simulated: SimulatedTree) -> Program | None:
+    return None if condition is None else Program(condition, simulated.enums)
+
+
+def _times(value: Value) -> int | None:
+    return None if value.data == _ALWAYS else int(value.data)
+
+
+def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:
+    for leaf in leaves:
+        if all(answer.status != "RUNNING" for answer in leaf.answers):
+            message = f"'{leaf.name}' answers at once: it never runs, so nothing can come after a time"
+            document.report("wrong-value", message, value, hint="leave 'after' out")
+
+
+_EMPTY_HINT = "write leaves: with what they answer, and expect: with what must come of it"
+
+
+@dataclass(eq=False, repr=False)
+class Stage:
+    """A tree file on which scenarios are played.
+
+    Attributes:
+        forest: The file and what it includes.
+        registry: What tags mean.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
+        tree_id: The tree that is played where a scenario names none; by default the one that the file executes.
+        start: Returns what the parameters of a mission say of the runs of a tree.
+    """
+
+    forest: Forest
+    registry: Registry
+    palettes: tuple[TreeFile, ...] = ()
+    tree_id: str | None = None
+    start: Callable[[Binding], StartValues] = lambda _binding: StartValues()
+    _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
+
+    def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
+        """Return a tree of the file with what a scenario says of its controls and decorators; raises as `binding`."""
+        binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
+        files = (*self.palettes, *self.forest.files)
+        take_controls(document, controls, binding, self.registry, files)
+        return binding
+
+    def binding(self, tree_id: str | None = None) -> Binding:
+        """Return a tree of the file, bound.
+
+        Raises:
+            TreeError: If there is none, or anything in it is wrong.
+        """
+        wanted = tree_id or self.tree_id
+        if wanted not in self._bindings:
+            self._bindings[wanted] = bind_main(self.forest, self.registry, wanted, self.palettes)
+        return self._bindings[wanted]
+
+    def play(self) -> "Play":
+        """Return the tree without a scenario: every leaf answers what is usual.
+
+        Raises:
+            TreeError: If the tree cannot be used.
+            DisputedFactError: If its leaves start a fact with different values.
+        """
+        binding = self.binding()
+        start = self.start(binding)
+        simulated = _simulated(binding, start.parameters, lambda plain: start_assumptions(start, plain))
+        raise_disputes(simulated)
+        return Play(simulated, Scenario(period_sec=start.period_sec or PERIOD_SEC))
+
+
+@dataclass(frozen=True)
+class Play:
+    """A tree, simulated for a scenario.
+
+    Attributes:
+        simulated: The tree.
+        scenario: The scenario.
+    """
+
+    simulated: SimulatedTree
+    scenario: Scenario
+
+
+def read_scenario(path: str | Path, stage: Stage) -> Play:
+    """Read a scenario.
+
+    Raises:
+        UnreadableFileError: If the file is not there or cannot be read.
+        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+    """
+    return understand(read_yaml(path, SCENARIO, _EMPTY_HINT), stage)
+
+
+def understand(document: Document, stage: Stage) -> Play:
+    """Return the tree and the scenario that a file describes.
+
+    Raises:
+        TreeError: If anything is wrong with it, or with the tree; carries all the findings.
+    """
+    parts = document.validate("scenario").mapping
+    with document.findings_first():
+        binding = _binding(document, parts.get("tree"), parts.get("controls"), stage)
+        if "enums" in parts:
+            binding = replace(binding, enums={**binding.enums, **parts["enums"].data})
+        start = stage.start(binding)
+        facts, answers = parts.get("facts"), parts.get("answers")
+        simulated = _simulated(
+            binding,
+            {**start.parameters, **parameters(parts.get("parameters"))},
+            lambda plain: start_assumptions(start, plain) | read_assumptions(document, facts, answers, plain),
+        )
+        for message in simulated.disputes.values():
+            document.report("missing-value", message, facts or document.root)
+    words = LeafWords(document, simulated)
+    check_answers(answers, words)
+    path = document.source.path
+    scenario = Scenario(
+        name=(parts["name"].text if "name" in parts else None) or Path(path).stem,
+        path=path,
+        period_sec=seconds(parts["period"]) if "period" in parts else start.period_sec or PERIOD_SEC,
+        max_ticks=int(parts["ticks"].data) if "ticks" in parts else MAX_TICKS,
+        until=_program(words.condition(parts.get("until"), OWN), simulated),
+        scripts=read_scripts(parts["leaves"], words) if "leaves" in parts else {},
+        expect=read_expectations(parts.get("expect"), words),
+        warnings=document.warnings,
+    )
+    document.raise_findings()
+    return Play(simulated, scenario)
+
+
+def _binding(document: Document, tree: Value | None, controls: Value | None, stage: Stage) -> Binding:
+    tree_id = None if tree is None else word(document, tree, stage.forest.trees, "the tree")
+    return stage.binding(tree_id) if controls is None else stage.with_controls(document, controls, tree_id)
+
+
+def _simulated(
+    binding: Binding,
+    parameters: Mapping[str, object],
+    assumptions_for: Callable[[SimulatedTree], Assumptions],
+) -> SimulatedTree:
+    """Compile the tree for simulation, with all that is assumed of it."""
+    # What may be assumed depends on the leaves, so the tree is looked at first.
+    plain = compile_simulated(binding, parameters)
+    assumed = assumptions_for(plain)
+    return plain if assumed == Assumptions() else compile_simulated(binding, parameters, assumed)

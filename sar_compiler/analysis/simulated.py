@@ -1,0 +1,118 @@
+"""Ticking a loaded tree by a script, and comparing the result with expectations."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from sar_compiler.analysis.leaf_words import LeafWords
+from sar_compiler.analysis.simulate.running import Failure, Run, ScenarioPlayer, failures
+from sar_compiler.analysis.simulate.scenario_files import Play, read_expectations, read_scenario, understand
+from sar_compiler.analysis.trace_view import failure_line, trace
+from sar_compiler.analysis.tree_analysis import stage_of
+from sar_compiler.checks.golden import compare_golden
+from sar_compiler.documents.located import Document
+from sar_compiler.documents.yaml_files import document_of
+from sar_compiler.project.project_tree import ProjectTree
+
+
+def simulate_tree(tree: ProjectTree, script: Mapping[str, object]) -> "Simulated":
+    """Return a tree that is ticked by a script; see `LoadedTree.simulate`."""
+    return Simulated(understand(_document(script), stage_of(tree)))
+
+
+def play_scenario(tree: ProjectTree, scenario: str | Path) -> None:
+    """Play a scenario file, and compare the result with its expectations.
+
+    Raises:
+        AssertionError: If an expectation is not met, with the trace.
+        TreeError: If the tree or the scenario is not valid.
+    """
+    play = read_scenario(scenario, stage_of(tree))
+    tree.report_warnings(play.scenario.warnings)
+    run = ScenarioPlayer(play.simulated, play.scenario).go()
+    _complain(run, failures(run), run.scenario.expect.trace)
+
+
+class Simulated:
+    """A tree that is ticked by a script."""
+
+    def __init__(self, play: Play) -> None:
+        self._simulation = ScenarioPlayer(play.simulated, play.scenario)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: root {self.root} after tick {len(self.run.ticks)}>"
+
+    @property
+    def run(self) -> Run:
+        """The run so far, tick by tick."""
+        return self._simulation.run
+
+    @property
+    def root(self) -> str:
+        """The root's status after the last tick."""
+        return self.run.root
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """The current facts."""
+        return self.run.simulated.fact_values()
+
+    @property
+    def trace(self) -> str:
+        """The trace so far, as `sar-compile simulate` prints it."""
+        return trace(self.run)
+
+    def until_end(self) -> "Simulated":
+        """Tick until the end: until the root has succeeded or failed, unless the scenario has another `until`.
+
+        Raises:
+            AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
+        """
+        run = self._simulation.go()
+        _complain(run, [failure for failure in failures(run) if failure.expected in ("run", "ends")])
+        return self
+
+    def tick(self, times: int = 1) -> "Simulated":
+        """Tick a number of times, regardless of the end.
+
+        Raises:
+            Exception: Any exception of a node.
+        """
+        for _ in range(times):
+            self._simulation.tick()
+        return self
+
+    def expect(self, *, trace: str | Path | None = None, **expectations: object) -> None:
+        """Compare the run with expectations as in a scenario's `expect`: `root`, `order`, `never`, `count`...
+
+        Args:
+            trace: The file of the trace that the run must have, from the current folder.
+            **expectations: The others.
+
+        Raises:
+            AssertionError: If an expectation is not met, with the trace.
+            TreeError: If an answer is expected that a leaf never gives.
+        """
+        run = self.run
+        document = _document({"expect": expectations})
+        said = document.validate("scenario").mapping["expect"]
+        expect = read_expectations(said, LeafWords(document, run.simulated))
+        document.raise_findings()
+        if "ends" not in expectations:
+            expect = replace(expect, ends=run.ended)
+        judged = replace(run, scenario=replace(run.scenario, path="", expect=expect))
+        _complain(judged, failures(judged), None if trace is None else Path(trace))
+
+
+def _document(said: Mapping[str, object]) -> Document:
+    return document_of(said, "script", "say what the leaves answer")
+
+
+def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:
+    """Raise the expectations that are not met, with the trace."""
+    different = compare_golden(golden, trace(run), "the trace now") if golden else None
+    if different is not None:
+        missed = [*missed, Failure("trace", different)]
+    if missed:
+        lines = [failure_line(run, failure) for failure in missed]
+        raise AssertionError("\n".join([*lines, "", trace(run)]))

@@ -1,0 +1,204 @@
+"""Many random runs: how often a mission succeeds, for each combination of what is varied."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from dataclasses import dataclass, field
+from math import sqrt
+from statistics import NormalDist
+from typing import NamedTuple
+
+from sar_compiler.analysis.sweep.workers import Workers
+from sar_compiler.errors import SarError
+
+
+class Interval(NamedTuple):
+    """An interval of probabilities.
+
+    Attributes:
+        low: Its lower bound.
+        high: Its upper bound.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def half_width(self) -> float:
+        """Half the distance of the bounds."""
+        return (self.high - self.low) / 2.0
+
+
+def wilson(successes: int, runs: int, confidence: float) -> Interval:
+    """Return Wilson's score interval of a success rate; unlike the normal one it is right near 0 and 1, too.
+
+    Args:
+        successes: The number of runs that have succeeded.
+        runs: The number of runs; without any, the interval is all probabilities.
+        confidence: The probability with which such an interval contains the true rate, between 0 and 1.
+    """
+    if not runs:
+        return Interval(0.0, 1.0)
+    z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    rate, weight = successes / runs, 1.0 + z * z / runs
+    centre = (rate + z * z / (2.0 * runs)) / weight
+    spread = z * sqrt(rate * (1.0 - rate) / runs + z * z / (4.0 * runs * runs)) / weight
+    low = 0.0 if successes == 0 else centre - spread
+    return Interval(low, 1.0 if successes == runs else centre + spread)
+
+
+# So often may workers end with a batch in hand.
+_MOST_ATTEMPTS = 4
+
+
+class SweepError(SarError):
+    """A sweep cannot go on."""
+
+
+class Played(NamedTuple):
+    """The result of one run.
+
+    Attributes:
+        seed: Its seed.
+        failure: What was not as expected; empty if it has succeeded.
+        time_sec: How long it took, in seconds of its clock.
+        counts: How often what is counted has happened, by its name.
+        size: How far the run is from a usual one: a smaller one is easier to understand.
+    """
+
+    seed: int
+    failure: str
+    time_sec: float
+    counts: Mapping[str, float] = {}
+    size: tuple[int, ...] = ()
+
+
+PlayRuns = Callable[[Sequence[int]], list[Played]]
+"""Plays a run for each of some seeds; can be pickled, and does the same wherever it is called."""
+
+
+@dataclass(frozen=True)
+class StoppingRule:
+    """When a combination has been played often enough.
+
+    Attributes:
+        runs: The largest number of runs.
+        half_width: It is enough once half the width of the confidence interval is no more than this.
+        confidence: The confidence of the interval, between 0 and 1.
+        batch: The number of runs after each of which this is looked at.
+    """
+
+    runs: int
+    half_width: float
+    confidence: float = 0.95
+    batch: int = 25
+
+    def interval(self, outcomes: Sequence[Played]) -> Interval:
+        """Return the confidence interval of the success rate."""
+        return wilson(sum(not each.failure for each in outcomes), len(outcomes), self.confidence)
+
+    def is_enough(self, outcomes: Sequence[Played]) -> bool:
+        """Return whether no more runs are needed."""
+        return len(outcomes) >= self.runs or self.interval(outcomes).half_width <= self.half_width
+
+
+@dataclass(eq=False)
+class SweptRow:
+    """One combination of what is varied.
+
+    Attributes:
+        labels: Its values, by what is varied.
+        play: Plays it.
+        outcomes: What came of its runs, in the order of their seeds.
+        is_done: Whether it was played often enough.
+        asked: The number of runs that workers were asked for.
+    """
+
+    labels: Mapping[str, str]
+    play: PlayRuns
+    outcomes: list[Played] = field(default_factory=list)
+    is_done: bool = False
+    asked: int = 0
+    _early: dict[int, list[Played]] = field(default_factory=dict)
+
+    def is_played(self, rule: StoppingRule) -> bool:
+        """Return whether the row needs no more runs from workers."""
+        return self.is_done or self.asked >= rule.runs
+
+    def next_batch(self, rule: StoppingRule, seed: int) -> "_Batch":
+        """Return the next runs to ask workers for."""
+        first, self.asked = self.asked, min(self.asked + rule.batch, rule.runs)
+        return _Batch(self, first, range(seed + first, seed + self.asked))
+
+    def add(self, first: int, outcomes: list[Played], rule: StoppingRule) -> None:
+        """Add the results of a batch; later batches wait for it."""
+        self._early[first] = outcomes
+        while not self.is_done and len(self.outcomes) in self._early:
+            self.outcomes += self._early.pop(len(self.outcomes))
+            self.is_done = rule.is_enough(self.outcomes)
+
+
+class _Batch(NamedTuple):
+    row: SweptRow
+    first: int
+    seeds: range
+
+
+ShowRows = Callable[[Sequence[SweptRow]], object]
+"""Is told the rows from time to time."""
+
+
+def sweep(
+    rows: Sequence[SweptRow], rule: StoppingRule, seed: int, workers: Workers, report: ShowRows
+) -> None:
+    """Play all rows until each was played often enough.
+
+    Args:
+        rows: What is to be played; their outcomes are filled in.
+        rule: When a row was played often enough.
+        seed: The seed of the first run of each row; the next ones have the next numbers.
+        workers: Who plays.
+        report: Called after each batch.
+
+    Raises:
+        SweepError: If workers end again and again with the same runs in hand.
+        Exception: Whatever a run raises.
+    """
+    waiting: dict[Future[list[Played]], _Batch] = {}
+    again: list[_Batch] = []
+    attempts: Counter[_Batch] = Counter()
+    while True:
+        while len(waiting) < workers.ahead and (batch := _next(rows, rule, seed, again)) is not None:
+            waiting[workers.submit(batch.row.play, batch.seeds)] = batch
+        if not waiting:
+            return
+        for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+            batch = waiting.pop(future)
+            try:
+                batch.row.add(batch.first, future.result(), rule)
+            except BrokenExecutor as error:
+                attempts[batch] += 1
+                if attempts[batch] == _MOST_ATTEMPTS:
+                    message = f"workers have ended {_MOST_ATTEMPTS} times while they played {_named(batch)}"
+                    raise SweepError(message) from error
+                again.append(batch)
+        report(rows)
+
+
+def _next(rows: Sequence[SweptRow], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
+    """Return what is to be played next: what was lost, else a batch of the row with the fewest runs so far."""
+    if again:
+        return again.pop(0)
+    row = min((row for row in rows if not row.is_played(rule)), key=lambda row: row.asked, default=None)
+    return None if row is None else row.next_batch(rule, seed)
+
+
+def _named(batch: _Batch) -> str:
+    labels = ", ".join(f"{name} {value}" for name, value in batch.row.labels.items())
+    return f"seeds {batch.seeds[0]} to {batch.seeds[-1]}" + (f" of {labels}" if labels else "")
+
+
+def smallest_failure(rows: Sequence[SweptRow]) -> tuple[SweptRow, Played] | None:
+    """Return the failed run that is nearest to a usual one, with its row; None if none has failed."""
+    failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
+    return min(failed, key=lambda each: each[1].size, default=None)

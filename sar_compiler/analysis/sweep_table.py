@@ -1,0 +1,134 @@
+"""The table of a sweep, as text and as JSON."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import sqrt
+from pathlib import Path
+from statistics import NormalDist, fmean, stdev
+from typing import NamedTuple
+
+from sar_compiler.analysis.sweep import Played, StoppingRule, SweptRow
+from sar_compiler.tree.plain import as_json
+
+Smallest = tuple[SweptRow, Played] | None
+
+
+def sweep_as_text(
+    rows: Sequence[SweptRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
+) -> str:
+    """Return a line for each row, with the rates in percent, and what fails.
+
+    Args:
+        rows: What was played.
+        rule: What ended the rows.
+        smallest: The smallest failure.
+        written: The file that it was written to, and the command that plays it again.
+    """
+    confidence = f"{100 * rule.confidence:g} % interval"
+    lines = [_line(row, rule, confidence) for row in rows]
+    text = table_text(lines, len(rows[0].labels))
+    if smallest is not None:
+        row, played = smallest
+        which = "".join(f"{name} {value}, " for name, value in row.labels.items())
+        text += f"\n\nThe failure nearest to a usual run ({which}seed {played.seed}): {played.failure}"
+    if written is not None:
+        text += (
+            f"\n  the smallest scenario that fails is written to {written[0]}; play it again: {written[1]}"
+        )
+    return text
+
+
+def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
+    """Return lines, each with its cells by their heads, as a table.
+
+    Args:
+        lines: The lines, one at least.
+        labels: How many of the columns are to the left.
+    """
+    heads = list(dict.fromkeys(head for line in lines for head in line))
+    table = [heads, *([line.get(head, "") for head in heads] for line in lines)]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return "\n".join("  ".join(_aligned(cells, widths, labels)).rstrip() for cells in table)
+
+
+def _aligned(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator[str]:
+    """Yield the cells of a line, the labels to the left and the numbers to the right."""
+    for index, (cell, width) in enumerate(zip(cells, widths, strict=True)):
+        yield cell.ljust(width) if index < labels else cell.rjust(width)
+
+
+def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
+    interval, times = rule.interval(row.outcomes), _times(row.outcomes)
+    return {
+        **row.labels,
+        "runs": str(len(row.outcomes)),
+        "success": f"{100 * _rate(row.outcomes):.1f} %" if row.outcomes else "",
+        confidence: f"{100 * interval.low:.1f} to {100 * interval.high:.1f}",
+        "time (median)": f"{quantile(times, 0.5):.1f} s" if times else "",
+        "(95th percentile)": f"{quantile(times, 0.95):.1f} s" if times else "",
+        **{name: _with_margin(*mean) for name, mean in _means(row.outcomes, rule.confidence).items()},
+    }
+
+
+def sweep_as_json(
+    rows: Sequence[SweptRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
+) -> str:
+    """Return the same as `sweep_as_text` as a JSON object; times are seconds, rates between 0 and 1."""
+    result: dict[str, object] = {"rows": [_object(row, rule) for row in rows], "smallest": None}
+    if smallest is not None:
+        row, played = smallest
+        path, again = written or (None, None)
+        file = {"file": path and str(path), "again": again}
+        result["smallest"] = {"labels": row.labels, "seed": played.seed, "failure": played.failure, **file}
+    return as_json(result)
+
+
+def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
+    times, failed = _times(row.outcomes), [each for each in row.outcomes if each.failure]
+    means = _means(row.outcomes, rule.confidence)
+    return {
+        "labels": row.labels,
+        "runs": len(row.outcomes),
+        "successes": len(times),
+        "rate": _rate(row.outcomes) if row.outcomes else None,
+        "interval": list(rule.interval(row.outcomes)),
+        "time": {"median": quantile(times, 0.5), "p95": quantile(times, 0.95)} if times else None,
+        "means": {name: mean.value for name, mean in means.items()},
+        "margins": {name: mean.margin for name, mean in means.items()},
+        "failures": [{"seed": each.seed, "failure": each.failure} for each in failed],
+    }
+
+
+def _rate(outcomes: Sequence[Played]) -> float:
+    return sum(not each.failure for each in outcomes) / len(outcomes)
+
+
+class _Mean(NamedTuple):
+    """A mean of runs, and half the width of its confidence interval; None for one run, which says nothing of others."""
+
+    value: float
+    margin: float | None
+
+
+def _means(outcomes: Sequence[Played], confidence: float) -> dict[str, _Mean]:
+    """Return the mean of each count, of the runs that have it: when something was first has no value where it never was."""
+    names = dict.fromkeys(name for each in outcomes for name in each.counts)
+    counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
+    z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    return {
+        name: _Mean(fmean(values), z * stdev(values) / sqrt(len(values)) if len(values) > 1 else None)
+        for name, values in counts.items()
+    }
+
+
+def _with_margin(value: float, margin: float | None) -> str:
+    return f"{value:.2f}" if margin is None else f"{value:.2f} ± {margin:.2f}"
+
+
+def _times(outcomes: Sequence[Played]) -> list[float]:
+    """Return how long the runs took that have succeeded, the shortest first."""
+    return sorted(each.time_sec for each in outcomes if not each.failure)
+
+
+def quantile(ordered: Sequence[float], part: float) -> float:
+    """Return the smallest time that so large a part of the times does not exceed."""
+    return ordered[max(0, -(-len(ordered) * round(part * 100) // 100) - 1)]

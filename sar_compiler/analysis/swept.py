@@ -1,0 +1,253 @@
+"""The random runs of a scenario, which can be played in other processes, and the smallest scenario that fails."""
+
+import functools
+import hashlib
+import threading
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.analysis.leaf_words import EventPattern, LeafWords
+from sar_compiler.analysis.simulate.replaying import ReusedTree
+from sar_compiler.analysis.simulate.running import Drawn, Failure, Player, ScenarioPlayer, failures
+from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.analysis.sweep import Played
+from sar_compiler.analysis.tree_analysis import stage_of
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml
+from sar_compiler.errors import SarError, UndecidableError
+from sar_compiler.project import Additions, ProjectTree, Workspace
+
+# py_trees' blackboard is the process's, and a worker of a cluster may have several threads.
+_ALONE = threading.Lock()
+# Making a scenario smaller plays it again and again.
+_MOST_TRIALS = 400
+
+
+class UndecidedRunError(SarError):
+    """A run depends on a value that is not known."""
+
+    exit_status = 1
+
+
+class ChangedTreeError(SarError):
+    """The files of a tree are not those that a sweep began with."""
+
+
+@dataclass(frozen=True)
+class ScenarioRuns:
+    """Plays a scenario with the seeds that it is given.
+
+    Attributes:
+        tree: The tree file, by its whole path.
+        content: `content_of` the tree; workers refuse to play another one.
+        additions: The user's additions to its project.
+        scenario: The scenario, as the text of a file.
+        path: What the file is called.
+        unusual: The probability with which a leaf of which the scenario says nothing answers what is not usual.
+        counted: The events to count, such as `NotifyBase acknowledged`.
+    """
+
+    tree: Path
+    content: str
+    additions: Additions
+    scenario: str
+    path: str
+    unusual: float = 0.0
+    counted: tuple[str, ...] = ()
+
+    def __call__(self, seeds: Sequence[int]) -> list[Played]:
+        """Return what comes of a run for each seed."""
+        with _ALONE:
+            replays = _replays(self)
+            return [replays.outcome(seed) for seed in seeds]
+
+    def understood(self) -> Play:
+        """Return the tree and the scenario.
+
+        Raises:
+            TreeError: If anything is wrong with them; carries the findings.
+            ChangedTreeError: If the tree's files are not those that the sweep began with.
+        """
+        stage = _stage(self.tree, self.content, self.additions)
+        return understand(parse_yaml(self.scenario, self.path, ""), stage)
+
+    def are_by_chance(self) -> bool:
+        """Return whether two runs can differ."""
+        play = self.understood()
+        steps = [step for script in play.scenario.scripts.values() for step in script]
+        if any(step.chance < 1.0 or step.longest_sec > step.after_sec for step in steps):
+            return True
+        return bool(self.unusual) or any(leaf.is_by_chance for leaf in play.simulated.leaves)
+
+    def events(self, simulated: SimulatedTree) -> list[EventPattern]:
+        """Return the events to count.
+
+        Raises:
+            TreeError: If there is no such leaf, or it does nothing of the kind.
+        """
+        if not self.counted:
+            return []
+        document = document_of({"count": list(self.counted)}, "--count", "")
+        words = LeafWords(document, simulated)
+        found = [words.deed(item) for item in document.root.mapping["count"].listed]
+        document.raise_findings()
+        return [each for each in found if each is not None]
+
+    def play(self, seed: int) -> ScenarioPlayer:
+        """Return a run that was played."""
+        play = self.understood()
+        player = ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed, unusual=self.unusual))
+        player.go()
+        return player
+
+
+class _Replays:
+    """What a worker keeps of some runs: their tree, compiled once.
+
+    Args:
+        runs: The runs.
+    """
+
+    def __init__(self, runs: ScenarioRuns) -> None:
+        self._runs = runs
+        self._compile()
+
+    def _compile(self) -> None:
+        play = self._runs.understood()
+        self._scenario = replace(play.scenario, unusual=self._runs.unusual)
+        self._events = self._runs.events(play.simulated)
+        try:
+            self._tree: ReusedTree | None = ReusedTree(play.simulated)
+        except UndecidableError:
+            self._tree = None
+
+    def outcome(self, seed: int) -> Played:
+        """Return what comes of a run."""
+        player = self._player(seed)
+        run, choices = player.run, player.scripted.choices
+        if run.is_undecided:
+            raise UndecidedRunError(
+                f"nothing can be counted: the run with seed {seed} is not decided: {run.trouble}"
+            )
+        counts = {each.text: sum(map(each.matches, run.events)) for each in self._events}
+        size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))
+        missed = "; ".join(f"{each.expected}: {each.message}" for each in failures(run))
+        return Played(seed, missed, run.time_sec, counts, size)
+
+    def _player(self, seed: int) -> Player:
+        """Return a run that was played."""
+        if self._tree is None:
+            return self._runs.play(seed)
+        if self._tree.is_worn:
+            self._compile()
+        return self._tree.play(replace(self._scenario, seed=seed))
+
+
+# A row comes again after all others; of very many, some trees are compiled again.
+_replays = functools.lru_cache(maxsize=16)(_Replays)
+
+
+def content_of(tree: ProjectTree) -> str:
+    """Return a checksum of the texts of a tree, of what it includes, and of its palettes."""
+    files = [*tree.forest.files, *tree.forest.others, *tree.palettes]
+    return hashlib.sha256("\0".join(file.source.text for file in files).encode()).hexdigest()
+
+
+@functools.lru_cache
+def _stage(path: Path, content: str, additions: Additions) -> Stage:
+    tree = Workspace(additions).load(path)
+    if content_of(tree) != content:
+        raise ChangedTreeError(f"{path}, or what belongs to it, has changed since the sweep began")
+    return stage_of(tree)
+
+
+def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
+    """Return the text of a scenario with some of its keys changed; below `facts` and `parameters`, some of theirs.
+
+    What it says of a trace is left out: runs by chance have none in common. Where it expects nothing and does not
+    say when it ends, the root must succeed.
+    """
+    said = {**scenario}
+    for key, value in changes.items():
+        before = said.get(key)
+        both = isinstance(before, dict) and isinstance(value, dict)
+        said[key] = {**before, **value} if both else value  # type: ignore[dict-item]
+    expect = said.pop("expect", {} if "until" in said else {"root": "SUCCESS"})
+    if isinstance(expect, dict) and (left := {key: value for key, value in expect.items() if key != "trace"}):
+        said["expect"] = left
+    return as_yaml(said)
+
+
+class _Group(NamedTuple):
+    """Some choices of one leaf, one after the other, that are the same."""
+
+    leaf: str
+    step: Mapping[str, object]
+
+
+def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
+    """Return a scenario without chance that fails as a run does, with as few answers as were found to be needed.
+
+    Args:
+        runs: What was played.
+        seed: The seed of a run that has failed.
+
+    Returns:
+        The text of the file; None if what the leaves did cannot be said in a scenario, as where two have the same path.
+    """
+    player = runs.play(seed)
+    said = parse_yaml(runs.scenario, runs.path, "").root.data
+    missed = failures(player.run)
+    trials = iter(range(_MOST_TRIALS))
+
+    def script_of(groups: Sequence[_Group]) -> str:
+        leaves: dict[str, list[object]] = {}
+        for group in groups:
+            leaves.setdefault(group.leaf, []).append(group.step)
+        name = f"{said.get('name', Path(runs.path).stem)}, seed {seed}"
+        return as_yaml({**said, "name": name, "leaves": leaves})
+
+    def fails(groups: Sequence[_Group]) -> bool:
+        again = replace(runs, scenario=script_of(groups), unusual=0.0).play(0)
+        return _kinds(failures(again.run)) == _kinds(missed)
+
+    groups = _groups(player)
+    if not fails(groups):
+        return None
+    size = len(groups)
+    while size:
+        for start in reversed(range(0, len(groups), size)):
+            fewer = groups[:start] + groups[start + size :]
+            if next(trials, None) is not None and fails(fewer):
+                groups = fewer
+        size //= 2
+    return script_of(groups)
+
+
+def _kinds(missed: Sequence[Failure]) -> list[str]:
+    return [each.expected for each in missed]
+
+
+def _groups(player: ScenarioPlayer) -> list[_Group]:
+    """Return what was chosen for each leaf in turn, with as few words as possible."""
+    leaves = player.run.simulated.leaves
+    names = Counter(word for leaf in leaves for word in {leaf.name, leaf.tag})
+    by_leaf: dict[str, list[Drawn]] = {}
+    for choice in player.scripted.choices:
+        leaf = choice.leaf
+        key = leaf.name if names[leaf.name] == 1 else "/".join(leaf.path)
+        by_leaf.setdefault(key, []).append(choice)
+    return [_group(key, list(same)) for key, choices in by_leaf.items() for _, same in groupby(choices)]
+
+
+def _group(key: str, same: Sequence[Drawn]) -> _Group:
+    step: dict[str, object] = {"answer": same[0].answer}
+    if same[0].after_sec:
+        step["after"] = same[0].after_sec
+    if len(same) > 1:
+        step["times"] = len(same)
+    return _Group(key, step)

@@ -1,0 +1,256 @@
+"""Scripted runs: as text, tick by tick, as JSON, and as JUnit's XML, which continuous integration shows as tests."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from xml.etree import ElementTree as ET
+
+from sar_compiler.analysis.simulate.running import Coverage, Covered, Failure, Run
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord, ValueChange
+from sar_compiler.runtime.stub_leaf import StubLeaf
+from sar_compiler.tree.plain import as_json, plain, speakable, value_as_script
+
+
+def trace(run: Run) -> str:
+    """Return the ticks of a run with new events, and its end."""
+    writer = _Writer(run)
+    lines: list[str] = []
+    quiet: list[TickRecord] = []
+    for before, tick in zip([None, *run.ticks], run.ticks, strict=False):
+        if _is_news(tick, before):
+            lines += [*writer.left_out(quiet), *writer.block(tick)]
+            quiet = []
+        else:
+            quiet.append(tick)
+    return "\n".join([*lines, *writer.left_out(quiet), _end(run), *_facts_at_the_end(run)]) + "\n"
+
+
+def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[int, str]:
+    """Return a label for each leaf, by its number: its name, or the part of its path that distinguishes it from others of the name."""
+    return {
+        leaf.number: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves
+    }
+
+
+def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
+    if len(namesakes) == 1:
+        return leaf.name
+    for count in range(2, len(leaf.path) + 1):
+        if sum(other.path[-count:] == leaf.path[-count:] for other in namesakes) == 1:
+            return "/".join(leaf.path[-count:])
+    # The same all the way up: two of one name side by side.
+    return f"{leaf.name} ({namesakes.index(leaf) + 1})"
+
+
+def verdict(run: Run, failures: Sequence[Failure]) -> str:
+    """Return a scenario's unmet expectations, or that all are met; for a run without a scenario, the reason of its end."""
+    scenario = run.scenario
+    if not (scenario.path or failures):
+        said = "Every leaf answered what is usual."
+        by_root = run.ended and scenario.until is None
+        return (
+            f"{said} A run ends when the root succeeds or fails; --until says when else." if by_root else said
+        )
+    title = f"{scenario.path}: '{scenario.name}'" if scenario.path else f"'{scenario.name}'"
+    if not failures:
+        return f"{title} holds."
+    how = "is not decided" if run.is_undecided else "does not hold"
+    return "\n".join([f"{title} {how}:", *(f"  {failure_line(run, each)}" for each in failures)])
+
+
+def failure_line(run: Run, failure: Failure) -> str:
+    """Return an unmet expectation with its place."""
+    place = f"{run.scenario.path}:{failure.line}: " if failure.line and run.scenario.path else ""
+    return f"{place}{failure.expected}: {failure.message}"
+
+
+def coverage_text(coverage: Coverage) -> str:
+    """Return the nodes and outcomes that did not occur in a set of runs."""
+    nodes, missed = coverage.nodes, coverage.never_ticked
+    possible = sum(len(node.outcomes) for node in nodes)
+    unseen = sum(len(node.unseen) for node in nodes)
+    seen = f"{possible - unseen} of {possible} outcomes of leaves seen"
+    lines = [f"coverage: {len(nodes) - len(missed)} of {len(nodes)} nodes ticked, {seen}"]
+    lines += [f"  {node.bound.element.file_and_line}: '{node.bound.name}' is never ticked" for node in missed]
+    for node in coverage.unseen:
+        what = f"has not shown {', '.join(node.unseen)}"
+        lines.append(f"  {node.bound.element.file_and_line}: '{node.bound.name}' {what}")
+    return "\n".join(lines)
+
+
+def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
+    """Return whether a tick has events that the previous one did not have."""
+    if before is None or tick.facts or tick.keys or tick.root != before.root:
+        return True
+    known = {(event.number, event.status, event.label) for event in _seen(before)}
+    return any((event.number, event.status, event.label) not in known for event in _seen(tick))
+
+
+def _seen(tick: TickRecord) -> list[Event]:
+    return [event for event in tick.events if event.what in (ANSWERED, HALTED)]
+
+
+class _Writer:
+    def __init__(self, run: Run) -> None:
+        self._labels = leaf_labels(run.simulated.leaves)
+        self._width = max(map(len, self._labels.values()), default=0)
+        origins = run.simulated.compiled.origins
+        self._conditions = {
+            leaf.number for leaf in run.simulated.leaves if origins[leaf.id].bound.spec.kind is Kind.CONDITION
+        }
+
+    def block(self, tick: TickRecord) -> Iterator[str]:
+        """Yield the lines of a tick."""
+        came_to = f"root {tick.root}" if tick.root else "not finished"
+        yield f"tick {tick.number}, {tick.time_sec:g} s: {came_to}"
+        for event in _seen(tick):
+            status = f" ({event.status})" if event.label else ""
+            yield f"  {self._labels[event.number]:{self._width}}  {event.deed}{status}"
+        if tick.facts:
+            yield f"  facts: {_values(_new(tick.facts))}"
+        if tick.keys:
+            yield f"  keys: {_values(_new(tick.keys))}"
+
+    def left_out(self, quiet: Sequence[TickRecord]) -> list[str]:
+        """Return a line for ticks without new events, with the repeated ones in them."""
+        if not quiet:
+            return []
+        first, last = quiet[0], quiet[-1]
+        which = f"tick {first.number}" if first is last else f"ticks {first.number} to {last.number}"
+        events = (event for tick in quiet for event in _seen(tick) if self._is_done(event))
+        again = dict.fromkeys(f"{self._labels[event.number]} {event.deed}" for event in events)
+        said = f"again {', '.join(again)}" if again else "nothing new"
+        return [f"{which}, until {last.time_sec:g} s: {said}"]
+
+    def _is_done(self, event: Event) -> bool:
+        """Return whether an event is more than a leaf's continuation or the evaluation of a condition."""
+        return event.status != "RUNNING" and event.number not in self._conditions
+
+
+def _end(run: Run) -> str:
+    last = f"tick {len(run.ticks)} ({run.time_sec:g} s)"
+    if run.trouble:
+        return f"broken off in {last}: {run.trouble}"
+    return f"{'ended' if run.ended else 'broken off, without an end,'} after {last}: root {run.root}"
+
+
+def _facts_at_the_end(run: Run) -> list[str]:
+    facts = run.simulated.fact_values()
+    return [f"facts at the end: {_values(facts)}"] if facts else []
+
+
+def _new(changes: Mapping[str, ValueChange]) -> Mapping[str, object]:
+    return {name: value for name, (_, value) in changes.items()}
+
+
+def _values(values: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} = {value_as_script(value)}" for name, value in values.items())
+
+
+@dataclass(frozen=True)
+class PlayedScenario:
+    """A scenario that was played, or is invalid.
+
+    Attributes:
+        name: Its name.
+        run: Its run; None if it is invalid.
+        failures: The expectations that were not met.
+        problem: The reason why it is invalid.
+        is_finding: Whether that is a mistake in it, or that nobody knows what a node of the tree does; else it could not be read.
+    """
+
+    name: str
+    run: Run | None = None
+    failures: Sequence[Failure] = field(default_factory=tuple)
+    problem: str = ""
+    is_finding: bool = False
+
+
+def junit(tree: str, scenarios: Sequence[PlayedScenario]) -> str:
+    """Return a test suite for a tree file, with a test case for each scenario; times are simulated seconds."""
+    counts = {
+        "tests": str(len(scenarios)),
+        "failures": str(sum(bool(each.failures) for each in scenarios)),
+        "errors": str(sum(each.run is None for each in scenarios)),
+        "time": f"{sum(each.run.time_sec for each in scenarios if each.run):.3f}",
+    }
+    suites = ET.Element("testsuites", counts)
+    suite = ET.SubElement(suites, "testsuite", {"name": speakable(tree), **counts})
+    for each in scenarios:
+        _add_case(suite, tree, each)
+    ET.indent(suites, "")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(suites, "unicode")}\n'
+
+
+def _add_case(suite: ET.Element, tree: str, played: PlayedScenario) -> None:
+    run, about = played.run, {"name": speakable(played.name), "classname": speakable(tree)}
+    case = ET.SubElement(suite, "testcase", about, time=f"{run.time_sec if run else 0.0:.3f}")
+    if run is None:
+        result = ET.SubElement(case, "error", message="the scenario cannot be played")
+        text = played.problem
+    elif played.failures:
+        lines = [failure_line(run, failure) for failure in played.failures]
+        about = {"message": speakable(lines[0]), "type": played.failures[0].expected}
+        result = ET.SubElement(case, "failure", about)
+        text = "\n".join([*lines, "", trace(run)])
+    else:
+        result, text = ET.SubElement(case, "system-out"), trace(run)
+    result.text = speakable(text)
+
+
+def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Coverage | None = None) -> str:
+    """Return the played scenarios as a JSON object; times are simulated seconds."""
+    result: dict[str, object] = {"file": tree, "scenarios": [_scenario(each) for each in scenarios]}
+    if coverage is not None:
+        result["coverage"] = {
+            "never_ticked": [_node(each) for each in coverage.never_ticked],
+            "unseen": [{**_node(each), "outcomes": each.unseen} for each in coverage.unseen],
+        }
+    return as_json(result)
+
+
+def _scenario(played: PlayedScenario) -> dict[str, object]:
+    run = played.run
+    if run is None:
+        return {"name": played.name, "holds": None, "problem": played.problem}
+    return {
+        "name": played.name,
+        "file": run.scenario.path or None,
+        "holds": None if run.is_undecided else not played.failures,
+        "failures": [
+            {"expected": each.expected, "message": each.message, "line": each.line or None}
+            for each in played.failures
+        ],
+        "ended": run.ended,
+        "root": run.root,
+        "time": run.time_sec,
+        "facts": run.simulated.fact_values(),
+        "ticks": [_tick(run, tick) for tick in run.ticks],
+    }
+
+
+def _tick(run: Run, tick: TickRecord) -> dict[str, object]:
+    names = {behaviour.id: behaviour.name for behaviour in run.simulated.root.iterate()}
+    return {
+        "tick": tick.number,
+        "time": tick.time_sec,
+        "root": tick.root,
+        "events": [
+            {
+                "leaf": "/".join(event.path),
+                "what": event.what,
+                "answer": event.answer or None,
+                "status": event.status or None,
+            }
+            for event in tick.events
+            if event.what != TICKED
+        ],
+        "facts": {name: plain(value) for name, value in _new(tick.facts).items()},
+        "keys": {name: plain(value) for name, value in _new(tick.keys).items()},
+        "statuses": [{"node": names[node], "status": status} for node, status in tick.statuses.items()],
+    }
+
+
+def _node(covered: Covered) -> dict[str, object]:
+    element = covered.bound.element
+    return {"name": covered.bound.name, "file": element.source.path, "line": element.line}

@@ -1,0 +1,211 @@
+"""What can be found out about the runs of a loaded tree: simulated, proved, watched, compared and predicted."""
+
+import functools
+import shlex
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.analysis.assumptions import StartValues
+from sar_compiler.documents.located import Document
+from sar_compiler.nodes.binding.attributes import CONDITIONS
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.nodes.registry import Registry
+from sar_compiler.project.project_tree import ProjectTree
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.model import Element
+
+if TYPE_CHECKING:
+    from sar_compiler.analysis.conformance import Conformance
+    from sar_compiler.analysis.predict import Prediction
+    from sar_compiler.analysis.property_watch import PropertyWatch
+    from sar_compiler.analysis.simulate.scenario_files import Stage
+    from sar_compiler.analysis.trying import TrialBudget
+    from sar_compiler.analysis.verify.properties import PropertyFile
+    from sar_compiler.analysis.verify.verdicts import Verification
+    from sar_compiler.budget import Budget
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.compiler.simulated_tree import SimulatedTree
+    from sar_compiler.runtime.events import Event
+
+
+def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:
+    """Return findings about ticks that raise, as far as a budget goes; none for a file with errors.
+
+    A tree whose ticks raise nothing, since it has neither keys nor scripts, is not even compiled.
+
+    Args:
+        tree: The tree file.
+        budget: Returns how much may be tried of the file; called only where there is something to try.
+    """
+    if tree.is_malformed or any(each.severity is Severity.ERROR for each in tree.findings_of_the_tree):
+        return []
+    forest, registry = tree.forest, tree.project.registry
+    executable = forest.executable
+    if not executable or not any(_may_raise(each, registry) for each in forest.iterate()):
+        return []
+    from sar_compiler.analysis.proofs import try_runs
+
+    limit, is_chosen = budget(), forest.main_tree() is None
+    # What a rule has found in the same place is the same mistake, and so is what another tree's run has.
+    told = {(each.source.path, each.span) for each in tree.findings if each.severity is not Severity.INFO}
+    raised = []
+    for number, element in enumerate(executable):
+        limit.allot(len(executable) - number)
+        tree_id = element.attributes.get("ID") if is_chosen else None
+        chosen = "" if tree_id is None else f" --tree {shlex.quote(tree_id)}"
+        try:
+            binding = tree.binding(tree_id)
+        except TreeError:
+            continue
+        for finding in try_runs(tree, binding, limit, f"sar-compile verify{chosen}"):
+            place = finding.source.path, finding.span
+            raised += [finding] if place not in told else []
+            told.add(place)
+    return tree.project.configuration.decide(raised)
+
+
+def _may_raise(tree: Element, registry: Registry) -> bool:
+    """Return whether a tree has keys or scripts, which have values only in a run."""
+    return any(
+        "{" in text or name in CONDITIONS or _is_script(element.tag, name, registry)
+        for element in tree.iterate()
+        for name, text in element.attributes.items()
+    )
+
+
+def _is_script(tag: str, name: str, registry: Registry) -> bool:
+    parameters = (spec.parameters.get(name) for spec in registry.variants(tag))
+    return any(each is not None and each.value_type.python is Script for each in parameters)
+
+
+def _start_values(
+    tree: ProjectTree, params: str | Path | StartValues | None, binding: Binding
+) -> StartValues:
+    """Return what a parameter file says of the runs of a tree, without ROS; what is surprising in it is noted.
+
+    Raises:
+        ParameterFileError: If ROS would refuse or misread the file.
+        ParameterError: If the mission cannot begin with the parameters.
+    """
+    if params is None or isinstance(params, StartValues):
+        return params or StartValues()
+    from sar_compiler.missions.beginning import begin_without_ros
+
+    values, _, begun = begin_without_ros(tree, Path(params), binding)
+    for text in begun.notes:
+        tree.note(text if text.startswith(f"{params}:") else f"{params}: {text}")
+    return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)
+
+
+def stage_of(
+    tree: ProjectTree, tree_id: str | None = None, params: str | Path | StartValues | None = None
+) -> "Stage":
+    """Return the stage on which scenarios are played.
+
+    Args:
+        tree: The tree file.
+        tree_id: The tree that is played if a scenario names none; by default the one that the file executes.
+        params: The mission's ROS parameter file, or what it says; by default, leaves say what facts are at the start.
+
+    Raises:
+        TreeError: If there are errors.
+    """
+    from sar_compiler.analysis.simulate.scenario_files import Stage
+
+    tree.require_no_errors()
+    start = functools.partial(_start_values, tree, params)
+    return Stage(tree.forest, tree.project.registry, tree.palettes, tree_id, start)
+
+
+def verify_tree(
+    tree: ProjectTree,
+    properties: str | Path | None = None,
+    *,
+    facts: Mapping[str, object] | Document | None = None,
+    params: str | Path | None = None,
+    tree_id: str | None = None,
+    max_states: int = 1_000_000,
+    budget: "Budget | None" = None,
+    keep_states: bool = False,
+) -> "Verification":
+    """Check properties in all possible runs of a tree; see `LoadedTree.verify`."""
+    from sar_compiler.analysis.proofs import search_runs
+    from sar_compiler.analysis.verify import verify
+
+    binding = tree.binding(tree_id)
+    start = _start_values(tree, params, binding)
+    search = functools.partial(verify, max_states=max_states, budget=budget, keep_states=keep_states)
+    return search_runs(tree, binding, properties, facts, start, search)
+
+
+def watch_tree(
+    tree: ProjectTree,
+    watched: "CompiledTree",
+    properties: str | Path | None = None,
+    *,
+    facts: Mapping[str, Fact] | None = None,
+    parameters: Mapping[str, object] | None = None,
+    tree_id: str | None = None,
+    clock: Callable[[], float] = lambda: 0.0,
+) -> "PropertyWatch":
+    """Return what watches a run of a tree for properties; see `LoadedTree.watch`."""
+    from sar_compiler.analysis.proofs import watch_runs
+
+    return watch_runs(tree, tree.binding(tree_id), properties, watched, facts or {}, parameters or {}, clock)
+
+
+def conform_tree(  # noqa: PLR0913 - as `LoadedTree.conform`
+    tree: ProjectTree,
+    record: "Iterable[Event]",
+    names: Sequence[str],
+    properties: str | Path | None = None,
+    *,
+    is_over: bool,
+    start: StartValues,
+    facts: Mapping[str, object] | Document | None = None,
+    params: str | Path | None = None,
+    tree_id: str | None = None,
+) -> "Conformance":
+    """Compare a recorded run with all possible runs of a tree; see `LoadedTree.conform`."""
+    from sar_compiler.analysis.conformance import conform
+    from sar_compiler.analysis.proofs import begin_with, search_runs
+
+    binding = tree.binding(tree_id)
+    said = _start_values(tree, params, binding)
+    begun = StartValues({**said.parameters, **start.parameters}, {**said.facts, **start.facts})
+    given = facts.root.mapping if isinstance(facts, Document) else facts or {}
+
+    def search(
+        simulated: "SimulatedTree", file: "PropertyFile | None", tags: Collection[str]
+    ) -> "Conformance":
+        begin_with(simulated, {name: value for name, value in start.facts.items() if name not in given})
+        return conform(simulated, file, tags, record, names, is_over=is_over)
+
+    return search_runs(tree, binding, properties, facts, begun, search)
+
+
+def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
+    tree: ProjectTree,
+    properties: str | Path | None = None,
+    *,
+    answers: Iterable[str | Path] = (),
+    facts: Mapping[str, object] | Document | None = None,
+    params: str | Path | None = None,
+    tree_id: str | None = None,
+    period_sec: float | None = None,
+    max_states: int = 1_000_000,
+    budget: "Budget | None" = None,
+) -> "Prediction":
+    """Compute how likely a tree is to succeed and to keep its properties, and how long it takes; see `LoadedTree.predict`."""
+    from sar_compiler.analysis.predict import predict
+    from sar_compiler.analysis.proofs import search_runs
+    from sar_compiler.analysis.simulate.scenario_files import PERIOD_SEC
+
+    binding = tree.binding(tree_id)
+    start = _start_values(tree, params, binding)
+    period = period_sec or start.period_sec or PERIOD_SEC
+    search = functools.partial(predict, period_sec=period, max_states=max_states, budget=budget)
+    return search_runs(tree, binding, properties, facts, start, search, answers)

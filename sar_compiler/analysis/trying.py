@@ -1,0 +1,335 @@
+"""Trying the runs of a tree, shortest first, for ticks that raise, until there was enough work."""
+
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+from sar_compiler.analysis.verify.properties import without_properties
+from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.checks.rules.entry_accesses import key_accesses_of
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector
+from sar_compiler.nodes.binding.nesting import count_within_limits
+from sar_compiler.nodes.semantics import AccessKind
+from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
+from sar_compiler.runtime.events import Event
+from sar_compiler.runtime.kernel.tick_steps import TickSteps
+from sar_compiler.runtime.ports import PortError
+from sar_compiler.runtime.scripting import NodeScriptError
+from sar_compiler.runtime.variables import UnknownVariableError, unknown_value_of
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
+
+_MOST_TOLD = 4
+"""The most ticks of a run that are told."""
+
+_MOST_FOUND = 8
+"""The most places of a tree where ticks raise that are told."""
+
+_A_TICK, _PREPARING = 200, 4000
+"""What a tick costs beside its nodes; what it costs to prepare a node."""
+
+WORK = 1 << 24
+"""How much is tried of a file unless somebody says otherwise: some 80,000 ticks of 10 nodes, or 4,000 of 4,000."""
+
+
+class TrialBudget:
+    """How much may be tried: an amount of work, which is the same on every machine, or a time.
+
+    Work is counted in nodes: a tick costs those of its tree, and to prepare a tree costs what many ticks do.
+
+    Args:
+        work: The work; None for any amount.
+        seconds: The processor time; None for any.
+        is_spent: Whether nothing more may be tried, for whatever other reason.
+
+    Attributes:
+        spent: The work so far.
+        is_cut: Whether it was ended by `is_spent`.
+    """
+
+    def __init__(
+        self, work: int | None, seconds: float | None = None, is_spent: Callable[[], bool] = lambda: False
+    ) -> None:
+        self.spent = 0
+        self.is_cut = False
+        self._is_spent = is_spent
+        self._work = self._share = work
+        self._end = None if seconds is None else time.process_time() + seconds
+        self._end_of_share = self._end
+
+    def allot(self, trees: int) -> None:
+        """Give the next tree its share of what is left, with so many trees still to come."""
+        if self._work is not None:
+            self._share = self.spent + (self._work - self.spent) // trees
+        if self._end is not None:
+            now = time.process_time()
+            self._end_of_share = now + (self._end - now) / trees
+
+    def take(self, work: int) -> bool:
+        """Take some work; return False if there is not so much left."""
+        if self._share is not None and self.spent + work > self._share:
+            return False
+        self.spent += work
+        self.is_cut = self.is_cut or self._is_spent()
+        if self.is_cut:
+            return False
+        return self._end_of_share is None or time.process_time() < self._end_of_share
+
+
+class NameInTree(str):
+    """The name of a node, by which what it raises is found in the file."""
+
+    __slots__ = ("bound",)
+    bound: BoundNode
+
+
+def mark(binding: Binding) -> None:
+    """Have errors of a bound tree's nodes name the nodes themselves."""
+    for bound in binding.nodes():
+        name = NameInTree(bound.name)
+        name.bound = bound
+        bound.name = name
+
+
+class _Raised(NamedTuple):
+    """What a tick raises, and the ticks up to that one, each as the state before it and its choices."""
+
+    error: Exception
+    ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]
+
+
+def can_prepare(binding: Binding, budget: TrialBudget) -> bool:
+    """Return whether a budget is enough to prepare a tree, and take what that costs."""
+    nodes = count_within_limits(binding.main, Collector())
+    return nodes is not None and budget.take(nodes * _PREPARING)
+
+
+def findings_of_runs(
+    simulated: SimulatedTree,
+    binding: Binding,
+    budget: TrialBudget,
+    how_to_see: str,
+    known: Iterable[Diagnostic],
+) -> list[Diagnostic]:
+    """Return the findings about shortest runs in which ticks raise, one for each place; none that were not found in time.
+
+    Args:
+        simulated: The tree with stub leaves; it is used up.
+        binding: The same tree, whose nodes are marked.
+        budget: How much may be tried.
+        how_to_see: The command that shows such a run.
+        known: What the rules have found: what raises for the same reason is not told again.
+
+    Raises:
+        UndecidableError: If the ticks of the tree cannot be gone through.
+    """
+    stepper = TreeStepper(Prepared.of(simulated), without_properties().rules)
+    cost = _A_TICK + len(stepper.flat.nodes)
+    doubts, mistaken = _Doubts(binding), Mistaken(binding, known)
+
+    def place_of(error: Exception) -> tuple[str, Span] | None:
+        if doubts.is_doubtful(error):
+            return None
+        place = _place(error, binding)
+        if mistaken.explains(place, getattr(error, "attribute", "") or getattr(error, "port", "")):
+            return None
+        return place.element.source.path, _span(error, place)
+
+    described = {bound.name for bound in binding.nodes() if bound.spec.is_only_described}
+    found = []
+    for raised in _search(stepper.steps, lambda: budget.take(cost), place_of):
+        ticks = [
+            [event for event in stepper.play(state, wanted).events if event.answer]
+            for state, wanted in raised.ticks
+        ]
+        is_sure = not simulated.by_semantics and not any(
+            event.leaf in described for events in ticks for event in events
+        )
+        place = _place(raised.error, binding)
+        told = f"{simulated.explain(raised.error)} ({_run_words(ticks)})"
+        severity = Severity.ERROR if is_sure else Severity.WARNING
+        source, span = place.element.source, _span(raised.error, place)
+        hint = f"{how_to_see} shows the run tick by tick"
+        found.append(Diagnostic("failing-tick", told, source, span, hint=hint, severity=severity))
+    return found
+
+
+def _search(
+    steps: TickSteps, take: Callable[[], bool], place_of: Callable[[Exception], object]
+) -> list[_Raised]:
+    """Return the first tick that raises at each place, breadth first; a run that has come to its end is not followed beyond it.
+
+    Args:
+        steps: The ticks.
+        take: Returns whether one more may be tried.
+        place_of: Returns the place of an error; None for one that counts for nothing.
+    """
+    start = steps.start()
+    origins: dict[bytes, bytes | None] = {start: None}
+    waiting = deque([start])
+    found: dict[object, _Raised] = {}
+    while waiting and len(found) < _MOST_FOUND:
+        state = waiting.popleft()
+        if steps.judge(state, None).ends:
+            continue
+        steps.enter(state, alone=True)
+        while steps.step():
+            if not take():
+                return [*found.values()]
+            if steps.error is not None:
+                place = place_of(steps.error)
+                if place is not None and place not in found:
+                    ticks = [*_way(origins, state), (state, _has_path(steps.path()))]
+                    found[place] = _Raised(steps.error, ticks)
+            elif steps.state is not None and steps.state not in origins:
+                origins[steps.state] = state
+                waiting.append(steps.state)
+    return [*found.values()]
+
+
+def _way(origins: dict[bytes, bytes | None], state: bytes) -> list[tuple[bytes, Callable[[TickSteps], bool]]]:
+    way: list[tuple[bytes, Callable[[TickSteps], bool]]] = []
+    before = origins[state]
+    while before is not None:
+        way.append((before, _leads_to(state)))
+        state, before = before, origins[before]
+    return way[::-1]
+
+
+def _leads_to(end: bytes) -> Callable[[TickSteps], bool]:
+    return lambda steps: steps.state == end
+
+
+def _has_path(path: tuple[int, ...]) -> Callable[[TickSteps], bool]:
+    return lambda steps: steps.path() == path
+
+
+def _run_words(ticks: list[list[Event]]) -> str:
+    """Return a run in words: the answers of its last ticks."""
+    if not any(ticks):
+        return f"in tick {len(ticks)}"
+    last = list(enumerate(ticks, 1))[-_MOST_TOLD:]
+    answers = {
+        number: ", ".join(f"'{each.leaf}' {each.status}" for each in events) for number, events in last
+    }
+    if len(ticks) == 1:
+        return f"in tick 1; {answers[1]}"
+    said = (f"tick {number}: {words}" for number, words in answers.items() if words)
+    return f"in tick {len(ticks)}; {'; '.join(said)}"
+
+
+class _Doubts:
+    """Tells errors that only the simulation has: what real leaves and the mission write is not known here."""
+
+    def __init__(self, binding: Binding) -> None:
+        accesses = [access for tree in binding.trees() for access in key_accesses_of(tree).accesses]
+        self._all = {access.key for access in accesses}
+        writing = (AccessKind.WRITE, AccessKind.BOTH)
+        self._written = {access.key for access in accesses if access.kind in writing}
+
+    def is_doubtful(self, error: Exception) -> bool:
+        """Return whether an error may be none in a real run: a value is not known, or a key is empty that something else may have written."""
+        return unknown_value_of(error) is not None or any(
+            key not in self._written or f"{ROOT_SIGN}{key}" in self._all for key in _empty_keys(error)
+        )
+
+
+def _empty_keys(error: BaseException | None) -> Iterator[str]:
+    while error is not None:
+        if isinstance(error, UnknownVariableError):
+            yield error.name
+        elif isinstance(error, MissingEntryError):
+            yield error.key
+        error = error.__cause__
+
+
+def _place(error: Exception, binding: Binding) -> BoundNode:
+    for name in (getattr(error, "node", None), *_names_of_raising(error)):
+        if isinstance(name, NameInTree):
+            return name.bound
+    if isinstance(error, PortError):
+        reading = [bound for bound in binding.nodes() if error.port in bound.keys]
+        if reading:
+            return next((each for each in reading if each.keys[error.port] == error.source), reading[0])
+    assert binding.main.root is not None  # noqa: S101 - a tree without a root has errors
+    return binding.main.root
+
+
+def _names_of_raising(error: Exception) -> list[object]:
+    """Return the names of the objects whose methods an error came through, the innermost first."""
+    calls = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return [getattr(call.get("self"), "name", None) for call in reversed(calls)]
+
+
+def _span(error: Exception, place: BoundNode) -> Span:
+    element = place.element
+    if isinstance(error, NodeScriptError) and error.attribute in element.attributes:
+        if error.start is None or error.end is None:
+            return element.value_span(error.attribute)
+        return element.within_value(error.attribute, error.start, error.end)
+    port = getattr(error, "port", "")
+    return element.value_span(port) if port in element.attributes else element.tag_span()
+
+
+_CODES = frozenset({"assignment-as-condition", "idle-statement", "touching-statements", "key-as-text"})
+_WRITING = (AccessKind.WRITE, AccessKind.CHANGE)
+
+
+class Mistaken:
+    """The attributes of a bound tree with such findings, and the keys that get their values from them.
+
+    Args:
+        binding: The tree.
+        findings: What the rules have found.
+    """
+
+    def __init__(self, binding: Binding, findings: Iterable[Diagnostic]) -> None:
+        self._trees = {bound: tree for tree in binding.trees() for bound in tree.nodes}
+        told = [each for each in findings if each.code in _CODES]
+        self._attributes = {
+            (bound, attribute) for bound in self._trees for attribute in _attributes_of(bound, told)
+        }
+        self._keys = {key for place in self._attributes for key in self._written(*place)}
+        links = [*self._links()]
+        before = -1
+        while before != len(self._keys):  # a subtree in another one has it from there
+            before = len(self._keys)
+            self._keys |= {inner for outer, inner in links if outer in self._keys}
+
+    def explains(self, bound: BoundNode, attribute: str) -> bool:
+        """Return whether one of them explains an error of a node's attribute; of any attribute, where that is not known."""
+        return (bound, attribute) in self._attributes or any(
+            (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
+        )
+
+    def _written(self, bound: BoundNode, attribute: str) -> Iterator[tuple[BoundTree, str]]:
+        if bound.subtree is not None and attribute in bound.remapping.constants:
+            yield bound.subtree, attribute
+        yield from ((tree, key) for tree, key, kind in self._accesses(bound, attribute) if kind in _WRITING)
+
+    def _accesses(self, bound: BoundNode, attribute: str) -> Iterator[tuple[BoundTree, str, AccessKind]]:
+        tree = self._trees[bound]
+        for each in key_accesses_of(tree).accesses if self._attributes else ():
+            if each.bound is bound and attribute in ("", each.attribute):
+                yield tree, each.key, each.kind
+
+    def _links(self) -> Iterator[tuple[tuple[BoundTree, str], tuple[BoundTree, str]]]:
+        """Yield the keys that are passed to subtrees, each with that in there."""
+        for tree in dict.fromkeys(self._trees.values()):
+            for use in tree.uses:
+                if use.subtree is not None:
+                    for inner, outer in use.remapping.keys.items():
+                        yield (tree, outer), (use.subtree, inner)
+
+
+def _attributes_of(bound: BoundNode, told: list[Diagnostic]) -> Iterator[str]:
+    element = bound.element
+    for finding in told:
+        if finding.source.path == element.source.path and finding.span.line >= element.line:
+            for attribute in element.attributes:
+                span = element.value_span(attribute)
+                if span[:2] <= finding.span[:2] and finding.span[2:] <= span[2:]:
+                    yield attribute

@@ -1,0 +1,125 @@
+"""The state of a tree between two ticks: what it consists of, how it is taken, and how it is restored."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.analysis.leaf_words import EventPattern
+from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.kernel.numbering import StateStore
+from sar_compiler.runtime.kernel.tick_steps import TickSteps
+from sar_compiler.runtime.numbered_board import NumberedBoard
+from sar_compiler.runtime.stub_leaf import StubLeaf
+
+# How many states are searched for what grows, and how many names are reported.
+_SAMPLE = 5000
+_MOST_GROWING = 3
+
+
+class Alphabet:
+    """The possible events of the stub leaves of a tree, which the kernel knows by numbers.
+
+    Args:
+        simulated: The tree.
+
+    Attributes:
+        events: What each number means.
+        answers: The leaf of each number, and its answer; None where the event is none.
+        numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
+    """
+
+    def __init__(self, simulated: SimulatedTree) -> None:
+        self.events: list[Event] = []
+        self.answers: list[tuple[StubLeaf, Answer | None]] = []
+        self.numbers: dict[tuple[int, str, int], int] = {}
+        for leaf in simulated.leaves:
+            for answer in leaf.answers:
+                self._add(leaf, ANSWERED, answer)
+            self._add(leaf, STARTED)
+            self._add(leaf, HALTED)
+
+    def _add(self, leaf: StubLeaf, what: str, answer: Answer | None = None) -> None:
+        # By identity: two answers of a leaf may say the same.
+        self.numbers[id(leaf), what, id(answer)] = len(self.events)
+        self.events.append(leaf.event(what, answer))
+        self.answers.append((leaf, answer))
+
+    def meant_by(self, pattern: EventPattern) -> set[int]:
+        """Return the numbers of all events that a text of a file means."""
+        return {number for number, event in enumerate(self.events) if pattern.matches(event)}
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A tree with stub leaves, prepared for the search.
+
+    Attributes:
+        simulated: The tree.
+        alphabet: Its events.
+        entries: What its keys and facts hold.
+        start: The numbers of what they hold at the start.
+        begun: What the cells of each node held at the start, by its behaviour.
+    """
+
+    simulated: SimulatedTree
+    alphabet: Alphabet
+    entries: EntryCells = field(default_factory=EntryCells)
+    start: list[int] = field(default_factory=list)
+    begun: dict[Behaviour, tuple[list[int], list[Any]]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, simulated: SimulatedTree) -> "Prepared":
+        """Prepare a tree.
+
+        Raises:
+            FrozenValueError: If a key holds a value that can neither be copied nor hashed.
+        """
+        prepared = cls(simulated, Alphabet(simulated))
+        for board in (simulated.facts.board, simulated.compiled.board):
+            NumberedBoard.of(board, prepared.entries)
+        prepared.start.extend(prepared.entries.now)
+        return prepared
+
+
+@dataclass(frozen=True)
+class StateValues:
+    """Describes the states of a tree.
+
+    Attributes:
+        simulated: The tree.
+        steps: Has gone through its states.
+        own: Returns what the user's controls and decorators remember in the state that was restored last, by names.
+    """
+
+    simulated: SimulatedTree
+    steps: TickSteps
+    own: Callable[[], Mapping[str, object]]
+
+    def facts(self) -> dict[str, object]:
+        """Return the facts as they are now, by their names."""
+        return dict(sorted(self.simulated.fact_values().items()))
+
+    def facts_and_keys(self, state: bytes | None = None) -> tuple[dict[str, object], dict[str, object]]:
+        """Return the facts and the keys of the tree in a state, each by their names; as they are now without one."""
+        if state is not None:
+            self.steps.restore(state)
+        return self.facts(), dict(sorted(self.simulated.compiled.board.values().items()))
+
+    def values_in(self, state: bytes) -> dict[str, object]:
+        """Return the keys of the tree and then the facts in a state."""
+        facts, keys = self.facts_and_keys(state)
+        return {**keys, **facts}
+
+    def growing(self, states: StateStore) -> tuple[tuple[str, int], ...]:
+        """Return the keys, facts and cells with the most values in the last of some states, and how many values."""
+        values: dict[str, set[str]] = {}
+        for state in states.between(max(len(states) - _SAMPLE, 0), len(states)):
+            for name, value in {**self.values_in(state), **self.own()}.items():
+                values.setdefault(name, set()).add(repr(value))
+        counts = sorted(((name, len(found)) for name, found in values.items()), key=lambda each: -each[1])
+        return tuple((name, count) for name, count in counts[:_MOST_GROWING] if count > 1)

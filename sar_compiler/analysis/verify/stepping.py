@@ -1,0 +1,249 @@
+"""The ticks of a simulated tree, from any state that it can be in, held to what the user's specs claim."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from itertools import pairwise
+
+from librt.vecs import vec
+from mypy_extensions import i32
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.analysis.verify.properties import Rules
+from sar_compiler.analysis.verify.state import Prepared, StateValues
+from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.nodes.binding.nesting import trees_in
+from sar_compiler.nodes.outcome_sets import ALL, BITS, WORD_OF
+from sar_compiler.nodes.semantics import Order
+from sar_compiler.runtime.answers import nominal
+from sar_compiler.runtime.events import ANSWERED, Event, TickRecord, changes_in, value_changes, with_end
+from sar_compiler.runtime.kernel.branch_nodes import BranchNode
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.chances import ChanceNode, Chances, WeighedSteps
+from sar_compiler.runtime.kernel.choices import Choices
+from sar_compiler.runtime.kernel.forking import ForkingTicker
+from sar_compiler.runtime.kernel.searching import Judgement
+from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
+from sar_compiler.runtime.kernel.table import flatten
+from sar_compiler.runtime.kernel.tick_steps import TickSteps
+from sar_compiler.runtime.kernel.trail import Trail
+from sar_compiler.runtime.kernel.tree import FlatTree
+from sar_compiler.runtime.kernel.tree_nodes import Ticker
+from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode
+from sar_compiler.runtime.variables import UNKNOWN
+
+
+def hold_to_records(
+    nodes: Iterable[UserNode], compiled: CompiledTree, deny: Callable[[Behaviour, str], None]
+) -> bool:
+    """Have nodes see whether they do what their records say; return whether any of these says something.
+
+    Args:
+        nodes: The nodes.
+        compiled: Their tree.
+        deny: Is told of each behaviour that does something else, and what, in words.
+    """
+    possible: PossibleOutcomes | None = None
+    for node in nodes:
+        bound = compiled.origins[node.behaviour.id].bound
+        means, said = bound.spec.semantics, bound.spec.outcomes
+        if means.possible is None and not said:
+            continue
+        possible = possible or PossibleOutcomes(trees_in(compiled.instance.tree))
+        outcomes = possible.may_return(bound)
+        if said:
+            outcomes &= sum(BITS[word] for word in said)
+        goes_on = WORDS.index(WORD_OF.get(means.goes_on, "")) if means.order is Order.IN_ORDER else 0
+        if outcomes != ALL or goes_on:
+            numbers = sum(1 << WORDS.index(word) for word, bit in BITS.items() if outcomes & bit)
+            node.claim = Claim(numbers, goes_on, deny)
+    return possible is not None
+
+
+class TreeStepper:
+    """Plays ticks of a simulated tree in its flat form.
+
+    Args:
+        prepared: The tree with stub leaves.
+        rules: What is watched.
+        flattened: Brings it into flat form, given what builds its leaves; None for the whole tree as it is.
+        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
+        meets: Whether ticks that come to the same place are one from there on.
+        chances: Is told of the choices of leaves whose chances are known; None where everything is possible.
+
+    Raises:
+        NotFlatError: If the tree has a node whose rules are not known.
+
+    Attributes:
+        leaves: The tree's stub leaves.
+        writes_unknown_values: Whether one of them writes a key with an unknown value.
+        flat: The flat form.
+        ticker: What ticks it.
+        steps: Its steps.
+        states: Tells what is in its states.
+        ran: The indexes of the leaves that were ticked so far.
+        claims: Whether the records of the user's controls and decorators say anything that could be wrong.
+        wrong: What these have done last that their records exclude, in words.
+    """
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        rules: Rules,
+        flattened: Callable[[LeafNodes], FlatTree] | None = None,
+        *,
+        forgets: bool = True,
+        meets: bool = True,
+        chances: Chances | None = None,
+    ) -> None:
+        self._alphabet = prepared.alphabet
+        choices = Choices()
+        entries = prepared.entries
+        entries.restore(vec[i32](prepared.start))
+        self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
+        simulated = prepared.simulated
+        stub = partial(ChanceNode, chances=chances) if chances else None
+        leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, stub)
+        self.flat = flattened(leaves) if flattened else flatten(simulated.root, leaves.node_of)
+        self.ran = leaves.ran
+        first = self.flat.ticker(chances.times if chances else ChosenTimes(choices, trail))
+        self._begin_as_first(prepared, first)
+        self.ticker = ForkingTicker(first, entries, choices, trail, meets=meets)
+        self.wrong, self._rule = "", rules.count
+        self._rules, self._watched = rules, 0
+        self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]
+        self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
+        judged_by = [entries.place_of(entry.name) for entry in rules.entries]
+        self.leaves = simulated.leaves
+        self.writes_unknown_values = any(
+            UNKNOWN in each.then for leaf in self.leaves for each in leaf.answers
+        )
+        self.steps = (
+            WeighedSteps(self.flat, self.ticker, rules.judge, judged_by, chances.times)
+            if chances
+            else TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
+        )
+        self.states = StateValues(simulated, self.steps, self._remembered)
+        self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
+
+    def _begin_as_first(self, prepared: Prepared, ticker: Ticker) -> None:
+        """Have nodes begin as those of the first stepper, whose behaviours have been ticked since: some bring along what they remember."""
+        cells, values = ticker.cells, ticker.values
+        for node in self.flat.nodes:
+            keeps_nothing = node.first_cell == node.last_cell and node.first_value == node.last_value
+            if keeps_nothing or isinstance(node, BranchNode):
+                continue
+            now = list(cells[node.first_cell : node.last_cell]), values[node.first_value : node.last_value]
+            begun = prepared.begun.setdefault(node.behaviour, now)
+            values[node.first_value : node.last_value] = begun[1]
+            for place, held in enumerate(begun[0], node.first_cell):
+                cells[place] = i32(held)
+
+    def _deny(self, behaviour: Behaviour, what: str) -> None:
+        cls = type(behaviour)
+        self._trail.broken |= 1 << self._rule
+        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}: mend its outcomes or semantics, which checks rely on"
+
+    def _remembered(self) -> dict[str, object]:
+        """Return what the user's controls and decorators have in their cells, by the names of the node and of the attribute."""
+        values = self.ticker.values
+        return {
+            f"{node.behaviour.name}.{name}": values[at]
+            for node in self._own
+            for at, cell in zip(node.own, node.behaviour.cells, strict=True)
+            for name, held in vars(node.behaviour).items()
+            if held is cell
+        }
+
+    def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
+        """Play the ticks of a state one after the other, or the one with some choices; `played`, `unusual` and `broken` tell of the last one."""
+        self._watched = self.steps.restore(state)[1]
+        self._before = self.states.facts_and_keys()
+        self._trail.keeps = True
+        try:
+            self.steps.enter(state, alone=True, path=path)
+            while self.steps.step():
+                yield self.steps
+        finally:
+            self._trail.keeps = False
+
+    def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
+        """Play the first tick of a state that is wanted; return it as the tick of that number."""
+        next(step for step in self.ticks(state) if wanted(step))
+        return self.played(number)
+
+    def played(self, number: int = 0) -> TickRecord:
+        """Return what has happened in the last tick, as the tick of that number."""
+        now, events = self.ticker.entries.now, []
+        happened, after = self._happened(), list(now)
+        for (event, past), (_, then) in pairwise([*happened, (0, after)]):
+            changed = () if past == then else changes_in(self._facts_in(past), self._facts_in(then))
+            events.append(self._alphabet.events[event]._replace(facts=changed))
+        self.ticker.entries.restore(now)
+        root, steps = self.flat.nodes[0].behaviour.name, self.steps
+        (facts_before, keys_before), (facts, keys) = self._before, self.states.facts_and_keys()
+        return TickRecord(
+            with_end(events, root, WORDS[steps.outcome], number),
+            value_changes(facts_before, facts),
+            value_changes(keys_before, keys),
+            error="" if steps.error is None else f"{type(steps.error).__name__}: {steps.error}",
+        )
+
+    def unusual(self) -> tuple[bool, ...]:
+        """Return which answers of the last tick were other than usual."""
+        entries, unusual = self.ticker.entries, []
+        after = entries.now
+        for event, past in self._happened():
+            leaf, answer = self._alphabet.answers[event]
+            if answer is not None:
+                entries.restore(vec[i32](past))
+                unusual.append(nominal(leaf.options()) is not answer)
+        entries.restore(after)
+        return tuple(unusual)
+
+    def judgement(self, state: bytes, *, idle: bool | None = None) -> Judgement:
+        """Judge a state by itself; see `Rules.judge`."""
+        outcome, watched = self.steps.restore(state)
+        return self._rules.judge(outcome, watched, idle)
+
+    def broken(self) -> tuple[tuple[int, Event], ...]:
+        """Return the properties over events that the last tick has broken, by their numbers, each with the event that does it."""
+        if not self.steps.broken:
+            return ()
+        watched, found = self._watched, []
+        monitors, numbers = self._rules.monitors, self._trail.numbers
+        for place, number in enumerate(numbers):
+            watched, wrong = monitors.after(watched, number)
+            event = self._alphabet.events[self._own_number(place)]
+            found += [(rule, event) for rule in range(monitors.count) if wrong >> rule & 1]
+        return tuple(found)
+
+    def _own_number(self, place: int) -> int:
+        """Return the number of the event of the last tick at a place; of one that only goes with another, that of this one."""
+        count, numbers = len(self._alphabet.events), self._trail.numbers
+        if numbers[place] < count:
+            return numbers[place]
+        beside = (each for some in self._rules.guarded.values() for each in some)
+        comes_first = next(each.comes_first for each in beside if each.number == numbers[place])
+        others = numbers[place:] if comes_first else numbers[place::-1]
+        return next(number for number in others if number < count)
+
+    def before_answer(self, place: int) -> None:
+        """Have the entries hold what they held before an answer of the last tick, by its place among its answers."""
+        answers = [past for event, past in self._happened() if self._alphabet.answers[event][1] is not None]
+        self.ticker.entries.restore(vec[i32](answers[place]))
+
+    def answered(self) -> tuple[Event, ...]:
+        """Return what leaves have answered in the last tick."""
+        events = [self._alphabet.events[event] for event, _ in self._happened()]
+        return tuple(event for event in events if event.what == ANSWERED)
+
+    def _happened(self) -> list[tuple[int, list[int]]]:
+        """Return the events of the last tick, each with what entries held before it."""
+        # Numbers above those of the alphabet are those of guarded events, which go with another one.
+        count, trail = len(self._alphabet.events), self._trail
+        return [each for each in zip(trail.numbers, trail.pasts, strict=True) if each[0] < count]
+
+    def _facts_in(self, entries: list[int]) -> Mapping[str, object]:
+        self.ticker.entries.restore(vec[i32](entries))
+        return self.states.facts()

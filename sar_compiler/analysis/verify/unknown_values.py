@@ -1,0 +1,69 @@
+"""Searches of trees in which leaves write unknown values: a tick that needs one is told apart from a tick that raises.
+
+A run is not followed beyond such a tick. So what is shown of the other runs is right, and what is said of all runs is not decided.
+"""
+
+from collections.abc import Sequence
+
+from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.runtime.kernel.graph import Breach, Graph
+from sar_compiler.runtime.kernel.searching import A_STATE, Judgement, Report, Stepper, explore
+from sar_compiler.runtime.variables import unknown_value_of
+
+
+def explored(
+    stepper: TreeStepper, max_states: int, report: Report, names: Sequence[str]
+) -> tuple[Graph, Breach | None]:
+    """Search the states of a tree; see `explore`.
+
+    Returns:
+        The graph, whose error is the first tick that raises for another reason than an unknown value; and the first tick that needs one.
+    """
+    if not stepper.writes_unknown_values:
+        return explore(stepper.steps, max_states, report, names), None
+    steps = _NotedErrors(stepper.steps)
+    graph = explore(steps, max_states, report, names)
+    graph.error = steps.errors.get(False)
+    return graph, steps.errors.get(True)
+
+
+class _NotedErrors(Stepper):
+    """The steps of a tree, with the first tick of each kind that raises.
+
+    Args:
+        steps: The steps.
+
+    Attributes:
+        errors: The first tick that needs an unknown value (True), and the first one that raises for another reason (False).
+    """
+
+    def __init__(self, steps: Stepper) -> None:
+        super().__init__()
+        self.errors: dict[bool, Breach] = {}
+        self._steps = steps
+        self.middles = steps.middles
+        # A search enters the states in the order of their numbers.
+        self._entered = -1
+
+    def start(self) -> bytes:
+        return self._steps.start()
+
+    def enter(self, state: bytes, *, alone: bool = False) -> None:
+        self._entered += 1
+        self._steps.enter(state, alone=alone)
+
+    def step(self) -> int:
+        steps = self._steps
+        led = steps.step()
+        self.state, self.waits, self.broken = steps.state, steps.waits, steps.broken
+        self.error, self.middle, self.left = steps.error, steps.middle, steps.left
+        if led == A_STATE and steps.error is not None:
+            kind = unknown_value_of(steps.error) is not None
+            self.errors.setdefault(kind, Breach(self._entered, steps.path(), steps.error))
+        return led
+
+    def judge(self, state: bytes, idle: bool | None) -> Judgement:
+        return self._steps.judge(state, idle)
+
+    def path(self) -> tuple[int, ...]:
+        return self._steps.path()

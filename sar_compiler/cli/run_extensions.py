@@ -1,0 +1,71 @@
+"""The extensions of a run that a command line asks for; what they take is imported only then."""
+
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from sar_compiler.errors import SarError
+from sar_compiler.parts import is_here
+
+if TYPE_CHECKING:
+    from sar_compiler.execution.run_setup import MakeExtension
+
+
+def extensions_asked_for(options: Namespace) -> "Iterator[MakeExtension]":
+    """Yield for each extension that the command line asks for what makes it; what that takes is imported.
+
+    Raises:
+        ImportError: If a library is not installed.
+    """
+    if is_here("reports"):
+        from sar_compiler.reports.run_report import RunInquiry
+
+        yield lambda run: RunInquiry() if run.journal.is_kept else None
+    if options.properties:
+        from sar_compiler.execution.run_watch import RunWatch
+
+        yield RunWatch
+    if options.view == "web":
+        from sar_compiler.web.run_page import RunPage
+
+        yield RunPage
+    if options.view == "text":
+        from sar_compiler.execution.run_view import run_view
+
+        yield run_view()
+    if options.report:
+        from sar_compiler.reports.run_report import RunReport
+
+        yield lambda run: RunReport(
+            options.report, run.parameters.georeference, run.journal.earlier(), run.journal.place.parent
+        )
+    if (file := options.record) is not None:
+        from sar_compiler.ros.mission_recording import MissionRecording
+
+        yield errors_of("--record")(lambda run: MissionRecording(run.node, file))
+    if options.publish:
+        from sar_compiler.ros.mission_publisher import MissionPublisher
+
+        yield lambda run: MissionPublisher(run.node)
+    if (port := options.groot2) is not None:
+        from sar_compiler.groot2.groot2_extension import Groot2Extension
+
+        yield lambda _: Groot2Extension(port)
+    if options.guardian is not False:
+        from sar_compiler.execution.extensions import guardian_of
+
+        yield guardian_of
+
+
+@contextmanager
+def errors_of(option: str) -> Iterator[None]:
+    """Say of errors within it by which option they come.
+
+    Raises:
+        SarError: In place of another one.
+    """
+    try:
+        yield
+    except SarError as error:
+        raise SarError(f"{option}: {error}") from error

@@ -1,0 +1,75 @@
+"""A tree as plain data, which `show --format json` prints and golden tests compare, and as text."""
+
+from collections.abc import Callable
+from typing import Any
+
+import py_trees
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.compiler.sketch import Drawable, class_of, is_unknown
+from sar_compiler.nodes.spec import Kind
+from sar_compiler.runtime.walking import pre_order
+from sar_compiler.tree.plain import plain
+
+# These are keys of their own in the outline, where readers expect them.
+_OWN_KEYS = ("memory", "policy")
+
+
+def outline(tree: Drawable) -> dict[str, Any]:
+    """Return a tree as nested dictionaries of JSON values.
+
+    Each node has its `class`, `name`, `attributes` (values and references as resolved), `children`, and
+    its `file` and `line`; `memory` and `policy` only if its class has them. The class of an unknown node is None.
+    """
+    return _outline(tree, tree.root)
+
+
+def _outline(tree: Drawable, behaviour: Behaviour) -> dict[str, Any]:
+    origin = tree.origins[behaviour.id]
+    element = origin.bound.element
+    node: dict[str, Any] = {"class": class_of(behaviour), "name": behaviour.name}
+    node.update({key: plain(origin.attributes[key]) for key in _OWN_KEYS if key in origin.attributes})
+    node["attributes"] = {
+        key: plain(value) for key, value in origin.attributes.items() if key not in _OWN_KEYS
+    }
+    node["children"] = [_outline(tree, child) for child in behaviour.children]
+    node["file"] = element.source.path
+    node["line"] = element.line
+    return node
+
+
+# As text, in the notation that py_trees users know.
+
+
+def unicode_tree(root: Behaviour) -> str:
+    """Draw a tree."""
+    return _drawn(py_trees.display.unicode_tree, root)
+
+
+def ascii_tree(root: Behaviour) -> str:
+    """Draw a tree with ASCII characters only; see `unicode_tree`."""
+    return _drawn(py_trees.display.ascii_tree, root)
+
+
+def with_tags(drawing: str, tree: Drawable) -> str:
+    """Add to the drawing of a tree what its leaves and decorators are, where their names do not say it."""
+    lines, behaviours = drawing.rstrip("\n").split("\n"), list(pre_order(tree.root))
+    if len(behaviours) != len(lines):  # a constructor has given a name of several lines
+        return drawing
+    return "".join(f"{line}{_tag(each, tree)}\n" for line, each in zip(lines, behaviours, strict=True))
+
+
+def _tag(behaviour: Behaviour, tree: Drawable) -> str:
+    bound = tree.origins[behaviour.id].bound
+    tag = bound.spec.tag
+    # A wrapper that an attribute asks for has a name of its own; a composite has its sign.
+    sign = " ?" if is_unknown(bound) else ""
+    is_other = behaviour.name != bound.name or bound.spec.kind is Kind.CONTROL
+    if is_other or behaviour.name in (tag, f"{tag}?"):
+        return f" {sign}" if sign else ""
+    called = bound.element.attributes["ID"] if bound.subtree is not None else behaviour.name
+    return f"  <{tag}>{sign}" if called == behaviour.name else f'  <{tag} ID="{called}">{sign}'
+
+
+def _drawn(draw: Callable[[Behaviour], str], root: Behaviour) -> str:
+    return draw(root).rstrip("\n") + "\n"

@@ -1,0 +1,1 @@
+"""A run of a mission, from its tree file to its result."""

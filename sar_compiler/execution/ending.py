@@ -1,0 +1,134 @@
+"""The end of a run and its result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+
+from py_trees.common import Status
+
+from sar_compiler.missions.mission import MissionRun
+from sar_compiler.runtime.clock import clock_text
+
+
+class Until(str, Enum):
+    """The condition that ends a run."""
+
+    END = "end"
+    """The root succeeds or fails."""
+    COMPLETE = "complete"
+    """The mission is complete, or can no longer become so."""
+    SUCCESS = "success"
+    """The root succeeds."""
+    FAILURE = "failure"
+    """The root fails."""
+    FOREVER = "forever"
+    """It is stopped from outside."""
+
+
+_ENDS = {
+    Until.END: (Status.SUCCESS, Status.FAILURE, Status.INVALID),
+    Until.SUCCESS: (Status.SUCCESS,),
+    Until.FAILURE: (Status.FAILURE,),
+}
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """The result of a run.
+
+    Attributes:
+        achieved: Whether the run has achieved its goal.
+        reason: A sentence with the reason.
+    """
+
+    achieved: bool
+    reason: str
+
+
+@dataclass
+class EndCondition:
+    """Decides after every tick whether a run is over.
+
+    Args:
+        until: The condition that ends the run.
+        mission: The run's mission.
+        time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
+        say: Called with a message for every round of the tree after which the run continues, although the root has ended.
+    """
+
+    until: Until
+    mission: MissionRun = field(default_factory=MissionRun)
+    time_limit_sec: float | None = None
+    say: Callable[[str], object] = lambda _: None
+    _rounds: int = field(default=0, init=False)
+    _idle_ticks: int = field(default=0, init=False)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is a mission with an end of its own, and it is complete."""
+        return self.mission.shortfalls() == []
+
+    def shortfalls(self) -> list[str]:
+        """Return in sentences what is missing for a complete mission; empty without a mission that has an end of its own."""
+        return self.mission.shortfalls() or []
+
+    def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
+        """Return the result of the run, or None if it continues.
+
+        Args:
+            status: The root's status after the tick; INVALID if it was skipped.
+            elapsed_sec: Time since the first tick, in seconds of the node's clock.
+        """
+        result = self._mission_result(status) if self.until is Until.COMPLETE else self._root_result(status)
+        if result is None and self.time_limit_sec is not None and elapsed_sec > self.time_limit_sec:
+            limit = f"The time limit of {clock_text(self.time_limit_sec)} was reached."
+            return RunResult(achieved=False, reason=" ".join([limit, *self.shortfalls()]))
+        return result
+
+    def _root_result(self, status: Status) -> RunResult | None:
+        if self.until not in _ENDS or status == Status.RUNNING:
+            return None
+        name = "SKIPPED" if status == Status.INVALID else status.name
+        if status in _ENDS[self.until]:
+            achieved = self.until is not Until.END or status == Status.SUCCESS
+            return RunResult(achieved=achieved, reason=f"The root of the tree ended with {name}.")
+        self._rounds += 1
+        self.say(f"Root {name}, starting again ({_ordinal(self._rounds)} time).")
+        return None
+
+    def _mission_result(self, status: Status) -> RunResult | None:
+        if self.complete:
+            return RunResult(achieved=True, reason=" ".join(["Mission complete.", *self.mission.remarks()]))
+        # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
+        # that finishes the last piece of work succeeds before the way back was checked.
+        nothing_left = self.mission.nothing_left()
+        over = nothing_left and status != Status.RUNNING
+        self._idle_ticks = self._idle_ticks + 1 if over else 0
+        if self._idle_ticks > 1:
+            return RunResult(achieved=False, reason=" ".join([f"{nothing_left}.", *self.shortfalls()]))
+        return None
+
+
+def default_summary(mission: MissionRun, outcome: str, elapsed_sec: float, ticks: int) -> str:
+    """Return the summary of a run whose mission has none of its own: its outcome, figures, duration, and what is missing.
+
+    Args:
+        mission: The run's mission.
+        outcome: What has become of the run, in words: `succeeded`.
+        elapsed_sec: Its duration, in seconds of the node's clock.
+        ticks: The number of ticks.
+    """
+    return "\n".join(
+        (
+            f"Summary: the run {outcome}.",
+            *(f"  {figure.text}" for figure in mission.display().figures),
+            f"  duration: {clock_text(elapsed_sec)}, {ticks} tick{'' if ticks == 1 else 's'}",
+            *(f"  missing: {line}" for line in mission.shortfalls() or ()),
+        )
+    )
+
+
+def _ordinal(number: int) -> str:
+    """Return `1st`, `2nd`, `3rd`, `4th`, …, `11th`."""
+    teen = number // 10 % 10 == 1
+    return f"{number}{'th' if teen else {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th')}"

@@ -1,0 +1,110 @@
+"""The extensions of one run, called in the order in which they were made."""
+
+from collections.abc import Iterable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from sar_compiler.execution.run_setup import MakeExtension, RunSetup
+from sar_compiler.ros.run_extension import RunExtension
+
+if TYPE_CHECKING:
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.execution.run_journal import RunJournal
+    from sar_compiler.execution.run_watch import RunWatch
+    from sar_compiler.ros.engine import Engine
+
+
+def guardian_of(run: RunSetup) -> RunExtension | None:
+    """Return what guards the goals of a run, if that is asked for, or usual: a simulation dies with the run."""
+    if not run.options.guardian and not (run.journal.is_kept and run.options.sim is None):
+        return None
+    from sar_compiler.ros.arguments import security_arguments
+    from sar_compiler.ros.guardian import Guardian
+
+    return Guardian(run.node, security_arguments(run.options.ros), run.options.supervision.signs)
+
+
+class Extensions:
+    """All extensions of one run.
+
+    Args:
+        run: The run.
+        journal: The run's journal, which is ended last.
+        makes: What makes each of the others, which may listen to it.
+        stack: Ends them, the last one first, whatever becomes of the run.
+
+    Raises:
+        SarError: If one of them cannot be.
+        ImportError: If a library is not installed.
+    """
+
+    def __init__(
+        self, run: RunSetup, journal: "RunJournal", makes: Iterable[MakeExtension], stack: ExitStack
+    ) -> None:
+        self._journal, self._has_begun, self._options = journal, False, run.options
+        self._complain = run.node.get_logger().error
+        self._extensions: list[RunExtension] = []
+        for make in (lambda _: journal, *makes):
+            extension = make(run)
+            if extension is None:
+                continue
+            self._extensions.append(extension)
+            stack.callback(self._end, extension)
+            if type(extension).on_entry is not RunExtension.on_entry:
+                run.journal.listen(extension.on_entry)
+
+    def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
+        """Let each of them begin.
+
+        Raises:
+            SarError: If one cannot.
+        """
+        for extension in self._extensions:
+            extension.on_compiled(tree, engine)
+
+    @property
+    def how_to_see_it_again(self) -> str:
+        """The line that shows a simulation again; empty for other runs, and where no journal is kept."""
+        return self._journal.how_to_see_it_again
+
+    def cause_of_failure(self) -> str:
+        """Return the likeliest cause of a failure in a line; empty where none is known, or no journal is kept."""
+        return next(filter(None, (each.cause_of_failure() for each in self._extensions)), "")
+
+    def on_begin(self) -> None:
+        """Let the tree be ticked from here on: its journal begins, which tells the others.
+
+        Raises:
+            JournalError: If it cannot be written.
+        """
+        for extension in self._extensions:
+            extension.on_begin()
+        self._has_begun = True
+
+    def on_setup(self) -> None:
+        """Tell each of them that the leaves are set up.
+
+        Raises:
+            UnfitLeavesError: If the run cannot be with these leaves.
+        """
+        for extension in self._extensions:
+            extension.on_setup()
+
+    def on_last_tick(self, *, is_over: bool) -> None:
+        """Tell each of them that nothing is ticked any more, before the tree is stopped."""
+        for extension in self._extensions:
+            extension.on_last_tick(is_over=is_over)
+
+    def watch(self) -> "RunWatch | None":
+        """Return who watches the run for properties; None if nobody does."""
+        if not self._options.properties:
+            return None
+        from sar_compiler.execution.run_watch import RunWatch
+
+        return next(each for each in self._extensions if isinstance(each, RunWatch))
+
+    def _end(self, extension: RunExtension) -> None:
+        try:
+            extension.on_end(has_begun=self._has_begun)
+        except Exception as error:  # noqa: BLE001 - nobody who only watches keeps others from their end
+            self._complain(f"{type(extension).__name__} could not come to its end: {error!r}.")

@@ -1,0 +1,244 @@
+"""The journal of a run of `sar-run`; what it takes is imported only where somebody has a use for it."""
+
+import math
+import shlex
+from argparse import Namespace
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
+from sar_compiler.journal.errors import JournalPlaceError
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import FACTS_LOST
+from sar_compiler.journal.refused_start import forget_refusal, record_refusal
+from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.nodes.palettes import is_palette_name
+from sar_compiler.project.project import Additions
+from sar_compiler.ros.run_extension import RunExtension
+from sar_compiler.runtime.walking import pre_order
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.ros.engine import Engine
+
+
+class RunStart:
+    """The start of a run: if it is refused, the reason is kept for `sar-journal why`, because no journal is written then.
+
+    Args:
+        options: The options of the command line.
+
+    Attributes:
+        journal: The journal, once it is open.
+    """
+
+    def __init__(self, options: Namespace) -> None:
+        self._options = options
+        self._place: Path | None = options.journal
+        self.journal: RunJournal | None = None
+
+    def find_place(self, mission: Mission | None, node: "Node") -> None:
+        """Find out which journal the run would write; a simulated run has a new name each time, which nobody would ask about."""
+        if self._place is None and self._options.sim is None and _keeps_by_itself(self._options, mission):
+            self._place = _usual_place(self._options, node.get_fully_qualified_name())
+
+    def refuse(self, error: SarError) -> None:
+        """Keep the reason why the run did not begin, if that is so."""
+        has_begun = self.journal is not None and self.journal.has_begun
+        is_kept = not (self._options.check or self._options.no_journal)
+        if self._place is not None and is_kept and not has_begun:
+            record_refusal(self._place, error.exit_status, str(error))
+
+
+class RunJournal(RunExtension):
+    """The journal of a run: kept in a file, listened to, or neither.
+
+    Args:
+        options: The options of the command line.
+        mission: The mission; None for a tree that belongs to none.
+        node: The run's node.
+        path: The tree file.
+
+    Attributes:
+        has_begun: Whether the run has begun.
+        how_to_see_it_again: Of a simulation, the line that shows it again; else empty.
+        journal: The journal. Who listens to it begins at once: what the run does only for those is decided as it goes on.
+
+    Raises:
+        JournalError: If there is one that this run must not write to.
+    """
+
+    def __init__(self, options: Namespace, mission: Mission | None, node: "Node", path: Path) -> None:
+        self._node = node
+        self._mission = mission
+        self.has_begun = False
+        self.journal = _open(options, mission, node)
+        self._about: dict[str, object] = {"mission": mission.name if mission is not None else None}
+        self._about["simulated"] = options.sim is not None
+        # What was simulated is over with its process, but for this.
+        is_simulation_kept = options.sim is not None and self.journal.is_kept
+        replay = f"sar-journal replay {shlex.quote(str(self.journal.place))}"
+        self.how_to_see_it_again = f"To see it again: {replay}" if is_simulation_kept else ""
+        self._run_about: dict[str, object] = {
+            "version": version("sar_compiler"),
+            "node": node.get_fully_qualified_name(),
+            "tree_file": str(path.resolve()),
+            "options": _node_options(options.additions),
+        }
+        if options.supervision.deaths:
+            self._run_about["after"] = options.supervision.deaths[-1]
+
+    def keep_facts(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
+        """Let a mission take over the facts of earlier runs, and keep its own from now on.
+
+        Raises:
+            ParameterError: If the journal is of another mission by its parameters.
+            JournalError: If the facts are not the mission's.
+        """
+        if self.journal.is_wanted:
+            self._identify(run, parameters)
+        # Where nobody reads the facts, they have their times all the same, which the mission may show.
+        if self._mission is not None:
+            run.keep_in(self.journal)
+
+    def _identify(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
+        """Note what makes it this mission, and that it is the one that is gone on with."""
+        from sar_compiler.execution.resuming import as_data, require_same_identity
+
+        self._run_about["parameters"] = as_data(parameters)
+        self._about["identity"] = as_data(run.identity())
+        if self.journal.is_resumed:
+            require_same_identity(self.journal, self._about)
+            facts = len(self.journal.facts())
+            self._node.get_logger().info(f"The mission in {self.journal.place} goes on after {facts} facts.")
+            self._tell_lost()
+        if self._mission is not None:
+            self._run_about["facts"] = as_data({**run.facts(), **run.limits()})
+
+    def _tell_lost(self) -> None:
+        if count := sum(
+            int(fact.data.get("count", 0)) for fact in self.journal.facts() if fact.kind == FACTS_LOST
+        ):
+            self._node.get_logger().warning(
+                f"{count} facts could not be written and are lost: what they tell of is done again, and the numbers that were "
+                "given until then are not given again."
+            )
+
+    def on_compiled(self, tree: CompiledTree, engine: "Engine") -> None:
+        """Take the tree that is run.
+
+        Raises:
+            TreeError: If the journal is of another tree.
+        """
+        if not self.journal.is_wanted:
+            return
+        from sar_compiler.compiler.outline import outline
+        from sar_compiler.execution.resuming import as_data, require_same_tree
+        from sar_compiler.views.drawing import drawn_nodes
+
+        self._about["tree"] = nodes = as_data(outline(tree))
+        looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
+        self._run_about |= {"tree_id": tree.instance.tree.name, "looks": looks}
+        self._run_about |= {"constant": _constant(tree), "limits": _limits(tree)}
+        if self.journal.is_resumed:
+            require_same_tree(self.journal, tree, nodes)
+        self._tree, self._engine = tree, engine
+
+    def on_begin(self) -> None:
+        """Begin to write.
+
+        Raises:
+            JournalError: If the file cannot be written.
+        """
+        from sar_compiler.ros.clock import mission_clock
+
+        self.journal.clock = mission_clock(self._node)
+        self.has_begun = True
+        forget_refusal(self.journal.place)
+        if not self.journal.is_wanted:
+            self.journal.begin({}, {})
+            return
+        from sar_compiler.journal.status_watch import StatusWatch
+        from sar_compiler.ros.left_goals import note_goals
+        from sar_compiler.ros.robot_observer import RobotObserver
+
+        logger = self._node.get_logger()
+        self.journal.on_failure, self.journal.on_recovery = logger.error, logger.info
+        self.journal.begin(self._about, self._run_about)
+        if self.journal.aside is not None:
+            logger.info(f"The journal that was there is kept as {self.journal.aside}.")
+        note_goals(self._node, self.journal)
+        answers = self._tree.origins.declared_answers()
+        self._engine.add_visitor(StatusWatch(self._tree.root, self.journal, answers, logger.warning))
+        RobotObserver(self._node, self.journal)  # the node keeps it
+
+    def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - what has not begun leaves no file
+        """Close the file."""
+        self.journal.close()
+
+
+def _node_options(additions: Additions) -> list[list[str]]:
+    """Return the options that decide which nodes a tree can have, each with its value; files by their whole paths."""
+    models = [str(each) if is_palette_name(str(each)) else str(each.resolve()) for each in additions.models]
+    return [
+        *(["--nodes", str(each)] for each in additions.nodes),
+        *(["--model", each] for each in models),
+        *(["--include-path", str(each.resolve())] for each in additions.include_path),
+    ]
+
+
+def _constant(tree: CompiledTree) -> list[int]:
+    """Return the numbers of the leaves that always come to the same status: nobody is to blame for that."""
+    nodes = (
+        (number, each, tree.origins[each.id].bound.spec) for number, each in enumerate(pre_order(tree.root))
+    )
+    return [number for number, each, spec in nodes if not each.children and len(set(spec.outcomes)) == 1]
+
+
+def _limits(tree: CompiledTree) -> dict[str, float]:
+    """Return the time limits of nodes in seconds, by their numbers, as far as they are known before the run."""
+    limits: dict[str, float] = {}
+    for number, each in enumerate(pre_order(tree.root)):
+        bound = tree.origins[each.id].bound
+        if any(tree.origins[child.id].bound is bound for child in each.children):
+            continue  # what conditions put around a node has its spec
+        limit_sec = bound.spec.semantics.limit_sec
+        limit = limit_sec(bound) if limit_sec is not None and len(each.children) == 1 else None
+        if limit is not None and math.isfinite(limit):
+            limits[str(number)] = limit
+    return limits
+
+
+def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
+    asked = options.journal is not None or options.resume or options.new or options.supervise is not None
+    if options.no_journal or options.check or not (asked or _keeps_by_itself(options, mission)):
+        return Journal()
+    from sar_compiler.journal.opening import open_journal
+
+    place = options.journal or _usual_place(options, node.get_fully_qualified_name())
+    is_named = options.journal is not None
+    try:
+        return open_journal(place, resume=options.resume, anew=options.new, is_named=is_named)
+    except JournalPlaceError as error:
+        if asked:
+            raise
+        node.get_logger().warning(f"No journal is kept, so this mission cannot be resumed: {error}")
+        return Journal()
+
+
+def _keeps_by_itself(options: Namespace, mission: Mission | None) -> bool:
+    return options.sim is not None or (mission is not None and mission.is_resumable)
+
+
+def _usual_place(options: Namespace, name: str) -> Path:
+    from sar_compiler.journal.opening import default_place, forget_simulated, simulated_place
+
+    if options.sim is None:
+        return default_place(name)
+    place = simulated_place(name, resume=options.resume)
+    forget_simulated(place)
+    return place

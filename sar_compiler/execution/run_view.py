@@ -1,0 +1,210 @@
+"""`--view text` of `sar-run`: a screen that is drawn in place on a terminal, else a line for each change.
+
+On a terminal the lower lines are the view's: the rest scrolls above them as ever, with the log, which nodes and libraries
+write to the terminal themselves. A terminal has margins for that, inside which it scrolls.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Sequence
+
+from sar_compiler.execution.run_setup import RunSetup
+from sar_compiler.journal.condition import condition
+from sar_compiler.journal.journal_entries import RUN_BEGAN, STATUS, JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.ros.clock import mission_clock, steady_timer
+from sar_compiler.ros.run_extension import RunExtension
+from sar_compiler.style import TERMINAL
+from sar_compiler.terminal import draws_in_place
+from sar_compiler.views.mission_view import Line, change_text, condition_change, full_height, screen
+
+# How often the screen is drawn, in seconds of the steady clock.
+_PERIOD_SEC = 0.2
+# The lines that are left to the log, and the fewest that a view is worth.
+_LOG_LINES, _LEAST = 4, 3
+
+# For terminals of other encodings than UTF-8.
+_IN_ASCII = str.maketrans({"✓": "+", "✕": "x", "…": "~"})
+
+_SAVE, _RESTORE, _HIDE, _SHOW = "\x1b7", "\x1b8", "\x1b[?25l", "\x1b[?25h"
+_NO_MARGINS, _TO_THE_END, _CLEAR = "\x1b[r", "\x1b[K", "\x1b[2J"
+
+
+class RunView(RunExtension):
+    """What `--view` shows of a run.
+
+    Args:
+        run: The run.
+    """
+
+    def __init__(self, run: RunSetup) -> None:
+        self._output = run.output
+        self._state = MissionState.of(run.journal.earlier())
+
+
+def run_view() -> Callable[[RunSetup], RunView]:
+    """Return what makes the view of a run: in place on a terminal, else a log.
+
+    Raises:
+        ImportError: If rich is not installed.
+    """
+    if not draws_in_place(sys.stdout):
+        return ChangeLog
+    paint = _painter()
+    return lambda run: RunScreen(run, paint)
+
+
+class ChangeLog(RunView):
+    """A line for each change."""
+
+    def on_entry(self, entry: JournalEntry) -> None:
+        """Show an entry, if it is a change."""
+        nodes, was = self._state.nodes, condition(self._state)
+        before = nodes[entry.data["node"]].status if entry.kind == STATUS else ""
+        self._state.take(entry)
+        for text in (change_text(self._state, entry, before), condition_change(self._state, was)):
+            if text:
+                self._output.show(text)
+
+
+class RunScreen(RunView):
+    """The mission on the lower lines of a terminal, until the output is left to others.
+
+    Args:
+        run: The run.
+        paint: Returns lines as texts for a terminal of a width.
+    """
+
+    def __init__(self, run: RunSetup, paint: "Paint") -> None:
+        super().__init__(run)
+        self._node = run.node
+        self._paint = paint
+        self._size = (0, 0)
+        self._height = 0
+        self._start = self._now = 0.0
+        self._has_begun = self._is_closed = self._is_to_stop = False
+        self._output.leave = self.close
+
+    def on_entry(self, entry: JournalEntry) -> None:
+        """Take an entry, which is shown when the next drawing is due."""
+        self._state.take(entry)
+        if entry.kind == RUN_BEGAN:
+            self._start, self._has_begun = entry.time, True
+            self._listen()
+            steady_timer(self._node, _PERIOD_SEC, self.refresh)
+        self._now = max(self._now, entry.time)
+
+    def refresh(self) -> None:
+        """Draw; stop first, if the terminal has asked for that (Ctrl-Z)."""
+        if not self._is_closed:
+            self._now = mission_clock(self._node).now()
+            if not self._try(self._redraw):
+                self._is_closed = True
+                self._leave()
+
+    def close(self) -> None:
+        """Draw a last time, and give the terminal back: the view stays where it is, and what follows comes below."""
+        if self._has_begun and not self._is_closed:
+            self._is_closed = True
+            self._try(self._draw)
+            self._leave()
+
+    def _try(self, draw: Callable[[], None]) -> bool:
+        """Draw, and return whether it could be done."""
+        try:
+            draw()
+        except Exception as error:  # noqa: BLE001 - who only watches must not end a mission
+            self._node.get_logger().error(f"The view has failed, and shows no more: {error!r}.")
+            return False
+        return True
+
+    def _redraw(self) -> None:
+        if self._is_to_stop:
+            self._stop()
+        self._draw()
+
+    def _leave(self) -> None:
+        if self._height:
+            self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
+
+    def _listen(self) -> None:
+        # Whoever has started the process may have turned the signal off.
+        if signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL:
+            signal.signal(signal.SIGTSTP, self._ask_to_stop)
+
+    def _ask_to_stop(self, *_signal: object) -> None:
+        # In the middle of anything, such as a drawing: the rest is done before the next one, if there is one.
+        self._is_to_stop = not self._is_closed
+        if self._is_closed:
+            _stop_process()
+
+    def _stop(self) -> None:
+        """Handle SIGTSTP: restore the terminal, stop, and redraw when continued."""
+        self._is_to_stop = False
+        self._leave()
+        _stop_process()
+        self._listen()
+        self._size = (0, 0)
+
+    def _draw(self) -> None:
+        try:
+            size = tuple(os.get_terminal_size(sys.stdout.fileno()))
+        except (OSError, ValueError):
+            return
+        begin = self._take_lines(size) if size != self._size else ""
+        if not self._height:
+            self._output.draw(begin)
+            return
+        width, lines = size
+        view = screen(self._state, self._now - self._start, self._height)
+        painted = self._paint(view, width, self._height)
+        top = lines - self._height + 1
+        rows = (f"\x1b[{top + index};1H{row}{_TO_THE_END}" for index, row in enumerate(painted))
+        self._output.draw(f"{begin}{_SAVE}{_HIDE}{''.join(rows)}{_RESTORE}{_SHOW}")
+
+    def _take_lines(self, size: tuple[int, ...]) -> str:
+        """Return what has a terminal keep the view's lines apart; after a change of size it begins anew."""
+        is_first, (_, lines) = self._size == (0, 0), size
+        self._size = (size[0], lines)
+        self._height = min(full_height(self._state), lines - max(_LOG_LINES, lines // 4))
+        if self._height < _LEAST:  # too small for both
+            self._height = 0
+            return "" if is_first else f"{_SAVE}{_NO_MARGINS}{_RESTORE}"
+        last = lines - self._height
+        margins = f"\x1b[1;{last}r"
+        if not is_first:
+            return f"{_NO_MARGINS}{_CLEAR}{margins}\x1b[{last};1H"
+        # What stands there scrolls up; the cursor stays with it.
+        return f"{chr(10) * self._height}\x1b[{self._height}A{_SAVE}{margins}{_RESTORE}"
+
+
+def _stop_process() -> None:
+    """Let the signal do what it does to who does not take it over; return when the process goes on."""
+    signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+    signal.raise_signal(signal.SIGTSTP)
+
+
+Paint = Callable[[Sequence[Line], int, int], Iterable[str]]
+"""Returns as many lines as are asked for, with a terminal's colours, none longer than a width."""
+
+
+def _painter() -> Paint:
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(file=sys.stdout)
+    signs = {} if console.encoding.startswith("utf") else _IN_ASCII
+
+    def paint(lines: Sequence[Line], width: int, height: int) -> Iterable[str]:
+        for line in lines:
+            text = Text.assemble(
+                *((piece.text.translate(signs), TERMINAL.get(piece.style, "")) for piece in line), end=""
+            )
+            text.truncate(width, overflow="ellipsis")
+            with console.capture() as painted:
+                console.print(text, width=width, no_wrap=True, overflow="crop", highlight=False)
+            yield painted.get().rstrip("\n")
+        yield from [""] * (height - len(lines))
+
+    return paint

@@ -1,0 +1,217 @@
+"""`sar-run --supervise`: begins a run of the mission, and resumes it when it has died."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.commands import ADRIFT, print_error
+from sar_compiler.errors import SarError
+from sar_compiler.execution.supervision import (
+    ALIVE,
+    DEAF,
+    ENDING,
+    JOURNAL,
+    NOT_READY,
+    Supervision,
+    run_command,
+)
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.ros.guardian import ADRIFT_SIGN
+from sar_compiler.ros.signals import StopSignals
+
+if TYPE_CHECKING:
+    from sar_compiler.journal.journal_entries import JournalRun
+
+# A run that ticks says so each second. What comes before and after, imports and reports, is given longer; seconds.
+_SILENCE_SEC, _PATIENCE_SEC = 10.0, 60.0
+_TURN_SEC = 0.2
+# A turn that has taken so long was this process's own standstill: nobody is judged by it; seconds.
+_OWN_PAUSE_SEC = 2.0
+# The guardian of a run that has died has ten seconds for its goals, and its own end; seconds.
+_GUARDIAN_SEC = 20.0
+_LOCK_SEC = 10.0
+_LAST_WORDS_SEC = 0.9
+
+
+def supervise(
+    argv: Sequence[str], limit: int, signals: StopSignals, report: Callable[[Path], object] | None = None
+) -> int:
+    """Run a mission to its end, and resume it if it dies; return the exit status.
+
+    What counts as its death: a signal that nobody has asked for, status 3, and 10 s without a sign of life, or a sign that it hears
+    nothing, after which it is killed. Then its guardian cancels its goals; when their ends are seen and the journal is free, the next run begins.
+
+    Args:
+        argv: The command line.
+        limit: How often it is begun again, at most.
+        signals: The requests to stop, which are passed on.
+        report: Writes what a run has to write at its end, given its journal; None for nothing.
+    """
+    deaths: list[str] = []
+    has_begun = False
+    while True:
+        life = _Life(argv, deaths, has_begun=has_begun)
+        signals.last_words = lambda life=life: life.hurry(signals)
+        life.watch(signals)
+        status, death = life.end()
+        if life.is_adrift:
+            print_error("sar-run: the mission has died, and a goal that it has left may still be active")
+            return ADRIFT
+        if signals.came and death:
+            return signals.exit_status
+        if not death:
+            life.report(report)
+            return signals.exit_status if signals.came and status > 128 else status  # noqa: PLR2004
+        if len(deaths) == limit:
+            print_error(f"sar-run: the mission has died ({death}), and was begun again {limit} times already")
+            return status
+        deaths.append(death)
+        has_begun = has_begun or life.has_begun
+        how = "resumed" if has_begun else "begun again"
+        print_error(f"sar-run: the mission has died ({death}): it is {how} ({len(deaths)} of {limit})")
+
+
+class _Life:
+    """One run of the mission.
+
+    Args:
+        argv: The command line.
+        deaths: How those before it have ended.
+        has_begun: Whether the mission is resumed.
+
+    Attributes:
+        is_adrift: Whether a goal that it has left may be active.
+    """
+
+    def __init__(self, argv: Sequence[str], deaths: Sequence[str], *, has_begun: bool) -> None:
+        self.is_adrift = False
+        self._began = time.time()
+        signs, theirs = os.pipe()
+        handed = Supervision(theirs, deaths, has_begun).environment()
+        self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
+            run_command(argv),
+            env={**os.environ, **handed},
+            # Ctrl-C is for whole groups of processes, and is passed on once.
+            start_new_session=True,
+            pass_fds=(theirs,),
+        )
+        os.close(theirs)
+        self._has_spoken = self._is_frozen = self._is_deaf = False
+        self._limit_sec = _PATIENCE_SEC
+        self._heard_at = time.monotonic()
+        self._place: Path | None = None
+        self._listener = threading.Thread(target=self._listen, args=(signs,), daemon=True)
+        self._listener.start()
+
+    def watch(self, signals: StopSignals) -> None:
+        """Wait for the end of the run, or end it where it gives no sign of life; pass a request to stop on."""
+        is_asked = False
+        turned_at = time.monotonic()
+        while self._is_alive():
+            now = time.monotonic()
+            if now - turned_at > _OWN_PAUSE_SEC:
+                self._heard_at = now
+            turned_at = now
+            if signals.came and not is_asked:
+                is_asked = True
+                self._ask(signals)
+            if self._is_deaf or now - self._heard_at > self._limit_sec:
+                self._is_frozen = not self._is_deaf
+                self._process.kill()
+                self._process.wait()
+        # Its guardian has the pipe as well, until it has ended.
+        self._listener.join(_GUARDIAN_SEC)
+        if (place := self._place) is not None:
+            from sar_compiler.journal.database import is_locked
+
+            deadline = time.monotonic() + _LOCK_SEC
+            while is_locked(place) and time.monotonic() < deadline:
+                time.sleep(_TURN_SEC)
+
+    def end(self) -> tuple[int, str]:
+        """Return the exit status, and in words how the run has died; empty if it has ended."""
+        status = self._process.returncode
+        ended = self._run_in_journal()
+        if ended is not None and ended.status is not None and ended.status != NOT_READY:
+            return ended.status, ""
+        if self._is_deaf:
+            return NOT_READY, "it heard nothing of Nav2, which the ROS graph shows"
+        if self._is_frozen:
+            return 128 + signal.SIGKILL, f"no sign of life for {self._limit_sec:g} s"
+        if status < 0:
+            return 128 - status, f"by {signal.Signals(-status).name}"
+        return status, "what it needs was not there: status 3" if status == NOT_READY else ""
+
+    def report(self, report: Callable[[Path], object] | None) -> None:
+        """Write the reports of a run that has ended, and whose process has died before it could."""
+        if report is None or self._place is None or self._process.returncode >= 0:
+            return
+        try:
+            report(self._place)
+        except (SarError, ImportError) as error:
+            print_error(f"sar-run: the mission has ended, and its report could not be made: {error}")
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the mission has begun in it, so that it can be resumed."""
+        return self._run_in_journal() is not None
+
+    def hurry(self, signals: StopSignals) -> int | None:
+        """Pass a second request to stop on; return the status of the run's end, if it comes at once."""
+        self._ask(signals)
+        with suppress(subprocess.TimeoutExpired):
+            status = self._process.wait(_LAST_WORDS_SEC)
+            return status if status >= 0 else None
+        return None
+
+    def _ask(self, signals: StopSignals) -> None:
+        # Before its first sign Python itself would answer a SIGINT, with a traceback.
+        self._process.send_signal(signals.exit_status - 128 if self._has_spoken else signal.SIGTERM)
+
+    def _is_alive(self) -> bool:
+        """Wait for the end of the run for a turn; return whether it has not come."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_TURN_SEC)
+        return self._process.returncode is None
+
+    def _listen(self, signs: int) -> None:
+        """Take the signs as they come, until nobody can give one any more."""
+        with open(signs, "rb") as lines:
+            for line in lines:
+                self._take(line)
+
+    def _take(self, line: bytes) -> None:
+        self._has_spoken, self._heard_at = True, time.monotonic()
+        if line.startswith(ALIVE):
+            self._limit_sec = _SILENCE_SEC
+        elif line.startswith(ENDING):
+            self._limit_sec = _PATIENCE_SEC
+        elif line.startswith(DEAF):
+            self._is_deaf = True
+        elif line.startswith(JOURNAL):
+            self._place = Path(json.loads(line[1:]))
+        self.is_adrift = self.is_adrift or line.startswith(ADRIFT_SIGN)
+
+    def _run_in_journal(self) -> "JournalRun | None":
+        """Return what the journal has of this run; None if it had not begun."""
+        from sar_compiler.journal.database import JournalFile
+
+        if self._place is None:
+            return None
+        try:
+            with JournalFile.reading(self._place) as file:
+                last = file.runs()[-1:]
+        except JournalError:
+            return None
+        # An earlier run may have had the same number as a process.
+        own = (
+            each for each in last if each.about.get("pid") == self._process.pid and each.began >= self._began
+        )
+        return next(own, None)

@@ -1,0 +1,611 @@
+"""A tree on its node, from the wait for its requirements to the exit status of `sar-run`."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from signal import Signals
+from typing import TYPE_CHECKING
+
+from nav_msgs.msg import OccupancyGrid
+from py_trees.common import Status
+from py_trees.trees import BehaviourTree
+from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.node import Node
+from rclpy.task import Future
+
+from sar_compiler.budget import Budget
+from sar_compiler.commands import ADRIFT, FINDINGS, OK, print_error
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
+from sar_compiler.execution.ending import EndCondition, RunResult, Until, default_summary
+from sar_compiler.execution.extensions import Extensions
+from sar_compiler.execution.run_setup import RunSetup
+from sar_compiler.journal.journal_entries import LEAF_RAISED, Ending
+from sar_compiler.missions.choosing import MissionError
+from sar_compiler.missions.mission import MissionRun, SearchedArea
+from sar_compiler.missions.parameter_reader import RunParameters
+from sar_compiler.nodes.spec import Use
+from sar_compiler.ros.arguments import readable_ros_errors
+from sar_compiler.ros.clock import AWAKE, mission_clock
+from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, raised_in, tell
+from sar_compiler.ros.executors import suited
+from sar_compiler.ros.forced_end import ForcedEnd
+from sar_compiler.ros.graph_queries import declared_endpoints, ros_graph
+from sar_compiler.ros.leaves.leaf import RosLeaf, qos_profile
+from sar_compiler.ros.left_goals import LeftGoals, cancel_apart
+from sar_compiler.ros.message_values import grid_place, value_reports
+from sar_compiler.ros.nav2_parameters import nav2_parameters
+from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
+from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
+from sar_compiler.ros.run_extension import UnfitLeavesError
+from sar_compiler.ros.sole_mission import LOOK_SEC, SoleMission
+from sar_compiler.ros.tick_watch import TickWatch
+from sar_compiler.ros.watch import Watch, refuse_parameters
+from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.runtime.walking import pre_order
+from sar_compiler.tree.json_values import json_text
+from sar_compiler.tree.showing import in_one_line
+
+if TYPE_CHECKING:
+    from sar_compiler.sim.occupancy import OccupancyMap
+    from sar_compiler.sim.planner import Leg, Planner
+    from sar_compiler.sim.simulation import Simulation
+    from sar_compiler.sim.world import World
+
+# A signal is noticed between two turns of the executor; in one of a flight it does whatever there is to do.
+_TURN_SEC, _FLIGHT_TURN_SEC = 0.05, 0.1
+
+# The exit status of a run that a signal has stopped, less the signal's number.
+_SIGNAL_STATUS = 128
+# A tree can swing between two things to do for ever; seconds of simulated time.
+_SIMULATED_TIME_LIMIT_SEC = 900.0
+
+
+def end_condition(setup: RunSetup) -> EndCondition:
+    """Return what ends a run, by its options and its mission.
+
+    Raises:
+        SarError: If the mission is to be complete, and has no end of its own.
+    """
+    until, simulated = setup.options.until, setup.options.sim is not None
+    ends_itself = setup.mission.shortfalls() is not None
+    if not ends_itself and until is Until.COMPLETE:
+        raise SarError(
+            "--until complete is for a mission with an end of its own; for this tree say end, success, "
+            "failure or forever"
+        )
+    if until is None:
+        until = Until.END if not ends_itself else Until.COMPLETE if simulated else Until.FOREVER
+    limit = setup.parameters.time_limit_sec
+    if limit is None and simulated and until is not Until.FOREVER:
+        limit = _SIMULATED_TIME_LIMIT_SEC
+    return EndCondition(until, setup.mission, limit, setup.node.get_logger().info)
+
+
+_MAP = "map"
+# How long a map that somebody publishes may take to come, once everything else is there.
+_MAP_DEADLINE_SEC = 5.0
+# A thousand places on a large map take minutes.
+_MOST_PLANNING_SEC = 30.0
+# The least of an area that is told of where it lies beyond the map, square metres.
+_LEAST_TOLD_M2 = 0.1
+
+
+class RouteReport:
+    """What is to be said of a mission's way.
+
+    Args:
+        mission: The mission.
+        parameters: The parameters of the run.
+        occupancy: The map.
+
+    Attributes:
+        lines: The way with its distances and times, one line each; empty for a mission that drives nowhere.
+        problems: What is wrong with it, in sentences.
+    """
+
+    def __init__(self, mission: MissionRun, parameters: RunParameters, occupancy: "OccupancyMap") -> None:
+        from sar_compiler.sim.planner import Planner, plan_route
+
+        x, y, _ = parameters.initial_pose
+        self._radius, self._speed = parameters.robot_radius_m, parameters.cruise_speed_mps
+        stops = mission.route()
+        planner = Planner(occupancy, self._radius) if stops else None
+        budget = Budget(_MOST_PLANNING_SEC)
+        legs = plan_route(planner, (x, y), stops, mission.allows, budget) if planner is not None else []
+        self.lines = self._table(legs) if legs else []
+        besides = [
+            leg
+            for place in mission.may_visit()
+            if planner is not None
+            for leg in plan_route(planner, (x, y), [place], mission.allows, budget)
+        ]
+        self.lines += [f"  {leg.name}, from the start: {self._way(leg.distance).strip()}" for leg in besides]
+        self.problems = [
+            f"{leg.name} ({leg.x:.2f}, {leg.y:.2f}): {leg.trouble}."
+            for leg in (*legs, *besides)
+            if leg.trouble
+        ]
+        if unplanned := len(stops) - len(legs):
+            reason = f"planning takes more than {_MOST_PLANNING_SEC:g} s of a processor"
+            self.problems.append(f"{unplanned} of {len(stops)} places were not looked at: {reason}.")
+        if legs and not mission.allows(x, y):
+            self.problems.insert(0, f"The start ({x:.2f}, {y:.2f}) is outside the geofence.")
+        limit, seconds = parameters.time_limit_sec, _distance(legs) / self._speed
+        if limit is not None and seconds > limit:
+            self.problems.append(
+                f"Driving takes {seconds:.0f} s (estimated), and time_limit_sec is {limit:g}."
+            )
+        if planner is not None and (areas := mission.searched_areas()):
+            self._look_at_areas(planner, (x, y), areas)
+
+    def _look_at_areas(
+        self, planner: "Planner", start: tuple[float, float], areas: Sequence[SearchedArea]
+    ) -> None:
+        """Tell how much of each area can be driven to, and how long a sweep of that is."""
+        from sar_compiler.sim.planner import PlanningError, reach_of
+
+        try:
+            reaches = reach_of(planner, start, [area.corners for area in areas])
+        except PlanningError:
+            return  # which is told of every place already
+        width = max(len(area.name) for area in areas)
+        self.lines.append("The areas on the map (a sweep once over what can be driven to, without turns):")
+        for area, reach in zip(areas, reaches, strict=True):
+            ground = f"{reach.reached_m2:.1f} of {reach.area_m2:.1f} m²"
+            line = f"  {area.name:{width}}  {ground:>20}  {self._way(reach.reached_m2 / area.swath)}"
+            if reach.cut_off_at is not None:
+                x, y = reach.cut_off_at
+                line += f"; no way leads to {reach.cut_off_m2:.1f} m², such as ({x:.2f}, {y:.2f})"
+            if reach.off_map_m2 >= _LEAST_TOLD_M2:
+                line += f"; {reach.off_map_m2:.1f} m² lie beyond the map"
+            self.lines.append(line)
+            if not reach.reached_m2:
+                self.problems.append(f"{area.name}: nothing of its area can be driven to.")
+
+    def _table(self, legs: "Sequence[Leg]") -> list[str]:
+        width = max(len(leg.name) for leg in legs)
+        rows = [(leg.name, leg.distance) for leg in legs] + [("total", _distance(legs))]
+        title = f"The way on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):"
+        return [title, *(f"  {name:{width}}  {self._way(far)}" for name, far in rows)]
+
+    def _way(self, far: float | None) -> str:
+        return "not reached" if far is None else f"{far:6.1f} m {far / self._speed:6.0f} s"
+
+
+class RouteCheck:
+    """Looks at the way on the simulated world's map, or on the one that is published.
+
+    Args:
+        node: The mission's node; it listens to the map from now on.
+        mission: The mission.
+        parameters: The parameters of the run.
+        world: The world that is simulated; None for an existing robot.
+    """
+
+    def __init__(
+        self, node: Node, mission: MissionRun, parameters: RunParameters, world: "World | None"
+    ) -> None:
+        self._node, self._mission, self._parameters, self._world = node, mission, parameters, world
+        self._grid: OccupancyGrid | None = None
+        if world is None:
+            latched = qos_profile(type(self).__name__, "transient_local")
+            node.create_subscription(OccupancyGrid, _MAP, self._take, latched)
+
+    def tell(self, executor: Executor, say: Callable[[str], object]) -> int:
+        """Print the way, and on standard error what is wrong with it; return the number of problems.
+
+        Args:
+            executor: The executor of the node.
+            say: Is called with the text for standard output.
+        """
+        occupancy = self._map(executor)
+        if occupancy is None:
+            topic = self._node.resolve_topic_name(_MAP)
+            self._node.get_logger().warning(f"No map has come on {topic}, so the way was not looked at.")
+            return 0
+        report = RouteReport(self._mission, self._parameters, occupancy)
+        if report.lines:
+            say("\n".join(report.lines))
+        for problem in report.problems:
+            print_error(f"sar-run: {problem}")
+        return len(report.problems)
+
+    def _take(self, grid: OccupancyGrid) -> None:
+        self._grid = grid
+
+    def _map(self, executor: Executor) -> "OccupancyMap | None":
+        if self._world is not None:
+            from sar_compiler.sim.occupancy import read_map
+
+            return read_map(self._world.map_path) if self._world.map_path is not None else None
+        deadline = time.monotonic() + _MAP_DEADLINE_SEC
+        while self._grid is None and ros_graph(self._node).publishers(_MAP) and time.monotonic() < deadline:
+            with suppress(ExternalShutdownException):
+                executor.spin_once(timeout_sec=_TURN_SEC)
+        grid = self._grid
+        if (
+            grid is None
+            or value_reports(self._node).read(f"Topic '{_MAP}'", lambda: grid_place(grid)) is None
+        ):
+            return None
+        from sar_compiler.sim.messages import from_grid
+
+        return from_grid(grid)
+
+
+def _distance(legs: "Sequence[Leg]") -> float:
+    """Return the metres of all legs that can be driven."""
+    return sum(leg.distance or 0.0 for leg in legs)
+
+
+@dataclass
+class TreeRun:
+    """A tree on its node, from the wait for its requirements to the summary.
+
+    Attributes:
+        setup: What there is of the run.
+        end: What ends it.
+        extensions: What goes along with it.
+        tree: The tree.
+        engine: What ticks it.
+        executor: What spins its node.
+        simulation: The simulation, if there is one.
+    """
+
+    setup: RunSetup
+    end: EndCondition
+    extensions: Extensions
+    tree: CompiledTree
+    engine: Engine
+    executor: Executor
+    simulation: "Simulation | None"
+
+    def __post_init__(self) -> None:
+        self._options, self._node, self._output = self.setup.options, self.setup.node, self.setup.output
+        self._parameters, self._signals = self.setup.parameters, self.setup.signals
+        self._clock = mission_clock(self._node)
+        self._result: RunResult | None = None
+        self._turn_over = Future()
+        self._reason = ""
+        self._said: dict[str, object] = {}
+        self._last_words: list[str] = []
+        self._started = 0.0
+        self._adrift = ""
+        self._callback_failure: Exception | None = None
+        self._sole: SoleMission | None = None
+        self._watch: Watch | None = None
+        self._robot: RobotEstimate | None = None
+
+    def run(self, route: RouteCheck | None) -> int:
+        """Wait, tick, stop and sum up; returns the exit status.
+
+        Args:
+            route: The check of the mission's way, which is told in place of ticking.
+
+        Raises:
+            NotReadyError: If a requirement of the tree is not fulfilled in time.
+        """
+        status = self._run(route)
+        if status and self._options.format == "text" and (first := self.extensions.cause_of_failure()):
+            self._output.say(f"  {first}")
+        for words in self._last_words:
+            print_error(f"sar-run: {words}")
+        return status
+
+    def _run(self, route: RouteCheck | None) -> int:
+        for line in self.setup.mission.greeting():
+            self._node.get_logger().info(in_one_line(line))
+        self.executor.add_node(self._node)
+        self.executor = suited(self.executor, self._node)
+        try:
+            self._wait()
+        except NotReadyError:
+            if route is not None:
+                route.tell(self.executor, self._output.say)
+            raise
+        if self._over:
+            return self._tell_interruption()
+        return self._conclude_check(route) if self._options.check else self._tick()
+
+    def _wait(self) -> None:
+        for each in self.tree.root.iterate():
+            if isinstance(each, RosLeaf):
+                each.require_definition()
+        # A check changes nothing on an existing robot.
+        # A mission that goes on has a robot somewhere on its way; but a simulated world begins anew.
+        is_resumed = self.setup.journal.is_resumed
+        unmoved = self._options.check or is_resumed
+        told = self._parameters.set_initial_pose and (not unmoved or self.simulation is not None)
+        if is_resumed and not told and Use.nav2() in self.tree.uses():
+            self._node.get_logger().info(
+                "The localisation is not told where the robot is, which has driven since the start."
+            )
+        readiness = self._readiness(with_pose=told)
+        limit_sec = self._parameters.startup_timeout_sec
+        wait_until_ready(self.executor, readiness, limit_sec, lambda: self._over)
+        if readiness.uses_nav2 and not self._over:
+            self._node.get_logger().info("Nav2 is active.")
+            for line in nav2_parameters(self._node).advice():
+                self._node.get_logger().warning(f"Nav2's parameters: {line}.")
+
+    @readable_ros_errors()
+    def _readiness(self, *, with_pose: bool) -> Readiness:
+        actions = [use.name for use in self.tree.uses() if use.kind == "action"]
+        # Beside a simulation nobody else is allowed, and that was looked for.
+        look_sec = 0.0 if self.simulation is not None else LOOK_SEC
+        self._sole = SoleMission(self._node, actions, look_sec=look_sec, claims=not self._options.check)
+        return Readiness(
+            self._node,
+            self.tree.uses(),
+            initial_pose=self._parameters.initial_pose if with_pose else None,
+            begins_anew=self.simulation is not None,
+            can_resume=self.setup.journal.aside is not None,
+            first=(LeftGoals(self._node, self.setup.journal), self._sole),
+            endpoints=declared_endpoints(self.tree.root),
+        )
+
+    def _conclude_check(self, route: RouteCheck | None) -> int:
+        """Conclude a check for which everything is there; returns the exit status."""
+        if route is not None and (problems := route.tell(self.executor, self._output.say)):
+            count = "one problem" if problems == 1 else f"{problems} problems"
+            return self._fail(f"everything that the tree needs is there, and the way has {count} (see above)")
+        self._output.say("Everything that the tree needs is there.")
+        return OK
+
+    def _tick(self) -> int:
+        """Tick the tree until it is over, and sum up; returns the exit status."""
+        texts: list[str] = []
+        try:
+            status = self._fly(texts)
+        finally:
+            self._output.leave()
+        if hint := self.extensions.how_to_see_it_again:
+            print_error(hint)
+        for text in (*texts, *self._with_head()):
+            self._output.say(text)
+        return status
+
+    def _fly(self, texts: list[str]) -> int:
+        """Tick the tree until it is over, and end the journal; returns the exit status.
+
+        Args:
+            texts: Takes what is to be printed below the view.
+        """
+        engine = self.engine
+        engine.add_post_tick_handler(self._look_for_end)
+        self._signals.ends_unnoticed = False
+        self.extensions.on_begin()
+        try:
+            with self._tick_watch():
+                engine.setup(node=self._node)
+                self.executor = suited(self.executor, self._node)
+                self.setup.orders.begin()
+                self.extensions.on_setup()
+                self._signals.last_words = self._end.hurry
+                self._begin_watching()
+                self._started = self._clock.now()
+                self._tick_until_over()
+                elapsed = self._clock.now() - self._started
+                is_over = engine.failure is None and (self._result is not None or self.end.complete)
+                self.extensions.on_last_tick(is_over=is_over)
+                self._come_to_rest()
+        except SetupFailedError as error:
+            tell(self._node, str(error), error.__cause__)
+            status = self._fail(
+                "the tree was not started, because one of its leaves failed in setup (see above)", str(error)
+            )
+            self._end_journal(Ending.FAILED, status, self._reason)
+            return status
+        except UnfitLeavesError as error:
+            status = self._fail(str(error))
+            self._end_journal(Ending.FAILED, status, self._reason)
+            return status
+        finally:
+            self._signals.last_words = None
+            self._options.supervision.tell_end()
+            engine.shutdown()
+        try:
+            status = self._conclude(elapsed, texts)
+        except MissionError as error:
+            status = self._fail(str(error))
+        self._tell_verdicts(texts)
+        ending = Ending.OVER if is_over else Ending.STOPPED if self._signals.came else Ending.FAILED
+        reason = self._result.reason if self._result is not None else self._reason
+        self._end_journal(ending, status, reason)
+        return status
+
+    def _tell_verdicts(self, texts: list[str]) -> None:
+        """Add what became of the properties for which the run was watched to texts."""
+        watch = self.extensions.watch()
+        if watch is not None and self._options.format == "json":
+            self._said["properties"] = watch.verdicts()
+        elif watch is not None:
+            texts.append(watch.in_words())
+
+    def _with_head(self) -> Iterator[str]:
+        """Yield the head of the journal's chain, by which it can be checked whether somebody has altered it; with a summary in JSON."""
+        head = self.setup.journal.head
+        if self._said:
+            yield json_text({**self._said, "head": head} if head else self._said)
+        elif head and self._options.format == "text":
+            yield f"The journal's head, for sar-journal check --head: {head}"
+
+    def _end_journal(self, ending: Ending, status: int, reason: str) -> None:
+        journal, failure = self.setup.journal, self.engine.failure
+        if not journal.is_wanted:
+            return
+        if failure is not None:
+            raised = raised_in(failure)
+            numbers = (number for number, each in enumerate(pre_order(self.tree.root)) if each is raised)
+            journal.watch(LEAF_RAISED, node=next(numbers, None), text=failure_text(failure))
+        journal.end(ending, status, reason)
+
+    def _tick_until_over(self) -> None:
+        self.engine.tick_tock(1000.0 / self._parameters.tick_rate_hz)
+        with AWAKE.turning(self._node.get_logger().warning):
+            while self._result is None and self.engine.failure is None and not self._over:
+                AWAKE.now()
+                self._turn_over = Future()
+                self._turn(
+                    lambda: self.executor.spin_until_future_complete(self._turn_over, _FLIGHT_TURN_SEC)
+                )
+                if self._watch is not None and self._watch.deafness:
+                    self._options.supervision.tell_deaf()
+
+    def _come_to_rest(self) -> None:
+        """Stop the tree, and wait until its goals have ended and, as far as the odometry says it, the robot stands."""
+        limit_sec = self._parameters.settle_timeout_sec
+        deadline = time.monotonic() + limit_sec
+        names = self.engine.settle(self.executor, limit_sec)
+        if names:
+            self._adrift = (
+                f"a goal may still be active, and the robot may still be moving: {', '.join(names)}"
+            )
+        robot = self._robot
+        while robot is not None and robot.stands is False and time.monotonic() < deadline:
+            if not self._node.context.ok():
+                return
+            self._turn(lambda: self.executor.spin_once(_TURN_SEC))
+        if robot is not None and robot.moves and not names:
+            self._adrift = (
+                f"no goal of this mission is active, and the robot still moves ({robot.speed_in_words})"
+            )
+
+    def _turn(self, spin: Callable[[], object]) -> None:
+        try:
+            spin()
+        except ExternalShutdownException:
+            pass  # noticed by the enclosing loop
+        except Exception as error:  # noqa: BLE001 - of a leaf's own callback, or of rclpy's: a clock before 0
+            self._callback_failure = error
+            tell(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
+
+    def _tick_watch(self) -> TickWatch:
+        """Return what names a leaf that blocks, and ends the run where it is asked to end meanwhile; goals of a simulation end with it."""
+        cancel, parameters = None, self._parameters
+        if self.simulation is None:
+            cancel = cancel_apart(self._node)
+        self._end = ForcedEnd(
+            "sar-run",
+            self._node,
+            self.tree.root,
+            self._signals,
+            cancel,
+            parameters.settle_timeout_sec,
+            moves=lambda: self._robot is not None and bool(self._robot.moves),
+            before_message=self._output.leave,
+        )
+        return TickWatch(
+            self._node,
+            self.tree.root,
+            cancel=cancel,
+            cancel_sec=parameters.blocked_tick_timeout_sec,
+            signals=self._signals,
+            end=self._end.end_blocked,
+            settle_sec=parameters.settle_timeout_sec,
+        )
+
+    def _begin_watching(self) -> None:
+        if self._sole is not None:
+            self._sole.run()
+        endpoints = declared_endpoints(self.tree.root)
+        drives = [
+            use.name for use, each in endpoints.items() if each.type_name.startswith("nav2_msgs/action/")
+        ]
+        self._watch = Watch(self._node, self.tree.uses(), sole=self._sole, drives=drives)
+        self._robot = robot_estimate(self._node) if drives else None
+        if self._robot is not None:
+            self._robot.settle_timeout_sec = self._parameters.settle_timeout_sec
+            self._robot.arrival_tolerance_m = self._parameters.arrival_tolerance_m
+        refuse_parameters(self._node, self.setup.fixed_parameters)
+
+    @property
+    def _over(self) -> bool:
+        """Whether the run is ended by something other than the tree."""
+        failed = self._callback_failure is not None or self._failure_of_simulation is not None
+        troubled = self._watch is not None and bool(self._watch.trouble)
+        return self._signals.came or failed or troubled or not self._node.context.ok()
+
+    @property
+    def _failure_of_simulation(self) -> BaseException | None:
+        return self.simulation.failure if self.simulation is not None else None
+
+    def _look_for_end(self, tree: BehaviourTree) -> None:
+        status = Status.INVALID if was_skipped(tree.root) else tree.root.status
+        self._result = self.end.after_tick(status, self._clock.now() - self._started)
+        if self._result is not None:
+            self._turn_over.set_result(None)
+
+    def _conclude(self, elapsed_sec: float, texts: list[str]) -> int:
+        """Add the summary to texts; returns the exit status."""
+        mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
+        as_json = self._options.format == "json"
+        own = "" if as_json else mission.summary(elapsed_sec, ticks)
+        status = self._status()
+        if not as_json:
+            outcome = self._outcome(status)
+            summary = own or default_summary(mission, outcome, elapsed_sec, ticks)
+            texts += filter(None, (summary, supervision.in_words()))
+        if as_json:
+            said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": ticks}
+            deaths = {"deaths": list(supervision.deaths)} if supervision.is_there else {}
+            figures = {each.name: each.value for each in mission.display().figures}
+            self._said = {**said, **deaths, "figures": figures}
+        return status
+
+    def _outcome(self, status: int) -> str:
+        """Return what has become of the run, in words."""
+        if status > _SIGNAL_STATUS:
+            return f"was stopped by {Signals(status - _SIGNAL_STATUS).name}"
+        return "succeeded" if status == OK else "failed"
+
+    def _status(self) -> int:
+        status = self._status_of_run()
+        if not self._adrift or self._failure_of_simulation is not None:
+            return status
+        self._last_words.append(self._adrift)
+        self._reason = " ".join([*filter(None, [self._reason]), self._adrift])
+        return ADRIFT
+
+    def _status_of_run(self) -> int:
+        if self.engine.failure is not None:
+            return self._fail(
+                "the tree was stopped, because one of its leaves failed (see above)",
+                failure_text(self.engine.failure),
+            )
+        if self._callback_failure is not None:
+            return self._fail(
+                "the tree was stopped, because a callback failed (see above)",
+                f"a callback failed: {error_text(self._callback_failure)}",
+            )
+        if self._result is None and not self.end.complete:
+            return self._tell_interruption()
+        if self._result is not None and not self._result.achieved:
+            return self._fail(self._result.reason)
+        if self.end.shortfalls():
+            return self._fail("the run has ended as asked, and the mission is incomplete")
+        return OK
+
+    def _tell_interruption(self) -> int:
+        """Return the exit status of a run that was ended by something other than its tree."""
+        if (failure := self._failure_of_simulation) is not None:
+            words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"
+            return self._fail(f"the simulation has ended: {words}")
+        if self._signals.came:
+            return self._signals.exit_status
+        if self._watch is not None and self._watch.trouble:
+            return self._fail(self._watch.trouble)
+        return self._fail("ROS was shut down")
+
+    def _fail(self, said: str, reason: str = "") -> int:
+        """Note why the run has failed, and return the exit status.
+
+        Args:
+            said: The last line on the terminal, below what was said of it before.
+            reason: The same for those who do not have the terminal; by default in the same words.
+        """
+        self._reason = reason or said
+        self._last_words.append(said)
+        return FINDINGS

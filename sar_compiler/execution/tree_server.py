@@ -1,0 +1,322 @@
+"""A node that starts runs of trees for others, as the server of that name of BehaviorTree.ROS2 does: one at a time, by the action `bt_execution`.
+
+It is a lifecycle node. Configured, it knows its trees; active, it takes goals; deactivated, it has the run that it has started stand still. Managed
+by another program, it has a bond as Nav2's nodes have.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any
+from uuid import uuid4
+
+from btcpp_ros2_interfaces.action import ExecuteTree
+from btcpp_ros2_interfaces.msg import NodeStatus
+from btcpp_ros2_interfaces.srv import GetTrees
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.task import Future
+from rclpy.timer import Timer
+
+from sar_compiler.errors import SarError
+from sar_compiler.execution.served_runs import EndedRun, PayloadError, RunStarter, ServedRun, parameters_of
+from sar_compiler.ros.arguments import init_arguments
+from sar_compiler.ros.middleware import ros_up
+from sar_compiler.ros.signals import StopSignals
+from sar_compiler.tree.guessing import did_you_mean, nearest
+from sar_compiler.tree.showing import in_one_line, short_line
+
+NODE_NAME = "sar_tree_server"
+ACTION, TREES_SERVICE, BOND = "bt_execution", "get_loaded_trees", "bond"
+# Those of Nav2's own nodes; the clock of a simulation may stand still.
+_BOND_PERIOD_SEC, _BOND_TIMEOUT_SEC, _BOND_DEPTH = 0.1, 4.0, 5
+# A signal is noticed between two turns of the executor.
+_TURN_SEC, _LAST_TURNS = 0.1, 5
+
+
+def serve_trees(starter: RunStarter, ros: Sequence[str], signals: StopSignals, *, is_managed: bool) -> bool:
+    """Start runs for others until a signal comes, and the run that is under way has ended.
+
+    Args:
+        starter: Starts them; is given the node that serves.
+        ros: The user's ROS arguments.
+        signals: The requests to stop.
+        is_managed: Whether a lifecycle manager configures and activates the node.
+
+    Returns:
+        False if the trees cannot be flown, so that nothing was served; the log says why.
+    """
+    with ros_up(init_arguments(ros)) as context, suppress(ExternalShutdownException):
+        node = TreeExecutionServer(context, starter, is_managed=is_managed)
+        starter.node = node
+        with SingleThreadedExecutor(context=context) as executor:
+            executor.add_node(node)
+            can_serve = is_managed or node.is_activated()
+            if can_serve:
+                _spin(executor, node, signals)
+        node.destroy_node()
+        return can_serve
+    return True
+
+
+def _spin(executor: Executor, node: "TreeExecutionServer", signals: StopSignals) -> None:
+    is_asked = False
+    while not (signals.came and not node.is_busy):
+        if signals.came and not is_asked:
+            is_asked = True
+            node.stop_run()
+        executor.spin_once(_TURN_SEC)
+    # How it has ended is on its way to who has asked for it.
+    for _ in range(_LAST_TURNS):
+        executor.spin_once(_TURN_SEC)
+
+
+class Bond:
+    """A node's end of its bond, by which a lifecycle manager, such as Nav2's, sees that the process is alive.
+
+    Both ends of a bond say on the topic `bond`, of ROS's package of that name, that they are there; the last thing that one says is
+    that it goes. Nav2's manager takes a node for dead whose bond it has not heard for `bond_timeout`, and does not bring up one
+    that has none.
+
+    Args:
+        node: The node, whose name the bond bears; its executor keeps the bond alive.
+
+    Raises:
+        ModuleNotFoundError: If the package is not here, which comes with Nav2.
+    """
+
+    def __init__(self, node: Node) -> None:
+        from bond.msg import Status
+
+        self._node, self._clock, self._message = node, Clock(clock_type=ClockType.STEADY_TIME), Status
+        self._publisher = node.create_publisher(Status, BOND, _BOND_DEPTH)
+        self._timer: Timer | None = None
+        self._end = ""
+
+    def begin(self) -> None:
+        """Be there, until `end`."""
+        self.end()
+        # To its manager, a node that was activated again is another one.
+        self._end = str(uuid4())
+        self._timer = self._node.create_timer(
+            _BOND_PERIOD_SEC, lambda: self._say(is_there=True), clock=self._clock
+        )
+
+    def end(self) -> None:
+        """Take leave."""
+        if self._timer is None:
+            return
+        self._node.destroy_timer(self._timer)
+        self._timer = None
+        self._say(is_there=False)
+
+    def _say(self, *, is_there: bool) -> None:
+        status = self._message(
+            id=self._node.get_name(),
+            instance_id=self._end,
+            active=is_there,
+            heartbeat_timeout=_BOND_TIMEOUT_SEC,
+            heartbeat_period=_BOND_PERIOD_SEC,
+        )
+        status.header.stamp = self._clock.now().to_msg()
+        self._publisher.publish(status)
+
+
+class TreeExecutionServer(LifecycleNode):
+    """The node.
+
+    Args:
+        context: The ROS context.
+        starter: Starts runs.
+        is_managed: Whether a lifecycle manager sees by a bond that it is alive.
+    """
+
+    def __init__(self, context: Context, starter: RunStarter, *, is_managed: bool) -> None:
+        super().__init__(NODE_NAME, context=context)
+        self._starter = starter
+        self._trees: Sequence[str] = ()
+        self._run: ServedRun | None = None
+        self._is_active, self._is_taken = False, False
+        self._due: deque[Callable[[], object]] = deque()
+        self._bond = _new_bond(self) if is_managed else None
+        self._action: Any = ActionServer(
+            self,
+            ExecuteTree,
+            ACTION,
+            execute_callback=self._execute,
+            goal_callback=self._take_goal,
+            cancel_callback=self._take_cancel,
+        )
+        self.create_service(GetTrees, TREES_SERVICE, self._tell_trees)
+        # What rclpy raises of a transition that the state does not have would end the server, and with it the mission.
+        service = self._service_change_state
+        service.callback = partial(self._change_if_possible, service.callback)
+
+    def _change_if_possible(self, change: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+        wanted, (_, state) = request.transition, self._state_machine.current_state
+        if wanted.label or wanted.id in [each[0] for each in self._state_machine.available_transitions]:
+            return change(request, response)
+        self.get_logger().warning(f"Refused: there is no transition {wanted.id} from the state '{state}'.")
+        response.success = False
+        return response
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a run has not ended."""
+        return self._is_taken
+
+    def is_activated(self) -> bool:
+        """Configure and activate it, which nobody else does; return whether that has gone well."""
+        gone_well = TransitionCallbackReturn.SUCCESS
+        return bool(self.trigger_configure() == gone_well and self.trigger_activate() == gone_well)
+
+    def stop_run(self) -> None:
+        """Have the run that is under way end in order; called again, at once."""
+        if self._run is not None:
+            self._run.stop()
+
+    def destroy_node(self) -> None:
+        """Take the node down."""
+        self._take_no_goals()
+        self._action.destroy()
+        super().destroy_node()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        """Read the trees."""
+        try:
+            self._trees = self._starter.trees()
+        except SarError as error:
+            self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take goals; a run that was held goes on."""
+        self._is_active = True
+        if self._run is not None:
+            self._run.hold(wanted=False, refused=self._say_held)
+        if self._bond is not None:
+            self._bond.begin()
+        self.get_logger().info(f"Trees: {', '.join(self._trees)}. Goals of '{ACTION}' start them.")
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take no goals; the robot of a run stands until the next activation, or its mission ends if it cannot be held."""
+        self._take_no_goals()
+        if self._run is not None:
+            self._run.hold(wanted=True, refused=lambda why: self._later(lambda: self._stop_instead(why)))
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        """Forget the trees; a run ends."""
+        self._trees = ()
+        self.stop_run()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take no goals any more; a run ends."""
+        self._take_no_goals()
+        return self.on_cleanup(state)
+
+    def _take_no_goals(self) -> None:
+        self._is_active = False
+        if self._bond is not None:
+            self._bond.end()
+
+    def _stop_instead(self, why: str) -> None:
+        if self._run is not None:
+            self.get_logger().warning(f"The mission cannot be held, and is stopped: {in_one_line(why)}")
+            self._run.stop()
+
+    def _say_held(self, why: str) -> None:
+        self.get_logger().warning(f"The mission does not go on: {in_one_line(why)}")
+
+    def _tell_trees(self, _request: GetTrees.Request, response: GetTrees.Response) -> GetTrees.Response:
+        response.tree_ids = [*self._trees]
+        return response
+
+    def _take_goal(self, goal: ExecuteTree.Goal) -> GoalResponse:
+        """Accept a goal if it can be begun; whose is refused reads why in the log."""
+        why = self._why_not(goal)
+        if why:
+            self.get_logger().warning(f"Goal refused: {in_one_line(why)}")
+            return GoalResponse.REJECT
+        self._is_taken = True
+        return GoalResponse.ACCEPT
+
+    def _why_not(self, goal: ExecuteTree.Goal) -> str:
+        """Return why a goal cannot be begun; empty if it can."""
+        tree = str(goal.target_tree)
+        if not self._is_active:
+            return "this node is not active"
+        if tree not in self._trees:
+            return f"there is no tree '{tree}'{did_you_mean(nearest(tree, self._trees))}; there are {', '.join(self._trees)}"
+        if self._is_taken:
+            return "a mission is under way"
+        try:
+            return self._starter.why_not(tree, parameters_of(str(goal.payload)))
+        except PayloadError as error:
+            return str(error)
+
+    def _take_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
+        self.get_logger().info("The run is asked to end by its client.")
+        self.stop_run()
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, goal: ServerGoalHandle) -> ExecuteTree.Result:
+        """Start a run, and wait for its end."""
+        ended: Future = Future(executor=self.executor)
+        request, say = goal.request, self.get_logger().info
+        say(f"Run of '{request.target_tree}' begins.")
+        try:
+            self._run = self._starter.start(
+                str(request.target_tree),
+                parameters_of(str(request.payload)),
+                lambda line: self._later(lambda: self._feed(goal, line)),
+                lambda end: self._later(lambda: ended.set_result(end)),
+            )
+        except OSError as error:
+            ended.set_result(EndedRun("IDLE", f"no process could be started: {error}"))
+        end: EndedRun = await ended
+        self._run, self._is_taken = None, False
+        said = "" if end.outcome == "SUCCESS" else f": {short_line(end.message)}"
+        say(f"Run of '{request.target_tree}' has ended with {end.outcome}{said}")
+        if goal.is_cancel_requested:
+            goal.canceled()
+        elif end.outcome == "SUCCESS":
+            goal.succeed()
+        else:
+            goal.abort()
+        status = NodeStatus(status=getattr(NodeStatus, end.outcome))
+        return ExecuteTree.Result(node_status=status, return_message=end.message)
+
+    def _feed(self, goal: ServerGoalHandle, line: str) -> None:
+        if goal.is_active:
+            goal.publish_feedback(ExecuteTree.Feedback(message=line))
+
+    def _later(self, call: Callable[[], object]) -> None:
+        """Have something called in the thread of the executor, which begins several tasks in any order."""
+        self._due.append(call)
+        executor = self.executor
+        if executor is not None:
+            executor.create_task(self._catch_up)
+
+    def _catch_up(self) -> None:
+        while self._due:
+            self._due.popleft()()
+
+
+def _new_bond(node: TreeExecutionServer) -> Bond | None:
+    try:
+        return Bond(node)
+    except ModuleNotFoundError as error:
+        node.get_logger().warning(
+            f"No bond, since ROS's package 'bond' is not here ({error}): the lifecycle manager needs bond_timeout: 0.0."
+        )
+        return None

@@ -1,0 +1,40 @@
+"""Shows a run in Groot2."""
+
+from typing import TYPE_CHECKING
+
+from sar_compiler.errors import SarError
+from sar_compiler.groot2.groot2_publisher import Groot2Publisher
+from sar_compiler.ros.run_extension import RunExtension
+
+if TYPE_CHECKING:
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.ros.engine import Engine
+
+
+class Groot2Extension(RunExtension):
+    """Shows a run in Groot2.
+
+    Args:
+        port: The port of this machine; the next one is used as well.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._publisher: Groot2Publisher | None = None
+
+    def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
+        """Answer from here on.
+
+        Raises:
+            SarError: If the port cannot be had, or the tree is too large.
+        """
+        try:
+            self._publisher = Groot2Publisher(tree, self._port)
+            self._publisher.watch(engine)
+        except SarError as error:
+            raise SarError(f"--groot2: {error}") from error
+
+    def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is answered from before that on
+        """Answer nobody any more."""
+        if self._publisher is not None:
+            self._publisher.close()

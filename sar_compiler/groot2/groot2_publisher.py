@@ -1,0 +1,233 @@
+"""A tree for Groot2: its nodes, their statuses and its blackboards, over ZeroMQ.
+
+The protocol is version 2, byte by byte; numbers are little-endian. A request is a header (version, kind, the sender's number) and, for
+some, a second frame. The reply is the header again with the tree's id, and a second frame for some; or `error` and a text.
+"""
+
+import struct
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from threading import Lock, Thread
+from typing import Protocol
+
+import msgpack
+import zmq
+from py_trees.visitors import VisitorBase
+
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
+from sar_compiler.runtime.blackboard import MissingEntryError
+from sar_compiler.views.numbered_tree import IDLE, NumberedTree, StatusChange, StatusChanges, tree_xml
+
+DEFAULT_PORT = 1667
+_LAST_PORT = 0xFFFF
+_ADDRESS = "tcp://127.0.0.1"
+# What a request may have at most, in bytes.
+_LARGEST = 1 << 20
+_LONGEST_RECORDING = 1000
+_VERSION = 2
+_HEADER = struct.Struct("<BBI")
+_STATUS = struct.Struct("<HB")
+# A status in a snapshot from here on: IDLE, and before that it was so much less.
+_WAS = 10
+
+_Responder = Callable[[Sequence[bytes]], bytes | None]
+"""Returns the second frame of a reply to a request with these frames after its header; None for a reply without."""
+
+
+class Ticking(Protocol):
+    """What ticks a tree."""
+
+    def add_visitor(self, visitor: VisitorBase) -> None:
+        """Have every node that is ticked shown to a visitor."""
+
+
+class Groot2PortError(SarError):
+    """A port on which Groot2 cannot be answered."""
+
+
+class RequestError(SarError):
+    """A request that cannot be answered; its text is the reply."""
+
+
+class Groot2Publisher:
+    """Answers Groot2, and whoever else speaks its protocol, on this machine.
+
+    It answers in a thread of its own. No request changes the tree: it has no breakpoints and overrides no outcomes.
+
+    Args:
+        tree: The tree.
+        port: The TCP port of 127.0.0.1 that it answers on; what it tells by itself goes to the next one.
+
+    Raises:
+        TooManyNodesError: If the tree has more nodes than the protocol has numbers.
+        Groot2PortError: If there is no such port, or it is taken.
+    """
+
+    def __init__(self, tree: CompiledTree, port: int = DEFAULT_PORT) -> None:
+        self._tree = NumberedTree(tree)
+        self._xml = tree_xml(self._tree).encode()
+        self._id = uuid.uuid4().bytes
+        self._changes = StatusChanges(self._tree, self._note)
+        self._shown = [0] * len(self._tree.nodes)
+        self._lock = Lock()
+        self._transitions: deque[bytes] = deque(maxlen=_LONGEST_RECORDING)
+        self._recording_began = 0
+        self._is_recording = False
+        # By the kinds of requests.
+        self._answers: Mapping[bytes, _Responder] = {
+            b"T": lambda _: self._xml,
+            b"S": self._statuses,
+            b"B": self._blackboards,
+            b"r": self._toggle_recording,
+            b"t": self._take_transitions,
+            # Groot2 asks for breakpoints when it connects, and removes them when it leaves: there are none.
+            b"D": lambda _: b"[]",
+            b"A": lambda _: None,
+            b"X": lambda _: None,
+            **dict.fromkeys((b"I", b"R", b"U"), _refuse_breakpoint),
+        }
+        self._context = zmq.Context()
+        try:
+            self._server = self._bind(zmq.REP, port)
+            # Groot2 subscribes to it, for breakpoints that are reached; nothing is sent.
+            self._publisher = self._bind(zmq.PUB, port + 1)
+        except BaseException:
+            self._context.destroy(linger=0)
+            raise
+        self._thread: Thread | None = Thread(target=self._serve, name="groot2", daemon=True)
+        self._thread.start()
+
+    def _bind(self, kind: int, port: int) -> "zmq.Socket[bytes]":
+        if not 0 < port <= _LAST_PORT:
+            message = f"there is no port {port}: it is a number from 1 to {_LAST_PORT - 1}, and the next one is used as well"
+            raise Groot2PortError(message)
+        socket: zmq.Socket[bytes] = self._context.socket(kind)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.MAXMSGSIZE, _LARGEST)
+        try:
+            socket.bind(f"{_ADDRESS}:{port}")
+        except zmq.ZMQError as error:
+            message = f"port {port} of 127.0.0.1 cannot be used: {error.strerror}; say another one"
+            raise Groot2PortError(message) from error
+        return socket
+
+    def watch(self, ticking: Ticking) -> None:
+        """Watch what ticks the tree: a `TreeRunner`, or py_trees' own class."""
+        ticking.add_visitor(self._changes)
+
+    def close(self) -> None:
+        """Answer nobody any more; may be called again."""
+        thread, self._thread = self._thread, None
+        if thread is None:
+            return
+        self._publisher.close()
+        # Breaks off what the other thread waits for, and waits until that has closed its socket.
+        self._context.term()
+        thread.join()
+
+    def _note(self, change: StatusChange) -> None:
+        with self._lock:
+            self._shown[change.uid - 1] = _WAS + change.before if change.status == IDLE else change.status
+            if self._is_recording:
+                microseconds = (time.monotonic_ns() - self._recording_began) // 1000
+                moment = microseconds.to_bytes(6, "little")
+                self._transitions.append(moment + _STATUS.pack(change.uid, change.status))
+
+    def _serve(self) -> None:
+        with self._server, suppress(zmq.ContextTerminated):
+            while True:
+                self._server.send_multipart(self._reply(self._server.recv_multipart()))
+
+    def _reply(self, frames: list[bytes]) -> list[bytes]:
+        try:
+            return self._answer(*frames)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the mission goes on
+            return [b"error", str(error).encode("utf-8", "replace")]
+
+    def _answer(self, header: bytes, *rest: bytes) -> list[bytes]:
+        if len(header) != _HEADER.size:
+            raise RequestError("wrong request header")
+        answer = self._answers.get(header[1:2])
+        if answer is None:
+            raise RequestError("Request not recognized")
+        second = answer(rest)
+        return [bytes([_VERSION]) + header[1:] + self._id, *([] if second is None else [second])]
+
+    def _statuses(self, _: Sequence[bytes]) -> bytes:
+        with self._lock:  # not for longer: the tick waits for it
+            shown = [*self._shown]
+        return snapshot(shown)
+
+    def _blackboards(self, rest: Sequence[bytes]) -> bytes:
+        found: dict[str, object] = {}
+        for name in filter(None, _text(rest).split(";")):
+            path = "" if name == self._tree.name else name
+            if path in self._tree.scopes:
+                found[name] = self._entries(path)
+                if path:
+                    found["ROOT"] = self._entries("")
+        packed: bytes = msgpack.packb(found or None)
+        return packed
+
+    def _entries(self, path: str) -> dict[str, object]:
+        found = {}
+        for key, entry in self._tree.scopes[path].entries():
+            with suppress(MissingEntryError):  # never written, or removed by the tick meanwhile
+                found[key] = _plain(entry.read())
+        return found
+
+    def _toggle_recording(self, rest: Sequence[bytes]) -> bytes | None:
+        word = _text(rest)
+        with self._lock:
+            if word == "start":
+                self._recording_began = time.monotonic_ns()
+                self._transitions.clear()
+            self._is_recording = word == "start" or (self._is_recording and word != "stop")
+        return b"%d" % (time.time_ns() // 1000) if word == "start" else None
+
+    def _take_transitions(self, _: Sequence[bytes]) -> bytes:
+        with self._lock:
+            taken = b"".join(self._transitions)
+            self._transitions.clear()
+        return taken
+
+
+def _refuse_breakpoint(_: Sequence[bytes]) -> bytes | None:
+    raise RequestError(
+        "no breakpoints and substitutions by this port: the page has breakpoints (sar-run --view web)"
+    )
+
+
+def _text(rest: Sequence[bytes]) -> str:
+    """Return the second frame of a request, which has to have one.
+
+    Raises:
+        RequestError: If there is none, or it is no text.
+    """
+    if len(rest) != 1:
+        raise RequestError("must be 2 parts message")
+    try:
+        return rest[0].decode()
+    except UnicodeDecodeError as error:
+        raise RequestError(f"the second part is no text in UTF-8: {error}") from error
+
+
+def snapshot(statuses: Iterable[int]) -> bytes:
+    """Return the statuses of nodes, those from the number 1 on."""
+    return b"".join(_STATUS.pack(uid, status) for uid, status in enumerate(statuses, 1))
+
+
+def _plain(value: object) -> object:
+    """Return a copy of a value as msgpack has it, for the tick may change the value itself.
+
+    None for one that it has nothing for, as BehaviorTree.CPP does without a converter.
+    """
+    try:
+        copy: object = msgpack.unpackb(msgpack.packb(value), use_list=False, strict_map_key=False)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # the last of a dict that grows meanwhile
+        return None
+    return copy

@@ -1,0 +1,300 @@
+"""What a tree file is to who writes Python: checked, compiled, simulated, proved, watched and predicted."""
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.missions.tree_check import check_mission
+from sar_compiler.nodes.registry import Named, Registry
+from sar_compiler.project.project import Additions
+from sar_compiler.project.project_tree import ProjectTree
+from sar_compiler.project.workspace import Workspace
+from sar_compiler.runtime.answers import Fact
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.gathering import find_tree
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.analysis.assumptions import StartValues
+    from sar_compiler.analysis.conformance import Conformance
+    from sar_compiler.analysis.predict import Prediction
+    from sar_compiler.analysis.property_watch import PropertyWatch
+    from sar_compiler.analysis.simulated import Simulated
+    from sar_compiler.analysis.verify.verdicts import Verification
+    from sar_compiler.budget import Budget
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.documents.located import Document
+    from sar_compiler.runtime.events import Event
+
+
+class LoadedTree(ProjectTree):
+    """A tree file with all that it includes, and the settings of its project; `load` makes it."""
+
+    def _repr_svg_(self) -> str | None:
+        """Return a picture for a notebook; None, so that it shows the text, if the file is malformed."""
+        from sar_compiler.views.drawing import svg
+
+        try:
+            return svg(self.sketch())
+        except TreeError:
+            return None
+
+    def compile(
+        self,
+        *,
+        node: "Node | None" = None,
+        parameters: Mapping[str, object] | None = None,
+        context: Mapping[type, object] | None = None,
+        tree_id: str | None = None,
+    ) -> "CompiledTree":
+        """Compile a tree, to be ticked.
+
+        Args:
+            node: The node that it will be ticked on: its clock is the tree's, its parameters are keys of the root
+                blackboard. Without a node, the steady clock is used.
+            parameters: Further keys of the root blackboard; they override the node's parameters.
+            context: Objects that leaves require in their constructors, by their type.
+            tree_id: The tree in the file; by default the one that the file executes.
+
+        Raises:
+            TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is
+                not in *context*, or a constructor refuses its arguments.
+        """
+        if node is None:
+            return super().compile(parameters=parameters, context=context, tree_id=tree_id)
+        from sar_compiler.ros.clock import mission_clock
+        from sar_compiler.ros.parameters import flat_parameters
+        from sar_compiler.runtime.clock import Clock
+
+        of_node = flat_parameters(node)
+        clock: dict[type, object] = {Clock: mission_clock(node)}
+        return super().compile(
+            parameters={**of_node, **(parameters or {})},
+            context={**clock, **(context or {})},
+            tree_id=tree_id,
+        )
+
+    def simulate(
+        self,
+        *,
+        leaves: Mapping[str, object] | None = None,
+        scenario: Mapping[str, object] | None = None,
+        **scripts: object,
+    ) -> "Simulated":
+        """Return the tree with scripted leaves, to be ticked on a manual clock.
+
+        The arguments correspond to a scenario file, with Python's lists and dictionaries for YAML's.
+
+        Args:
+            leaves: The answers of leaves, by path, name or tag: `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
+            scenario: The other keys of a scenario: `{"tree": "Main", "facts": {"zones_left": 1}, "period": "0.1s"}`.
+            **scripts: The answers of leaves whose names are Python identifiers: `NavigateToZone=["aborted", "arrived"]`.
+
+        Raises:
+            TreeError: If there are errors, or the script has an answer that a leaf never gives.
+        """
+        from sar_compiler.analysis.simulated import simulate_tree
+
+        return simulate_tree(self, {**(scenario or {}), "leaves": {**(leaves or {}), **scripts}})
+
+    def verify(
+        self,
+        properties: str | Path | None = None,
+        *,
+        facts: "Mapping[str, object] | Document | None" = None,
+        params: str | Path | None = None,
+        tree_id: str | None = None,
+        max_states: int = 1_000_000,
+        budget: "Budget | None" = None,
+        keep_states: bool = False,
+    ) -> "Verification":
+        """Check properties in all possible runs of the tree.
+
+        Args:
+            properties: A file with the properties; by default the mission's own.
+            facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
+            params: The mission's ROS parameter file; *properties* and *facts* override what it says.
+            tree_id: The tree in the file; by default the one that the file executes.
+            max_states: The largest number of states to explore.
+            budget: Limits time and memory, and is told the progress; by default there is no limit but that of states.
+            keep_states: Whether the result has all states, as `space`.
+
+        Raises:
+            TreeError: If there are errors, or a property makes no sense for the tree.
+            UndecidableError: If the runs of the tree cannot be enumerated.
+            ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+        """
+        from sar_compiler.analysis.tree_analysis import verify_tree
+
+        return verify_tree(
+            self,
+            properties,
+            facts=facts,
+            params=params,
+            tree_id=tree_id,
+            max_states=max_states,
+            budget=budget,
+            keep_states=keep_states,
+        )
+
+    def watch(
+        self,
+        watched: "CompiledTree",
+        properties: str | Path | None = None,
+        *,
+        facts: Mapping[str, Fact] | None = None,
+        parameters: Mapping[str, object] | None = None,
+        tree_id: str | None = None,
+        clock: Callable[[], float] = lambda: 0.0,
+    ) -> "PropertyWatch":
+        """Return what watches a run of the tree for properties.
+
+        Args:
+            watched: The tree that is ticked.
+            properties: As for `verify`.
+            facts: The facts as they are when the run begins; they override what the file says.
+            parameters: The keys of the root blackboard.
+            tree_id: As for `verify`.
+            clock: Returns the time, seconds since the run began.
+
+        Raises:
+            TreeError, UndecidableError: As `verify`.
+        """
+        from sar_compiler.analysis.tree_analysis import watch_tree
+
+        return watch_tree(
+            self, watched, properties, facts=facts, parameters=parameters, tree_id=tree_id, clock=clock
+        )
+
+    def conform(
+        self,
+        record: "Iterable[Event]",
+        names: Sequence[str],
+        properties: str | Path | None = None,
+        *,
+        is_over: bool,
+        start: "StartValues",
+        facts: "Mapping[str, object] | Document | None" = None,
+        params: str | Path | None = None,
+        tree_id: str | None = None,
+    ) -> "Conformance":
+        """Compare a recorded run with all possible runs of the tree.
+
+        Args:
+            record: What its leaves did.
+            names: The names of the nodes that ran, in pre-order.
+            properties: As for `verify`.
+            is_over: Whether it is over by its own condition.
+            start: The parameters and facts with which it began; *facts* override them, and they override what files say of facts.
+            facts: As for `verify`.
+            params: As for `verify`.
+            tree_id: As for `verify`.
+
+        Raises:
+            TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
+            OtherTreeError: If the tree has nodes other than those that ran.
+        """
+        from sar_compiler.analysis.tree_analysis import conform_tree
+
+        return conform_tree(
+            self,
+            record,
+            names,
+            properties,
+            is_over=is_over,
+            start=start,
+            facts=facts,
+            params=params,
+            tree_id=tree_id,
+        )
+
+    def predict(
+        self,
+        properties: str | Path | None = None,
+        *,
+        answers: Iterable[str | Path] = (),
+        facts: "Mapping[str, object] | Document | None" = None,
+        params: str | Path | None = None,
+        tree_id: str | None = None,
+        period_sec: float | None = None,
+        max_states: int = 1_000_000,
+        budget: "Budget | None" = None,
+    ) -> "Prediction":
+        """Compute how likely the tree is to succeed and to keep its properties, and how long it takes. Needs numpy and scipy.
+
+        Args:
+            properties: A file with the properties, and with the chances `p` and times `sec` of answers; by default the mission's own.
+            answers: Further files that say how likely answers are; the file of properties overrides them.
+            facts: As for `verify`.
+            params: As for `verify`.
+            tree_id: As for `verify`.
+            period_sec: The time between two ticks, seconds; by default that of *params*, or half a second.
+            max_states: As for `verify`; what is behind the others may be anything, so the numbers have wider bounds.
+            budget: As for `verify`.
+
+        Raises:
+            TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
+        """
+        from sar_compiler.analysis.tree_analysis import predict_tree
+
+        return predict_tree(
+            self,
+            properties,
+            answers=answers,
+            facts=facts,
+            params=params,
+            tree_id=tree_id,
+            period_sec=period_sec,
+            max_states=max_states,
+            budget=budget,
+        )
+
+
+class _LoadingWorkspace(Workspace):
+    """A workspace whose trees have all analyses."""
+
+    def load(self, tree: str | Path) -> LoadedTree:
+        path = find_tree(str(tree))
+        return LoadedTree(path, self.project_of(path), self.read, self.note_once, [check_mission])
+
+
+def load(
+    tree: str | Path,
+    *,
+    nodes: Iterable[Named] = (),
+    models: Iterable[str | Path] = (),
+    include_path: Iterable[str | Path] = (),
+    registry: Registry | None = None,
+    mission: str | None = None,
+    isolated: bool = False,
+) -> LoadedTree:
+    """Load a tree file, with the settings of its project's configuration.
+
+    Args:
+        tree: The path of a tree file, or the name of a shipped tree.
+        nodes: Leaves of your own: classes, modules, or import paths of modules.
+        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
+        include_path: Further folders that the file may include from.
+        registry: The registered nodes, instead of the installed ones, *nodes* and palettes that are installed.
+        mission: The name of the mission, whatever the leaves require; by default it is chosen by them.
+        isolated: Whether the surroundings of the file are ignored: configuration, palettes and trees around it.
+
+    Raises:
+        UnreadableFileError: If the file does not exist or cannot be read.
+        TreeError: If the project's configuration has mistakes. Findings about the tree are returned by `check`, and
+            raised by `compile`, `simulate` and `verify`.
+        TypeError: If *nodes*, *models* or *include_path* is a single text.
+    """
+    for name, several in (("nodes", nodes), ("models", models), ("include_path", include_path)):
+        if isinstance(several, str):
+            raise TypeError(
+                f"{name} is the text '{several}'; write several or one in brackets: {name}=['{several}']"
+            )
+    palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
+    additions = Additions(
+        tuple(nodes), palettes, folders, registry=registry, mission=mission, is_isolated=isolated
+    )
+    # The frames between are `_note`, `project_of` and the two `load`.
+    return _LoadingWorkspace(additions, note=lambda text: warnings.warn(text, stacklevel=6)).load(tree)

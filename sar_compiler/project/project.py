@@ -1,0 +1,248 @@
+"""The settings of a project's tree files: its configuration, combined with what the user adds to it."""
+
+import contextlib
+import functools
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.checks import check_palettes
+from sar_compiler.nodes.installed import is_offered
+from sar_compiler.nodes.models import described_specs, enums_file, supplements, undescribed_tags
+from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
+from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, is_own_word, load_registry
+from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, is_there, read_file
+from sar_compiler.project.surroundings import FileSurroundings
+from sar_compiler.tree.content import as_written, real_path
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.forest import Forest, Read, TreeSet
+from sar_compiler.tree.gathering import files_meant, read_tree_file
+from sar_compiler.tree.model import TreeFile
+
+
+class Additions(NamedTuple):
+    """The user's additions to any project's configuration, which may refer to any file.
+
+    Attributes:
+        nodes: Leaves: import paths of modules, which may be in the current folder; modules; classes.
+        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
+        include_path: Further folders that may be included from.
+        trust: Whether to run, now and until they change, the modules beside configurations.
+        registry: The registered nodes; None for the installed and named ones.
+        trees: Further tree files, in which a tree is sought that a file lacks.
+        mission: The name of the mission, whatever the leaves of a tree require; None to choose it by them.
+        folders: Folders that the user has named; the files in them belong together, as those of a repository do.
+        names: Tree files as the user has named them, for findings in them.
+        is_isolated: Whether the surroundings of a file are ignored: configuration, palettes and trees around it.
+    """
+
+    nodes: tuple[Named, ...] = ()
+    models: tuple[Path, ...] = ()
+    include_path: tuple[Path, ...] = ()
+    trust: bool = False
+    registry: Registry | None = None
+    trees: tuple[Path, ...] = ()
+    mission: str | None = None
+    folders: tuple[Path, ...] = ()
+    names: tuple[Path, ...] = ()
+    is_isolated: bool = False
+
+    @property
+    def palettes(self) -> tuple[str, ...]:
+        """The palettes that are installed."""
+        return tuple(str(each) for each in self.models if is_palette_name(str(each)))
+
+
+class Project:
+    """The common settings of the tree files of one configuration.
+
+    Attributes:
+        configuration: Their configuration.
+        checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
+        files_around: The palettes and tree files around them that nobody has named.
+        used_palettes: Those of these palettes that were used, by their paths.
+        used_trees: Those of these tree files that were used, by their paths.
+        additions: The user's additions.
+        tree_set: The files in which a tree is sought that a file lacks; None if there are none.
+    """
+
+    def __init__(
+        self,
+        surroundings: FileSurroundings,
+        additions: Additions,
+        read: Read,
+    ) -> None:
+        self.configuration, self.checkout, self.files_around = surroundings
+        self.additions = additions
+        self.used_palettes: dict[Path, None] = {}
+        self.used_trees: dict[Path, None] = {}
+        self._names = {real_path(each): each for each in additions.names}
+        self.tree_set: TreeSet | None = None
+        self._read = read
+        self.renew_set()
+
+    def renew_set(self) -> None:
+        """Have the files of the set read anew, by who asks for a tree next."""
+        if self.configuration.trees or self.additions.trees or self.files_around.folder is not None:
+            is_declared = bool(self.configuration.trees)
+            self.tree_set = TreeSet(self._set_files, self._read, self.include_path, is_declared=is_declared)
+
+    @functools.cached_property
+    def registry(self) -> Registry:
+        """The registered nodes.
+
+        Raises:
+            TreeError: If the configuration names modules that are neither installed nor trusted, or a palette that is not
+                installed.
+            RegistryError: If a module cannot be imported or has no leaves.
+            TrustError: If trust cannot be recorded.
+            PaletteError: If the user has named a palette that is not installed.
+        """
+        if self.additions.registry is not None:
+            return self.additions.registry
+        wanted = [each for each in self.configuration.nodes if each not in self.additions.nodes]
+        brought = [each for each in wanted if not is_offered(each, ENTRY_POINTS, self.checkout)]
+        if brought:
+            self._require_trust(brought)
+        palettes = (*self.additions.palettes, *self.configuration.palettes)
+        try:
+            return load_registry(self.additions.nodes, wanted, self.checkout, palettes)
+        except PaletteError:
+            for name in self.configuration.palettes:
+                with self._tell_where_it_is_named(name):
+                    load_palettes([name], self.checkout)
+            raise
+
+    def _require_trust(self, modules: list[str]) -> None:
+        """Allow the import of modules beside the configuration, if the user trusts them."""
+        from sar_compiler.project.trust import Content
+
+        path = self.configuration.path
+        assert path is not None  # noqa: S101 - it has named the modules
+        content = Content.of(path, modules)
+        if self.additions.trust:
+            content.trust()
+        elif not content.is_trusted:
+            raise TreeError([self._trust_finding(each, modules) for each in modules])
+        content.make_importable()
+
+    def _trust_finding(self, module: str, modules: Sequence[str]) -> Diagnostic:
+        message = (
+            f"'{module}' is not of an installed package that registers leaves ('{ENTRY_POINTS}'), and a configuration "
+            "brings no code along"
+        )
+        options = " ".join(f"--nodes {each}" for each in modules)
+        hint = (
+            f"add {options} to the command, as in CI, or run pip install in a step before it; "
+            "--trust runs what lies here until it changes"
+        )
+        source, span = self.configuration.source, self.configuration.spans[module]
+        return Diagnostic("untrusted-nodes", message, source, span, hint=hint)
+
+    @functools.cached_property
+    def palettes(self) -> tuple[TreeFile, ...]:
+        """The palettes that are files, which describe nodes that are not installed.
+
+        Raises:
+            UnreadableFileError: If a file that the user has named does not exist or cannot be read.
+            TreeError: If one is malformed, or cannot be read that the configuration names.
+        """
+        files = [path for path in self.additions.models if not is_palette_name(str(path))]
+        read = [read_tree_file(path) for path in files]
+        for path in self.configuration.models:
+            with self._tell_where_it_is_named(str(path)):
+                read.append(read_tree_file(path))
+        if self.configuration.enums:
+            read.append(enums_file(self.configuration.enums))
+        return tuple(read)
+
+    @contextlib.contextmanager
+    def _tell_where_it_is_named(self, palette: str) -> Iterator[None]:
+        """Raise a finding in the configuration instead of an error about a palette that it names."""
+        try:
+            yield
+        except (UnreadableFileError, PaletteError) as error:
+            source, span = self.configuration.source, self.configuration.spans[palette]
+            raise TreeError([Diagnostic("setting-not-found", str(error), source, span)]) from error
+
+    @functools.cached_property
+    def _palettes_around(self) -> tuple[TreeFile, ...]:
+        """The palettes that nobody has named; one that is malformed is reported as a file."""
+        found = []
+        for path in self.files_around.palettes:
+            with contextlib.suppress(TreeError, UnreadableFileError):
+                found.append(read_tree_file(path))
+        return tuple(found)
+
+    def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
+        """Return the palettes for a file: those that are named, and for nodes that nothing else describes the nearest ones around it.
+
+        Raises:
+            TreeError, UnreadableFileError: As `palettes`.
+        """
+        own = [_real_path(each) for each in forest.files]
+        named = tuple(each for each in self.palettes if _real_path(each) not in own)
+        tags = undescribed_tags([*forest.files, *forest.others], named)
+        wanted = {tag for tag in tags if tag not in self.registry or is_own_word(tag)}
+        if not wanted:
+            return named
+
+        around = [each for each in self._palettes_around if _real_path(each) not in own]
+        nearest = sorted(around, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
+        found = list(supplements(nearest, wanted))
+        self.used_palettes |= dict.fromkeys(Path(each.source.path) for each in found)
+        return (*named, *found)
+
+    @functools.cached_property
+    def findings(self) -> list[Diagnostic]:
+        """The findings about the palettes, for any tree."""
+        return self.configuration.decide(check_palettes(self.palettes, self.registry))
+
+    @functools.cached_property
+    def vocabulary(self) -> Registry:
+        """All nodes that a tree can be written with: the registered ones, and those that palettes describe.
+
+        Raises:
+            TreeError: If a palette has mistakes, or the configuration names modules that are not trusted.
+            UnreadableFileError: If a palette cannot be read.
+        """
+        if any(each.severity is Severity.ERROR for each in self.findings):
+            raise TreeError(self.findings)
+        described = described_specs([*self.palettes, *self._palettes_around], self.registry)
+        return Registry([*self.registry.specs(), *described]) if described else self.registry
+
+    def _set_files(self) -> Iterator[Path]:
+        """Yield the tree files that belong together.
+
+        Raises:
+            UnreadableFileError: If a file or a folder that the configuration names does not exist or cannot be read.
+        """
+        yield from self.additions.trees
+        if not self.configuration.trees:
+            yield from (self._names.get(real_path(each), each) for each in self.files_around.trees)
+        for folder, pattern in self.configuration.trees:
+            for path in map(as_written, files_meant(folder, pattern)):
+                if not is_there(path):
+                    read_file(path, TREE)  # says why
+                place = real_path(path)
+                if place.is_relative_to(self.checkout):
+                    yield self._names.get(place) or NamedPath.within(path, (self.checkout,))
+
+    def note_use(self, forest: Forest) -> None:
+        """Note which files around were used for trees that a file lacks."""
+        if self.configuration.trees:
+            return
+        given = {*map(real_path, self.additions.trees), *self._names}
+        used = {Path(home.main.source.path): home.place for home in forest.homes.values()}
+        self.used_trees |= dict.fromkeys(path for path, place in used.items() if place not in given)
+
+    @property
+    def include_path(self) -> tuple[Path, ...]:
+        """The further folders that may be included from."""
+        root = self.files_around.root
+        return (*self.additions.include_path, *self.configuration.include_path, *([root] if root else []))
+
+
+def _real_path(tree_file: TreeFile) -> Path:
+    return real_path(Path(tree_file.source.path))

@@ -1,0 +1,241 @@
+"""One tree file with all that it includes: read, bound, checked and compiled."""
+
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sar_compiler.checks import check_beginning, check_context, context_of, first_of_each
+from sar_compiler.checks.rules import CheckContext
+from sar_compiler.nodes.binding.bound import Binding
+from sar_compiler.project.project import Project
+from sar_compiler.tree.content import real_path
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
+from sar_compiler.tree.forest import Forest, Read, load_forest
+from sar_compiler.tree.model import FileBeginning, TreeFile
+
+if TYPE_CHECKING:
+    from sar_compiler.compiler import CompiledTree
+    from sar_compiler.compiler.sketch import Drawable
+
+FurtherCheck = Callable[["ProjectTree"], list[Diagnostic]]
+"""Returns findings about a tree that the core does not know of."""
+
+
+class ProjectTree:
+    """A tree file with all that it includes, and the settings of its project.
+
+    Args:
+        path: The file.
+        project: The settings of its project.
+        read: Reads one tree file.
+        note: Is told what is surprising, but no mistake.
+        further_checks: What `check` asks besides the rules of `checks`.
+
+    Raises:
+        UnreadableFileError: If the file does not exist or cannot be read.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        project: Project,
+        read: Read,
+        note: Callable[[str], None],
+        further_checks: Sequence[FurtherCheck] = (),
+    ) -> None:
+        self.path = path
+        self.project = project
+        self.note = note
+        self._further_checks = further_checks
+        self._forest: Forest | None = None
+        self._malformed: tuple[Diagnostic, ...] = ()
+        self._beginning: FileBeginning | None = None
+        self._read = read
+        try:
+            self._forest = load_forest(path, read, project.include_path, project.tree_set)
+            project.note_use(self._forest)
+        except TreeError as error:
+            self._malformed, self._beginning = error.findings, error.beginning
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.path}>"
+
+    @property
+    def is_malformed(self) -> bool:
+        """Whether the file cannot be understood at all."""
+        return self._forest is None
+
+    @property
+    def forest(self) -> Forest:
+        """The file and what it includes.
+
+        Raises:
+            TreeError: If the file is malformed.
+        """
+        if self._forest is None:
+            raise TreeError(self._malformed)
+        return self._forest
+
+    @property
+    def tree_file(self) -> TreeFile | None:
+        """The content of the file itself; if it is malformed, of its beginning, or None."""
+        if self._forest is not None:
+            return self._forest.main
+        return self._beginning.tree_file if self._beginning is not None else None
+
+    @property
+    def source(self) -> Source:
+        """The text of the file."""
+        return self._forest.main.source if self._forest is not None else self._malformed[0].source
+
+    @functools.cached_property
+    def findings(self) -> list[Diagnostic]:
+        """The findings about the file and those that it includes, with the project's severities."""
+        if self._forest is None:
+            return self._findings_before()
+        decide = self.project.configuration.decide
+        found = check_context(self.context)
+        return decide(first_of_each(decide(found)))
+
+    @functools.cached_property
+    def context(self) -> CheckContext:
+        """The file with all that is known of it.
+
+        Raises:
+            SarError: As `Project.registry` and `palettes` do.
+        """
+        project = self.project
+        return context_of(self.forest, project.registry, self.palettes, project.configuration.btcpp)
+
+    @functools.cached_property
+    def palettes(self) -> tuple[TreeFile, ...]:
+        """The palettes that are files, without what is one of the files itself.
+
+        Raises:
+            UnreadableFileError: If a palette does not exist or cannot be read.
+            TreeError: If the file, or a palette that somebody has named, is malformed.
+        """
+        return self.project.palettes_for(self.forest)
+
+    def _findings_before(self) -> list[Diagnostic]:
+        """Return the findings about a malformed file: where it is that, and what is wrong before."""
+        found, project = list(self._malformed), self.project
+        if self._beginning is not None:
+            beginning, own = self._beginning, real_path(self.path)
+
+            def read(path: Path) -> TreeFile:
+                return beginning.tree_file if real_path(path) == own else self._read(path)
+
+            forest = load_forest(self.path, read, project.include_path, project.tree_set)
+            found = [each for each in found if each.severity is Severity.ERROR]
+            cut = min(each.span for each in found)
+            palettes = project.palettes_for(forest)
+            found += check_beginning(beginning, cut, forest, project.registry, palettes)
+        return project.configuration.decide(sorted(found, key=lambda each: each.span))
+
+    def check(self) -> list[Diagnostic]:
+        """Return all findings about the palettes, the file, the files that it includes, and what further checks find.
+
+        Raises:
+            TreeError: If a palette is malformed, or the configuration names modules that are not trusted.
+            UnreadableFileError: If a palette cannot be read.
+            SarError: As the further checks do: a `MissionError` if there is no mission of the name that the user has given.
+        """
+        further = [finding for check in self._further_checks for finding in check(self)]
+        return [*self.findings_of_the_tree, *further]
+
+    @property
+    def findings_of_the_tree(self) -> list[Diagnostic]:
+        """The findings about the palettes, the file, and the files that it includes."""
+        return [*self.project.findings, *self.findings]
+
+    def binding(self, tree_id: str | None = None) -> Binding:
+        """Return a tree of the file, bound.
+
+        Args:
+            tree_id: The tree; by default the one that the file executes.
+
+        Raises:
+            TreeError: If there is none, or there are errors; carries them.
+        """
+        from sar_compiler.compiler import bind_main
+
+        self.require_no_errors()
+        return bind_main(self.forest, self.project.registry, tree_id, self.palettes)
+
+    def require_no_errors(self) -> None:
+        """Raise the findings if there are errors.
+
+        Raises:
+            TreeError: If there are any.
+        """
+        errors = [each for each in self.findings_of_the_tree if each.severity is Severity.ERROR]
+        if errors:
+            raise TreeError(errors)
+
+    def report_warnings(self, findings: Iterable[Diagnostic]) -> None:
+        """Report findings about a file beside the tree with which it can be used."""
+        for finding in findings:
+            self.note(finding.render())
+
+    def preview(self, tree_id: str | None = None) -> "CompiledTree":
+        """Compile a tree for display, with stand-ins for the objects of a mission.
+
+        Raises:
+            TreeError: If there are errors.
+        """
+        from sar_compiler.compiler import preview_tree
+
+        return preview_tree(self.binding(tree_id))
+
+    def compile(
+        self,
+        *,
+        parameters: Mapping[str, object] | None = None,
+        context: Mapping[type, object] | None = None,
+        tree_id: str | None = None,
+    ) -> "CompiledTree":
+        """Compile a tree, to be ticked.
+
+        Args:
+            parameters: Keys of the root blackboard.
+            context: Objects that leaves require in their constructors, by their type; without a `Clock`, the steady clock is used.
+            tree_id: The tree in the file; by default the one that the file executes.
+
+        Raises:
+            TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is
+                not in *context*, or a constructor refuses its arguments.
+        """
+        from sar_compiler.compiler import compile_tree
+
+        return compile_tree(self.binding(tree_id), context or {}, parameters or {})
+
+    def sketch(self, tree_id: str | None = None) -> "Drawable":
+        """Return a tree of the file for a drawing, whatever is wrong with the file.
+
+        A tree without errors is compiled as by `preview`. Of any other, unknown nodes have no meaning, and subtrees that are
+        nowhere are folded.
+
+        Args:
+            tree_id: The tree in the file; by default the one that the file executes, or the first that no other one uses.
+
+        Raises:
+            TreeError: If there is no such tree, the file is malformed, or its project's configuration has mistakes.
+        """
+        from sar_compiler.compiler.sketch import sketch_tree
+        from sar_compiler.nodes.binding.tree_ids import find_main_tree
+
+        forest = self.forest
+        candidates = (*forest.executable, *forest.main.trees)
+        element = forest.main_tree(tree_id) or (candidates[0] if candidates and tree_id is None else None)
+        if element is None:
+            find_main_tree(forest, tree_id)
+        is_main = element is forest.main_tree(tree_id)
+        try:
+            return self.preview(tree_id if is_main or element is None else element.attributes.get("ID"))
+        except TreeError as error:
+            trees = self.context.bound.trees
+            sketch = sketch_tree(next(each for each in trees if each.element is element), trees)
+            return replace(sketch, findings=error.findings)

@@ -1,0 +1,108 @@
+"""Loads tree files, each with the settings of the project that it belongs to."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from sar_compiler.nodes.installed import ignored_entry_points
+from sar_compiler.nodes.registry import ENTRY_POINTS
+from sar_compiler.project.project import Additions, Project
+from sar_compiler.project.project_tree import FurtherCheck, ProjectTree
+from sar_compiler.project.surroundings import FilesAround, find_surroundings
+from sar_compiler.tree.forest import Read
+from sar_compiler.tree.gathering import find_tree, read_tree_file
+
+_MOST_NAMED = 5
+"""The number of files that a note names."""
+
+
+@dataclass(eq=False, repr=False)
+class Workspace:
+    """Loads tree files, each with the settings of its project.
+
+    Attributes:
+        additions: The user's additions.
+        read: Reads one tree file; an editor provides the text of open ones.
+        note: Called once for each thing that is ignored for safety.
+        further_checks: What `ProjectTree.check` asks besides the rules of `checks`.
+    """
+
+    additions: Additions = Additions()  # noqa: RUF009 - cannot be changed
+    read: Read = read_tree_file
+    note: Callable[[str], None] = lambda _text: None
+    further_checks: Sequence[FurtherCheck] = ()
+    _projects: dict[tuple[Path | None, ...], Project] = field(default_factory=dict, init=False)
+    _files_around: dict[tuple[Path | None, ...], FilesAround] = field(default_factory=dict, init=False)
+    _noted: set[str] = field(default_factory=set, init=False)
+
+    def load(self, tree: str | Path) -> ProjectTree:
+        """Load a tree.
+
+        Args:
+            tree: The path of a tree file, or the name of a shipped tree.
+
+        Raises:
+            UnreadableFileError: If the file does not exist or cannot be read.
+            TreeError: If the project's configuration has mistakes.
+        """
+        return self.load_file(find_tree(str(tree)))
+
+    def load_file(self, path: Path) -> ProjectTree:
+        """Load a tree file.
+
+        Raises:
+            UnreadableFileError: If the file does not exist or cannot be read.
+            TreeError: If the project's configuration has mistakes.
+        """
+        return ProjectTree(path, self.project_of(path), self.read, self.note_once, self.further_checks)
+
+    def project_here(self) -> Project:
+        """Return the project of tree files in the current folder; see `project_of`."""
+        return self.project_of(Path("a tree file"))
+
+    def project_of(self, path: Path) -> Project:
+        """Return the project of a tree file.
+
+        Raises:
+            UnreadableFileError: If its configuration cannot be read.
+            TreeError: If the configuration has mistakes.
+        """
+
+        def pass_over(foreign: Path) -> None:
+            self.note_once(f"{foreign} is passed over: it belongs neither to you nor to the owner of {path}")
+
+        folders, is_isolated = self.additions.folders, self.additions.is_isolated
+        found = find_surroundings(path, folders, pass_over, is_isolated=is_isolated)
+        configuration, checkout, files = found
+        key = (configuration.path, checkout, files.folder, files.root)
+        if key not in self._projects or self._projects[key].configuration != configuration:
+            around = self._files_around.setdefault((files.folder, files.root), files)
+            self._projects[key] = Project(found._replace(files=around), self.additions, self.read)
+            for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
+                self.note_once(
+                    f"the leaves of '{entry_point.value}' are passed over: {place} says that they are installed, "
+                    f"but is part of what is looked at; install them, or say --nodes {entry_point.value}"
+                )
+        return self._projects[key]
+
+    def renew_sets(self) -> None:
+        """Have the files of all sets read anew: some have changed."""
+        for project in self._projects.values():
+            project.renew_set()
+
+    def note_use(self) -> None:
+        """Note which palettes and trees around the files that were looked at have been used, though nobody has named them."""
+        projects = self._projects.values()
+        palettes = dict.fromkeys(path for each in projects for path in each.used_palettes)
+        trees = dict.fromkeys(path for each in projects for path in each.used_trees)
+        for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
+            if paths:
+                more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""
+                listed = ", ".join(map(str, sorted(paths)[:_MOST_NAMED]))
+                self.note_once(f"{what} {listed}{more}")
+
+    def note_once(self, text: str) -> None:
+        """Note a text, unless it was noted before."""
+        if text not in self._noted:
+            self._noted.add(text)
+            self.note(text)

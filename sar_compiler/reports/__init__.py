@@ -1,0 +1,1 @@
+"""What is reported of a mission afterwards: explanations, statistics and reports."""

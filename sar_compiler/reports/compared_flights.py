@@ -1,0 +1,173 @@
+"""What flights had in common with the runs of their tree, as text and as JSON."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.analysis.conformance import (
+    Conformance,
+    FlownProperty,
+    Misfit,
+    PropertyFate,
+    event_words,
+)
+from sar_compiler.analysis.sweep_table import table_text
+from sar_compiler.runtime.clock import clock_text
+from sar_compiler.runtime.events import Event
+from sar_compiler.tree.plain import as_json, count_text
+from sar_compiler.tree.showing import in_one_line
+
+_WRONG = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
+# How the words of a journal are told: of one that is still written nobody knows the end.
+_GOING_ON = {"running": "running, judged so far"}
+
+
+class Flight(NamedTuple):
+    """The last run of a journal, and what was found out about it.
+
+    Attributes:
+        journal: The journal.
+        run: The number of the run, from 1; 0 if there is none.
+        end: How it has ended, in a word: `over`, `stopped`, `failed`, `broken off`, `running`.
+        found: What was found out; None if that could not be.
+        problem: Why it could not, in words.
+        changed: What is otherwise in the tree now than when it was flown, in words; empty for nothing.
+    """
+
+    journal: Path
+    run: int
+    end: str
+    found: Conformance | None
+    problem: str = ""
+    changed: str = ""
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether it was a run of its tree and has broken nothing."""
+        return self.found is not None and self.found.is_fine
+
+    @property
+    def wrong(self) -> list[FlownProperty]:
+        """The properties that are broken, or may be."""
+        return [each for each in self.found.properties if each.fate in _WRONG] if self.found else []
+
+
+def flights_as_text(flights: Sequence[Flight]) -> str:
+    """Return one flight with all that is known of it; several as a table, with what was wrong below."""
+    if len(flights) == 1:
+        return "\n".join(map(in_one_line, _flight_lines(flights[0])))
+    lines = [table_text([*map(_row, flights)], 4)]
+    for flight in flights:
+        if not flight.is_fine:
+            lines += ["", *map(in_one_line, _flight_lines(flight))]
+    return "\n".join(lines)
+
+
+def _row(flight: Flight) -> dict[str, str]:
+    found = flight.found
+    fits = "not judged"
+    if found is not None:
+        fits = "yes" if found.misfit is None else f"no, from tick {found.misfit.tick}"
+    names = [f"{each.name}{_doubt(each)}" for each in flight.wrong]
+    return {
+        "journal": in_one_line(str(flight.journal)),
+        "end": flight.end,
+        "conforms": fits,
+        "broken": in_one_line("; ".join(names)) or ("none" if found else flight.problem.partition(";")[0]),
+    }
+
+
+def _doubt(each: FlownProperty) -> str:
+    return " (perhaps)" if each.fate is PropertyFate.IN_DOUBT else ""
+
+
+def _flight_lines(flight: Flight) -> Iterator[str]:
+    found = flight.found
+    if found is None:
+        yield f"{flight.journal}: not judged: {flight.problem}"
+        return
+    end = _GOING_ON.get(flight.end, flight.end)
+    yield f"{flight.journal}: run {flight.run}, {end}, {count_text(found.ticks, 'tick')}"
+    if flight.changed:
+        yield f"the tree has changed since: {flight.changed}"
+    if found.misfit is None:
+        yield "conforms: it is one of the possible runs of the tree"
+    else:
+        yield from _misfit_lines(found.misfit)
+    yield from _property_lines(found)
+
+
+def _misfit_lines(misfit: Misfit) -> Iterator[str]:
+    yield f"does not conform from tick {misfit.tick} on, {clock_text(misfit.time_sec)}: {misfit.event}  ({misfit.place})"
+    if misfit.why:
+        yield f"  {misfit.why}"
+    if misfit.possible:
+        yield f"  possible there: {', '.join(misfit.possible)}"
+    yield from _run_lines(misfit.run)
+
+
+def _property_lines(found: Conformance) -> Iterator[str]:
+    if found.properties:
+        counts = Counter(each.fate for each in found.properties)
+        told = ", ".join(f"{counts[fate]} {fate.value}" for fate in PropertyFate if counts[fate])
+        yield f"{'1 property' if len(found.properties) == 1 else f'{len(found.properties)} properties'}: {told}"
+    if found.misfit is not None and found.properties:
+        yield f"  from tick {found.misfit.tick} on they are judged by the events of the leaves alone"
+    width = max((len(each.name) for each in found.properties), default=0) + 1
+    yield from (f"  {each.name + ':':{width}} {each.fate.value}" for each in found.properties)
+    for each in found.left_out:
+        yield f"  {each.name}: left out, since this tree has no {', '.join(each.missing)}"
+    for broken in found.properties:
+        if broken.fate in _WRONG:
+            yield ""
+            yield from _broken_lines(broken)
+
+
+def _broken_lines(broken: FlownProperty) -> Iterator[str]:
+    said = f"by {broken.event} in" if broken.event else "at the end of"
+    place = f"  ({broken.place})" if broken.place else ""
+    yield f"{broken.name}: {broken.fate.value} {said} tick {broken.tick}, {clock_text(broken.time_sec)}{place}"
+    if broken.fate is PropertyFate.IN_DOUBT:
+        yield "  the record fits runs that break it and runs that do not"
+    yield from _run_lines(broken.run)
+
+
+def _run_lines(run: Sequence[Event]) -> Iterator[str]:
+    if run:
+        yield "  the last events:"
+    for event in run:
+        yield f"    {clock_text(event.time_sec or 0.0):>7}  tick {event.tick:>4}  {event_words(event)}"
+
+
+def flights_as_json(flights: Sequence[Flight]) -> str:
+    """Return flights as a JSON object; see `flights_as_text`."""
+    return as_json({"fine": all(each.is_fine for each in flights), "flights": [*map(_flight_data, flights)]})
+
+
+def _flight_data(flight: Flight) -> dict[str, object]:
+    found = flight.found
+    data: dict[str, object] = {
+        "journal": str(flight.journal),
+        "run": flight.run,
+        "end": flight.end,
+        "problem": flight.problem,
+    }
+    if found is None:
+        return {**data, "conforms": None}
+    return {
+        **data,
+        "conforms": found.misfit is None,
+        "ticks": found.ticks,
+        "tree_changed": flight.changed,
+        "misfit": found.misfit and _with_run(found.misfit._asdict()),
+        "properties": [_with_run({**each._asdict(), "fate": each.fate.value}) for each in found.properties],
+        "left_out": [{"property": each.name, "missing": list(each.missing)} for each in found.left_out],
+    }
+
+
+def _with_run(data: dict[str, object]) -> dict[str, object]:
+    """Return data with the events of a run as these stand in journals: time, tick, node, deed."""
+    run = data["run"]
+    assert isinstance(run, tuple)  # noqa: S101 - of events
+    return {**data, "run": [[each.time_sec, each.tick, each.number, each.deed] for each in run]}

@@ -1,0 +1,134 @@
+"""A mission's journal, as text and as plain data."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from sar_compiler.journal.condition import COMPLETE, condition, condition_text
+from sar_compiler.journal.database import VERSION, JournalFile
+from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
+from sar_compiler.journal.mission_state import MissionState, tree_nodes
+from sar_compiler.reports.mission_report import not_done
+from sar_compiler.runtime.clock import clock_text
+from sar_compiler.tree.plain import as_json
+from sar_compiler.tree.showing import in_one_line, shortened
+
+# How the JSON of an object ends that is in several lines.
+_END = "\n}"
+
+
+def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool = False) -> Iterator[str]:
+    """Yield a journal as the lines of a JSON object, with a line for each fact and each watched entry.
+
+    Args:
+        file: The journal.
+        state: The state of the mission.
+        with_watched: Whether what was watched is part of it.
+    """
+    with file.snapshot():
+        data = {
+            "file": str(file.path),
+            "version": VERSION,
+            "state": journal_word(state),
+            "condition": condition(state)._asdict(),
+            **file.about(),
+            "runs": [run._asdict() for run in file.runs()],
+        }
+        yield f"{as_json(data).removesuffix(_END)},"
+        yield '  "facts": ['
+        yield from _json_items(file.facts())
+        if with_watched:
+            yield '  ],\n  "watched": ['
+            yield from _json_items(file.watched())
+        yield "  ]\n}"
+
+
+def _json_items(entries: Iterable[JournalEntry]) -> Iterator[str]:
+    before = None
+    for entry in entries:
+        if before is not None:
+            yield f"{before},"
+        before = f"    {as_json(entry._asdict(), indent=None)}"
+    if before is not None:
+        yield before
+
+
+def journal_lines(
+    file: JournalFile, state: MissionState, why: str = "", *, with_watched: bool = False
+) -> Iterator[str]:
+    """Yield a journal as text: the mission and its condition, its runs, and the facts of each, with the time since its beginning.
+
+    Args:
+        file: The journal.
+        state: The state of the mission.
+        why: The first to look at, if it is not complete.
+        with_watched: Whether what was watched is told as well.
+    """
+    runs, about = file.runs(), file.about()
+    mission = about.get("mission") or "a tree of no mission"
+    nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
+    yield in_one_line(f"{mission}, {condition_text(state)}")
+    yield from (in_one_line(f"{word}: {', '.join(places)}") for word, places in not_done(state).items())
+    if why and condition(state).word != COMPLETE:
+        yield in_one_line(why)
+    for run in runs:
+        width = file.widest_kind(run.number, with_watched=with_watched)
+        entries = file.entries(run.number, with_watched=with_watched)
+        yield in_one_line(_headline(run))
+        yield from map(in_one_line, _table(run, entries, nodes, width))
+    if runs and runs[-1].head:
+        yield f"head of the chain: {runs[-1].head}"
+
+
+def journal_word(state: MissionState) -> str:
+    """Return what the journal itself is, for scripts: `running`, `broken off`, `empty`, or how its last run has ended."""
+    if ending := state.runs[-1].ending if state.runs else "":
+        return ending
+    if not state.process.is_gone:
+        return "running"
+    return "broken off" if state.runs else "empty"
+
+
+def _headline(run: JournalRun) -> str:
+    death = run.about.get("after")
+    began = day_and_time(run.began) + (
+        f" by its supervisor (the one before has died: {death})" if death else ""
+    )
+    if run.ended is None:
+        return f"run {run.number}, begun {began}:"
+    reason = f", {run.reason}" if run.reason else ""
+    return f"run {run.number}, begun {began}, {run.ending and run.ending.value} with status {run.status}{reason}:"
+
+
+def _table(
+    run: JournalRun, entries: Iterable[JournalEntry], nodes: Sequence[str], width: int
+) -> Iterator[str]:
+    began = run.about.get("time")
+    start = began if isinstance(began, (int, float)) else 0.0
+    for entry in entries:
+        words = shortened(", ".join(entry_words(entry.data, nodes)))
+        yield f"{clock_text(entry.time - start):>9}  {entry.kind:{width}}  {words}".rstrip()
+
+
+def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
+    """Yield the data of an entry as text; a node by its name, if the names of all are given."""
+    for key, value in data.items():
+        if key in ("node", "leaf") and isinstance(value, int) and 0 <= value < len(nodes):
+            yield f"{key} '{nodes[value]}'"
+        elif value != "":
+            yield f"{key} {_value(value)}"
+
+
+_MOST_LISTED = 12
+"""How many values of an entry are listed: more are counted."""
+
+
+def _value(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, float):
+        return f"{value:.2f}"
+    if isinstance(value, list):
+        return (
+            f"({', '.join(map(_value, value))})" if len(value) <= _MOST_LISTED else f"({len(value)} values)"
+        )
+    return str(value)

@@ -1,0 +1,276 @@
+"""What leaves have answered in recorded runs, and what other nodes have decided: how often, after which time; also as assumptions about other runs."""
+
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import Any
+
+from sar_compiler.analysis.sweep import Interval, wilson
+from sar_compiler.analysis.sweep_table import quantile, table_text
+from sar_compiler.journal.journal_entries import STATUS, JournalEntry
+from sar_compiler.journal.recorded_events import recorded_events
+from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, STARTED, Event
+from sar_compiler.tree.plain import as_json, count_text
+from sar_compiler.tree.showing import in_one_line
+
+FEWEST = 10
+"""Of a leaf that has given fewer answers nothing is assumed."""
+
+# What a leaf can always come to of which nothing is known.
+_USUAL = "SUCCESS", "FAILURE"
+
+
+@dataclass
+class AnswerTimes:
+    """An answer of a leaf that has ended what it had begun.
+
+    Attributes:
+        status: Its status.
+        label: Its label; empty for none.
+        times: How long the leaf had run each time, in seconds.
+    """
+
+    status: str
+    label: str
+    times: "array[float]" = field(default_factory=lambda: array("d"))
+
+    @property
+    def name(self) -> str:
+        """Its label, or else its status."""
+        return self.label or self.status
+
+
+@dataclass
+class LeafStatistics:
+    """What a leaf has done in some runs; of leaves with one path, what all have.
+
+    Attributes:
+        path: The names of the nodes around it, from the root down, and its own.
+        answers: Its answers that have ended what it had begun, by status and label.
+        retries: How many of these came after a failure of the leaf in the same run.
+        halted: How often it was stopped while it was running.
+        has_run: Whether it was running at the end of a tick.
+        is_declared: Whether it has declared which answers it can give.
+    """
+
+    path: tuple[str, ...]
+    answers: dict[tuple[str, str], AnswerTimes] = field(default_factory=dict)
+    retries: int = 0
+    halted: int = 0
+    has_run: bool = False
+    is_declared: bool = False
+
+    @property
+    def key(self) -> str:
+        """What names it in a file."""
+        return self.path[-1] if any("/" in part for part in self.path) else "/".join(self.path)
+
+    @property
+    def count(self) -> int:
+        """How often it has come to an end."""
+        return sum(len(each.times) for each in self.answers.values())
+
+    def interval(self, answer: AnswerTimes, confidence: float) -> Interval:
+        """Return Wilson's interval of the share that an answer has."""
+        return wilson(len(answer.times), self.count, confidence)
+
+
+@dataclass
+class RunStatistics:
+    """What the leaves of a tree have done in some runs.
+
+    Attributes:
+        runs: How many.
+        leaves: The leaves that have come to anything, in the order in which they did.
+        decisions: What other nodes have decided by themselves, such as time limits, by the node's path, the status and its message.
+    """
+
+    runs: int = 0
+    leaves: dict[tuple[str, ...], LeafStatistics] = field(default_factory=dict)
+    decisions: dict[tuple[tuple[str, ...], str, str], AnswerTimes] = field(default_factory=dict)
+
+    def add(self, stream: Iterable[JournalEntry]) -> None:
+        """Add the runs of a journal.
+
+        Args:
+            stream: Its entries, as `JournalFile.stream` yields them.
+        """
+        for _, entries in groupby(stream, key=lambda entry: entry.run):
+            self.runs += 1
+            declared: set[int] = set()
+            numbers: dict[int, LeafStatistics] = {}
+            run = _BegunWork()
+            for event in recorded_events(_noting(entries, declared)):
+                if event.what == DECIDED:
+                    self._add_decision(event)
+                elif event.what in (STARTED, ANSWERED, HALTED):
+                    leaf = self.leaves.setdefault(event.path, LeafStatistics(event.path))
+                    numbers[event.number] = leaf
+                    run.take(event, leaf)
+            for number, leaf in numbers.items():
+                leaf.is_declared |= number in declared
+
+    def _add_decision(self, event: Event) -> None:
+        made = AnswerTimes(event.status, event.label)
+        self.decisions.setdefault((event.path, event.status, event.label), made).times.append(event.ran_sec)
+
+
+def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
+    """Yield entries; note the leaves of which one says the label."""
+    for entry in entries:
+        if entry.kind == STATUS and "label" in entry.data:
+            declared.add(entry.data["node"])
+        yield entry
+
+
+class _BegunWork:
+    """What the leaves of a run have begun, by their numbers."""
+
+    def __init__(self) -> None:
+        self._begun: dict[int, float] = {}
+        self._failed: set[int] = set()
+
+    def take(self, event: Event, leaf: LeafStatistics) -> None:
+        """Take what a leaf did."""
+        number, now = event.number, event.time_sec or 0.0
+        if event.what == STARTED:
+            self._begun[number] = now
+        elif event.what == HALTED:
+            leaf.halted += self._begun.pop(number, None) is not None
+        elif event.status == "RUNNING":
+            leaf.has_run = True
+        elif event.status != "SKIPPED":
+            known = leaf.answers.setdefault(
+                (event.status, event.label), AnswerTimes(event.status, event.label)
+            )
+            known.times.append(max(0.0, now - self._begun.pop(number, now)))
+            leaf.retries += number in self._failed
+            (self._failed.add if event.status == "FAILURE" else self._failed.discard)(number)
+
+
+def statistics_as_text(found: RunStatistics, confidence: float) -> str:
+    """Return a line for each answer of each leaf, with its share in percent."""
+    interval = f"{100 * confidence:g} % interval"
+    lines = [
+        _line(leaf, answer, interval, confidence, is_first=not place)
+        for leaf in found.leaves.values()
+        for place, answer in enumerate(leaf.answers.values() or [None])
+    ]
+    said = (
+        f"{count_text(found.runs, 'run')}. Shares are of the answers that have ended what a leaf had begun, their intervals are Wilson's; "
+        "what a leaf answers in tick after tick counts once."
+    )
+    if not lines:
+        return f"{count_text(found.runs, 'run')}; no leaf has answered."
+    decided = [
+        {
+            "node": path[-1],
+            "decided by itself": f"{status}{f', {message}' if message else ''}",
+            "count": str(len(made.times)),
+            "time (median)": f"{quantile(sorted(made.times), 0.5):.1f} s",
+        }
+        for (path, status, message), made in found.decisions.items()
+    ]
+    more = f"\n\n{table_text(decided, 2)}" if decided else ""
+    return f"{table_text(lines, 2)}{more}\n\n{said}"
+
+
+def _line(
+    leaf: LeafStatistics, answer: AnswerTimes | None, interval: str, confidence: float, *, is_first: bool
+) -> Mapping[str, str]:
+    line = {"leaf": leaf.key if is_first else "", "answer": answer.name if answer else ""}
+    if answer is not None:
+        low, high = leaf.interval(answer, confidence)
+        times = sorted(answer.times)
+        line |= {
+            "count": str(len(times)),
+            "share": f"{100 * len(times) / leaf.count:.1f} %",
+            interval: f"{100 * low:.1f} to {100 * high:.1f}",
+            "time (median)": f"{quantile(times, 0.5):.1f} s",
+            "(5th, 95th percentile)": f"{quantile(times, 0.05):.1f}, {quantile(times, 0.95):.1f}",
+        }
+    return line | ({"retries": str(leaf.retries), "stopped": str(leaf.halted)} if is_first else {})
+
+
+def statistics_as_json(found: RunStatistics, confidence: float) -> str:
+    """Return the same as `statistics_as_text` as a JSON object; times are seconds, shares between 0 and 1."""
+    leaves = [
+        {
+            "path": list(leaf.path),
+            "count": leaf.count,
+            "retries": leaf.retries,
+            "stopped": leaf.halted,
+            "answers": [_answer_data(leaf, answer, confidence) for answer in leaf.answers.values()],
+        }
+        for leaf in found.leaves.values()
+    ]
+    decisions = [
+        {
+            "path": list(path),
+            "status": status,
+            "message": message,
+            "count": len(made.times),
+            "time": _times_data(made),
+        }
+        for (path, status, message), made in found.decisions.items()
+    ]
+    about = {"runs": found.runs, "confidence": confidence, "interval": "Wilson"}
+    return as_json({**about, "leaves": leaves, "decisions": decisions})
+
+
+def _answer_data(leaf: LeafStatistics, answer: AnswerTimes, confidence: float) -> Mapping[str, Any]:
+    return {
+        "status": answer.status,
+        "label": answer.label,
+        "count": len(answer.times),
+        "share": len(answer.times) / leaf.count,
+        "interval": list(leaf.interval(answer, confidence)),
+        "time": _times_data(answer),
+    }
+
+
+def _times_data(answer: AnswerTimes) -> Mapping[str, float]:
+    times = sorted(answer.times)
+    return {name: quantile(times, part) for name, part in (("p5", 0.05), ("median", 0.5), ("p95", 0.95))}
+
+
+def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
+    """Return what can be assumed of other runs, as a file of properties or a scenario has it: `answers:`, each with `p` and `sec`.
+
+    A leaf that has given few answers, or none, is only named, in a comment.
+    """
+    known = [leaf for leaf in found.leaves.values() if leaf.count >= FEWEST]
+    lines = [
+        f"# What leaves have answered in {count_text(found.runs, 'run')}, by sar-journal stats.",
+        f"# p: the {100 * confidence:g} % interval (Wilson's) of an answer's share. sec: from the 5th to the 95th percentile of its times.",
+        *(
+            f"# Fewer than {FEWEST} answers, so nothing is said of it: {leaf.key} ({leaf.count})"
+            for leaf in found.leaves.values()
+            if leaf not in known
+        ),
+        "answers:" if known else "answers: {}",
+    ]
+    for leaf in known:
+        lines.append(f"  {as_json(leaf.key)}:  # {leaf.count} answers")
+        lines += [f"  - {as_json(item, indent=None)}" for item in _assumed(leaf, confidence)]
+    return "\n".join(map(in_one_line, lines))
+
+
+def _assumed(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
+    """Return the answers of a leaf with their chances and times."""
+    said: list[object] = []
+    answers = [*leaf.answers.values()]
+    if not leaf.is_declared:
+        # These are all that it can answer.
+        seen = {answer.status for answer in answers}
+        answers += [AnswerTimes(status, "") for status in _USUAL if status not in seen]
+    for answer in answers:
+        low, high = leaf.interval(answer, confidence)
+        item: dict[str, object] = {"answer" if leaf.is_declared else "status": answer.name}
+        item["p"] = [round(low, 4), round(high, 4)]
+        times = sorted(answer.times)
+        if leaf.has_run and times and times[-1]:
+            item["sec"] = [round(quantile(times, part), 3) for part in (0.05, 0.95)]
+        said.append(item)
+    return said if leaf.is_declared or not leaf.has_run else [*said, "RUNNING"]

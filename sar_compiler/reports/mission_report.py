@@ -1,0 +1,259 @@
+"""The report of a mission: as plain data, which its forms have in common, and as text by the ending of the file."""
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from sar_compiler.errors import SarError
+from sar_compiler.journal.condition import condition
+from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
+from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, tree_nodes
+from sar_compiler.journal.situation import FactTime, Landmark, Level
+from sar_compiler.nodes.spec import load
+from sar_compiler.reports.report_forms import FORMS
+from sar_compiler.reports.why import Why, why_data
+from sar_compiler.tree.content import real_path
+from sar_compiler.tree.plain import as_json
+
+
+class ReportError(SarError):
+    """A report cannot be written like this."""
+
+
+def georeference(state: MissionState) -> Georeference | None:
+    """Return where the map of a mission lies on the earth; None if that is not known."""
+    return state.place or Georeference.among(state.parameters)
+
+
+def to_visit(state: MissionState) -> list[Landmark]:
+    """Return the finds to which somebody must go: those that nobody has given up."""
+    return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
+
+
+def not_done(state: MissionState) -> dict[str, list[str]]:
+    """Return the places that a mission has not done, by their state: each with its reason, if it has one."""
+    places: dict[str, list[str]] = {}
+    for each in state.situation.landmarks.values():
+        if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found:
+            reason = f" ({each.reason})" if each.reason else ""
+            places.setdefault(each.state, []).append(f"{each.name}{reason}")
+    return places
+
+
+def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
+    """Return the report of a mission, and why it has failed, as JSON values.
+
+    Positions are metres in the frame `map`, with `lat` and `lon` in degrees where the map's place on the earth is known;
+    times are `utc`, and `time`, the seconds of the mission's clock since the beginning of the run.
+
+    Raises:
+        ImportError: If pyproj is not installed, and the map's place on the earth is known.
+    """
+    reference, situation, now = georeference(state), state.situation, condition(state)
+    return {
+        "mission": state.about.get("mission"),
+        "simulated": bool(state.about.get("simulated")),
+        "outcome": now.word,
+        "reason": now.reason,
+        "as_of": state.now.utc if state.runs else None,
+        "phase": state.phase._asdict(),
+        "georeference": reference and reference._asdict(),
+        "runs": [
+            {
+                "began": run.began.utc,
+                "ended": run.ended and run.ended.utc,
+                "duration": run.ended and run.ended.time,
+                "ending": run.ending or None,
+                "status": run.status,
+                "reason": run.reason,
+                "version": run.about.get("version"),
+                "after": run.about.get("after"),
+                "head": run.head or None,
+            }
+            for run in state.runs
+        ],
+        "landmarks": {
+            kind.plural: [_landmark(state, each, reference) for each in situation.of_kind(kind.name)]
+            for kind in situation.kinds.values()
+        },
+        "figures": [each._asdict() for each in situation.figures.values()],
+        "courses": {
+            name: [{**_at(at), "value": value} for at, value in course]
+            for name, course in state.courses.items()
+        },
+        "gauges": [each._asdict() for each in state.gauges],
+        "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
+        "properties": [
+            {
+                "name": each.name,
+                "verdict": state.word_of(each),
+                "broken": each.broken and _at(each.broken),
+                "event": each.event or None,
+            }
+            for each in state.properties.values()
+        ],
+        "why": why and why_data(why),
+        "facts": [
+            {**_at(each.at), "kind": each.kind, "data": dict(each.data), "text": each.text}
+            for each in state.facts
+        ],
+        "warnings": [{**_at(each.at), "text": each.text, "node": each.by} for each in state.warnings],
+        "path": [{**_at(pose.at), **_place(reference, pose.x, pose.y)} for pose in state.trail],
+        "parameters": dict(state.parameters),
+        "tree": [_node(each) for each in state.nodes],
+    }
+
+
+def _place(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
+    """Return a place on the map, with that on the earth where it is known."""
+    if reference is None:
+        return {"x": x, "y": y}
+    lat, lon = reference.located(x, y)
+    return {"x": x, "y": y, "lat": round(lat, 8), "lon": round(lon, 8)}
+
+
+def _at(instant: Instant | None) -> dict[str, Any]:
+    if instant is None:
+        return {"run": None, "time": None, "utc": None}
+    return {"run": instant.run, "time": round(instant.time, 3), "utc": instant.utc}
+
+
+def _landmark(state: MissionState, landmark: Landmark, reference: Georeference | None) -> dict[str, Any]:
+    corners = [_place(reference, *corner) for corner in landmark.corners]
+    fixed = {
+        "name": landmark.name,
+        "position": _place(reference, landmark.x, landmark.y),
+        **({"corners": corners} if corners else {}),
+        "state": landmark.state,
+        "level": Level(landmark.level).name.lower(),
+        "reason": landmark.reason or None,
+        "within": landmark.within or None,
+        "certain": landmark.is_certain,
+    }
+    details = {
+        name: _at(state.instant(each)) if isinstance(each, FactTime) else each
+        for name, each in landmark.details.items()
+    }
+    return {**fixed, **details, **fixed}
+
+
+def _node(node: NodeState) -> dict[str, Any]:
+    return {
+        "name": node.name,
+        "class": node.kind,
+        "depth": node.depth,
+        "file": node.file,
+        "line": node.line,
+        "attributes": dict(node.attributes),
+        "status": node.status or None,
+        "label": node.label,
+        "message": node.message,
+    }
+
+
+def json_report(state: MissionState, why: Why | None = None) -> str:
+    """Return the report of a mission as JSON."""
+    return as_json(report_data(state, why)) + "\n"
+
+
+def require_form(file: Path, place: Georeference | None) -> None:
+    """Check that a report can be written, before there is anything to report.
+
+    Args:
+        file: Where it is to be written.
+        place: Where the map lies on the earth, if that is known.
+
+    Raises:
+        ReportError: If it cannot.
+        ImportError: If a library that it takes is not installed.
+    """
+    form = FORMS.get(file.suffix.lower())
+    if form is None:
+        raise ReportError(f"a report ends in {', '.join(FORMS)}, and {file} does not")
+    if form.is_of_the_world and place is None:
+        raise ReportError(
+            f"{file} has coordinates of the world, which takes {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} in the "
+            "parameter file: where the origin of the frame map lies, in degrees, and where its x axis points, clockwise from "
+            "north. Of a journal, sar-journal report --georeference LAT,LON,HEADING makes it afterwards"
+        )
+    for library in (*(() if place is None else ("pyproj",)), *form.libraries):
+        import_module(library)
+    obstacle = _obstacle(file.absolute())
+    if obstacle:
+        raise ReportError(f"{file} cannot be written: {obstacle}")
+
+
+def _obstacle(file: Path) -> str:
+    """Return why a file cannot be written, as far as that is known before; empty if nothing is known."""
+    if not file.parent.is_dir():
+        return f"there is no folder {file.parent}"
+    if file.is_dir():
+        return "it is a folder"
+    # A device is written to; a file is put in the place of the one that is there.
+    written = file if file.exists() and not file.is_file() else real_path(file).parent
+    return "" if os.access(written, os.W_OK) else f"{written} may not be written to"
+
+
+def report_text(state: MissionState, file: Path | str, why: Why | None = None) -> str:
+    """Return the report of a mission in the form of a file, with why it has failed where that form has it."""
+    form = FORMS[Path(file).suffix.lower()]
+    write = load(form.function)
+    text: str = write(state) if form.is_of_the_world else write(state, why)
+    return text
+
+
+# What has no paths, and much else.
+_WITHOUT_PATHS = {*OF_ROBOT} - {LOG}
+
+
+class ShortPaths:
+    """Shortens the paths in the entries of a journal.
+
+    A path is told from the folder that the files of the tree share, from the journal's or from the current one, whichever is
+    the nearest above it; else from the user's, `~`.
+
+    Args:
+        folder: The journal's folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folders = {str(folder.absolute()), str(Path.cwd())}
+        self._find = self._pattern()
+
+    def of(self, stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
+        """Yield entries with short paths."""
+        return map(self.shorten, stream)
+
+    def shorten(self, entry: JournalEntry) -> JournalEntry:
+        """Return an entry with short paths."""
+        if entry.kind == RUN_BEGAN:
+            self._folders.add(_common_folder(entry.data.get("tree")))
+            self._find = self._pattern()
+        return entry if entry.kind in _WITHOUT_PATHS else entry._replace(data=self._short(entry.data))
+
+    def _pattern(self) -> re.Pattern[str]:
+        known = sorted({*self._folders, os.path.expanduser("~")} - {"/", "", "~"}, key=len, reverse=True)  # noqa: PTH111 - there may be none
+        return re.compile(rf"(?<![\w./~-])({'|'.join(map(re.escape, known))})(/|(?![\w.-]))")
+
+    def _short(self, value: Any) -> Any:
+        if isinstance(value, str):
+            return self._find.sub(self._told, value) if "/" in value else value
+        if isinstance(value, Mapping):
+            return {key: self._short(each) for key, each in value.items()}
+        return [*map(self._short, value)] if isinstance(value, list | tuple) else value
+
+    def _told(self, found: re.Match[str]) -> str:
+        folder, slash = found.groups()
+        if folder in self._folders:
+            return "" if slash else "."
+        return f"~{slash}"
+
+
+def _common_folder(tree: object) -> str:
+    """Return the folder that the files of a tree share; empty if there is none."""
+    folders = {os.path.dirname(node.file) for node in tree_nodes(tree) if os.path.isabs(node.file)}  # noqa: PTH117, PTH120 - of another machine
+    return os.path.commonpath(folders) if folders else ""

@@ -1,0 +1,320 @@
+"""The report of a mission in the forms that maps and emergency services read, in coordinates of the world.
+
+GeoJSON by RFC 7946, KML 2.2 by the OGC, Cursor on Target 2.0 as TAK reads it, the Common Alerting Protocol 1.2.
+"""
+
+import html
+import itertools
+import re
+from collections.abc import Iterable, Iterator
+from datetime import datetime, timedelta, timezone
+from typing import Any
+
+from lxml import etree
+from lxml.builder import ElementMaker
+
+from sar_compiler.journal.condition import condition_text
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.mission_state import Instant, MissionState
+from sar_compiler.journal.situation import FactTime, Landmark
+from sar_compiler.reports.mission_report import ReportError, georeference, report_data, to_visit
+from sar_compiler.style import TAK_CERTAIN, TAK_LIKELY, colour_of, rgb
+from sar_compiler.tree.plain import as_json, speakable
+from sar_compiler.tree.showing import in_one_line
+
+# How near to where it is told a find is, metres: what is drawn around it.
+_RADIUS_M = 2.0
+_STALE = timedelta(days=1)
+# What Cursor on Target writes for a number that is not known.
+_UNKNOWN = "9999999.0"
+# A spot on the map.
+_SPOT = "b-m-p-s-m"
+# A moment in an identifier, which has no colons.
+_STAMP = "%Y%m%dT%H%M%SZ"
+
+
+def geojson_report(state: MissionState) -> str:
+    """Return a mission as a FeatureCollection: its landmarks, and the path; longitude stands before latitude.
+
+    Raises:
+        ReportError: If the map's place on the earth is not known.
+        ImportError: If a library is not installed.
+    """
+    import geojson
+
+    _reference(state)
+    data = report_data(state)
+    simulated = {"simulated": data["simulated"]}
+
+    def point(position: Any) -> Any:
+        return geojson.Point((position["lon"], position["lat"]), precision=8)
+
+    def area(corners: Any) -> Any:
+        ring = [(each["lon"], each["lat"]) for each in (*corners, corners[0])]
+        # Its outside lies to the right of who walks along it.
+        return geojson.Polygon([ring if _is_counterclockwise(ring) else ring[::-1]], precision=8)
+
+    features = [
+        geojson.Feature(
+            geometry=area(each["corners"]) if "corners" in each else point(each["position"]),
+            properties={"kind": kind.name, **simulated, **_flat(each), "name": _name(state, each["name"])},
+        )
+        for kind in state.situation.kinds.values()
+        for each in data["landmarks"][kind.plural]
+    ]
+    for run in state.runs:
+        way = [(each["lon"], each["lat"]) for each in data["path"] if each["run"] == run.number]
+        if len(way) > 1:
+            line = geojson.LineString(way, precision=8)
+            about = {"kind": "path", **simulated, "run": run.number}
+            features.append(geojson.Feature(geometry=line, properties=about))
+    about = {key: data[key] for key in ("mission", "simulated", "outcome", "reason")}
+    about["head"] = state.head or None
+    return as_json(geojson.FeatureCollection(features, **about)) + "\n"
+
+
+_KML = "http://www.opengis.net/kml/2.2"
+_E = ElementMaker(namespace=_KML, nsmap={None: _KML})
+# The icon of somebody who is certainly there is so many times as large.
+_CERTAIN_SCALE = "1.4"
+
+
+def kml_report(state: MissionState) -> str:
+    """Return a mission as a KML document: its landmarks in the colours of the page, and the way driven in each run.
+
+    Raises:
+        ReportError: If the map's place on the earth is not known.
+        ImportError: If a library is not installed.
+    """
+    reference, situation = _reference(state), state.situation
+    document = _E.Document(
+        _E.name(_text(state.title)),
+        _description(state, f"{condition_text(state)}{state.head and f' Head of the journal: {state.head}'}"),
+        *(
+            _placemark(state, each, reference)
+            for kind in situation.kinds.values()
+            for each in situation.of_kind(kind.name)
+        ),
+        *_ways(state, reference),
+    )
+    written: str = etree.tostring(_E.kml(document), encoding="unicode", pretty_print=True)
+    return written
+
+
+def _placemark(state: MissionState, landmark: Landmark, reference: Georeference) -> Any:
+    kind = state.situation.kind_of(landmark)
+    told = _remarks(landmark) if kind.is_found else _state_of(landmark)
+    if landmark.corners:
+        ring = _coordinates((*landmark.corners, landmark.corners[0]), reference)
+        shape = _E.Polygon(_E.outerBoundaryIs(_E.LinearRing(ring)))
+    else:
+        shape = _E.Point(_coordinates([(landmark.x, landmark.y)], reference))
+    return _E.Placemark(
+        _E.name(_text(_name(state, landmark.name))),
+        _description(state, f"{kind.name}: {told}" if told else kind.name),
+        _style(colour_of(landmark.level, is_found=kind.is_found), is_certain=landmark.is_certain),
+        shape,
+    )
+
+
+def _ways(state: MissionState, reference: Georeference) -> Iterator[Any]:
+    for run in state.runs:
+        way = [(pose.x, pose.y) for pose in state.trail if pose.at.run == run.number]
+        if len(way) > 1:
+            line = _E.LineString(_E.tessellate("1"), _coordinates(way, reference))
+            told = _description(state, "the way that the robot has driven")
+            yield _E.Placemark(_E.name(_text(_name(state, f"run {run.number}"))), told, _style("trail"), line)
+
+
+def _style(name: str, *, is_certain: bool = False) -> Any:
+    """Return the style of a placemark; aerial pictures are dark."""
+    colour = "".join(f"{round(part * 255):02x}" for part in reversed(rgb(name, dark=True)))
+    return _E.Style(
+        _E.IconStyle(_E.color(f"ff{colour}"), *([_E.scale(_CERTAIN_SCALE)] if is_certain else [])),
+        _E.LineStyle(_E.color(f"ff{colour}"), _E.width("3")),
+        _E.PolyStyle(_E.color(f"40{colour}")),  # so that what lies below an area is seen
+    )
+
+
+def _description(state: MissionState, text: str) -> Any:
+    """Return a description, which programs show as HTML: nothing in it is a mark."""
+    simulated = "SIMULATED. " if state.about.get("simulated") else ""
+    return _E.description(html.escape(_text(f"{simulated}{text}"), quote=False))
+
+
+def _coordinates(places: Iterable[tuple[float, float]], reference: Georeference) -> Any:
+    """Return positions in the frame `map` (metres) as longitude and latitude, on the ground."""
+    located = (reference.located(*place) for place in places)
+    return _E.coordinates(" ".join(f"{lon:.8f},{lat:.8f}" for lat, lon in located))
+
+
+def cot_report(state: MissionState, now: datetime | None = None) -> str:
+    """Return an event for each find to which somebody must go, one in a line: what a TAK server takes as a stream.
+
+    Args:
+        state: The mission.
+        now: When the events are made; now, by default.
+
+    Raises:
+        ReportError: If the map's place on the earth is not known.
+        ImportError: If a library is not installed.
+    """
+    reference, listed = _reference(state), to_visit(state)
+    made = now or datetime.now(timezone.utc)
+    # By its place among all of them: what the operator says, and a name, make nothing else of a find.
+    events = (
+        _event(state, each, number, reference, made)
+        for number, each in enumerate(state.situation.found(), 1)
+        if each in listed
+    )
+    return "".join(f"{etree.tostring(event, encoding='unicode')}\n" for event in events)
+
+
+def cap_report(state: MissionState) -> str:
+    """Return an alert for those who go to what was found, with an info for each find.
+
+    Raises:
+        ReportError: If the map's place on the earth is not known.
+        ImportError: If a library is not installed.
+    """
+    from cap_tools.models import Alert, MsgType, Scope, Status
+    from xsdata.formats.dataclass.serializers import XmlSerializer
+    from xsdata.formats.dataclass.serializers.config import SerializerConfig
+    from xsdata.models.datatype import XmlDateTime
+
+    reference, sent = _reference(state), _moment(state.now)
+    alert = Alert(
+        # A later state of the mission is another alert.
+        identifier=f"{_mission_id(state)}-{sent:{_STAMP}}",
+        sender="sar_compiler",
+        sent=XmlDateTime.from_datetime(sent),
+        status=Status.EXERCISE if state.about.get("simulated") else Status.ACTUAL,
+        msg_type=MsgType.ALERT,
+        scope=Scope.RESTRICTED,
+        restriction="for those who coordinate the response",
+        note=_text(condition_text(state)),
+        infos=list(_infos(state, reference)),
+    )
+    written = XmlSerializer(config=SerializerConfig(indent="  ")).render(alert, ns_map={None: _CAP})
+    # The norm forbids the letter.
+    return str(written).replace("Z</sent>", "-00:00</sent>")
+
+
+_CAP = "urn:oasis:names:tc:emergency:cap:1.2"
+
+
+def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
+    from cap_tools.models import Area, Category, Certainty, Info, ResponseType, Severity, Urgency
+
+    for find in to_visit(state):
+        lat, lon = reference.located(find.x, find.y)
+        yield Info(
+            language="en-US",
+            categories=[Category.RESCUE],
+            event=_text(state.situation.kind_of(find).event or find.kind),
+            response_types=[ResponseType.EXECUTE],
+            urgency=Urgency.IMMEDIATE,
+            severity=Severity.SEVERE,
+            certainty=Certainty.OBSERVED if find.is_certain else Certainty.LIKELY,
+            headline=_text(f"{_name(state, find.name)}: {find.state}"),
+            description=_text(_remarks(find)),
+            areas=[
+                Area(
+                    area_desc=_text(find.within or "the area that was searched"),
+                    circles=[f"{lat:.7f},{lon:.7f} {_RADIUS_M / 1000.0:g}"],
+                )
+            ],
+        )
+
+
+def _event(state: MissionState, find: Landmark, number: int, reference: Georeference, now: datetime) -> Any:
+    lat, lon = reference.located(find.x, find.y)
+    stamp = "%Y-%m-%dT%H:%M:%S.000Z"
+    colour = str(TAK_CERTAIN if find.is_certain else TAK_LIKELY)
+    uid = f"{_mission_id(state)}.{number}"
+    event = etree.Element("event", version="2.0", uid=uid, type=_SPOT, how="m-g")
+    times = (state.instant(each).utc for each in find.details.values() if isinstance(each, FactTime))
+    found = next(times, None)
+    event.set("time", now.strftime(stamp))
+    event.set("start", found.replace("Z", ".000Z") if found else now.strftime(stamp))
+    event.set("stale", (now + _STALE).strftime(stamp))
+    where = {
+        "lat": f"{lat:.7f}",
+        "lon": f"{lon:.7f}",
+        "hae": _UNKNOWN,
+        "ce": f"{_RADIUS_M:g}",
+        "le": _UNKNOWN,
+    }
+    etree.SubElement(event, "point", where)
+    detail = etree.SubElement(event, "detail")
+    simulated = bool(state.about.get("simulated"))
+    callsign = f"{'SIM ' if simulated else ''}{_name(state, find.name)}"
+    etree.SubElement(detail, "contact", callsign=_text(callsign))
+    etree.SubElement(detail, "color", argb=colour)
+    etree.SubElement(detail, "usericon", iconsetpath=f"COT_MAPPING_SPOTMAP/{_SPOT}/{colour}")
+    etree.SubElement(detail, "remarks").text = _text(f"{'SIMULATED. ' if simulated else ''}{_remarks(find)}")
+    return event
+
+
+def _name(state: MissionState, name: str) -> str:
+    """Return the name of a landmark, which is the only one where several robots are on one map: `robot1/find_1`."""
+    return f"{state.robot}/{name}" if state.robot else name
+
+
+def _state_of(landmark: Landmark) -> str:
+    """Return the state and the reason, and what is known of an outline."""
+    state = ", ".join(filter(None, (landmark.state, landmark.reason)))
+    return "; ".join(filter(None, (state, *(_details(landmark) if landmark.corners else ()))))
+
+
+def _details(landmark: Landmark) -> list[str]:
+    return [
+        f"{name} {each}"
+        for name, each in landmark.details.items()
+        if each not in ("", None) and not isinstance(each, FactTime)
+    ]
+
+
+def _remarks(find: Landmark) -> str:
+    reason = f", {find.reason}" if find.reason else ""
+    place = f" in {find.within}" if find.within else ""
+    found = f"{find.state}{reason}; found{place} at ({find.x:.2f}, {find.y:.2f}) m of the robot's map"
+    return "; ".join((found, *_details(find)))
+
+
+def _reference(state: MissionState) -> Georeference:
+    reference = georeference(state)
+    if reference is None:
+        raise ReportError("where the map lies on the earth is not known")
+    return reference
+
+
+def _mission_id(state: MissionState) -> str:
+    """Return what no other mission has: the node, and when the first run began."""
+    node = str((state.runs[0].about.get("node") if state.runs else None) or "mission").strip("/")
+    began = _moment(state.runs[0].began if state.runs else None)
+    return f"{re.sub(r'[^a-zA-Z0-9_-]', '.', node)}.{began:{_STAMP}}"
+
+
+def _moment(instant: Instant | None) -> datetime:
+    return datetime.fromisoformat(
+        ((instant and instant.utc) or "1970-01-01T00:00:00Z").replace("Z", "+00:00")
+    )
+
+
+def _text(text: str) -> str:
+    """Return a text in one line, with nothing that XML cannot have."""
+    return speakable(in_one_line(text))
+
+
+def _flat(data: dict[str, Any]) -> dict[str, Any]:
+    """Return properties of which each is a plain value: times as they are by the system's clock."""
+    return {
+        key: value["utc"] if isinstance(value, dict) else value
+        for key, value in data.items()
+        if key not in ("position", "corners")
+    }
+
+
+def _is_counterclockwise(ring: list[tuple[float, float]]) -> bool:
+    return sum((bx - ax) * (by + ay) for (ax, ay), (bx, by) in itertools.pairwise(ring)) < 0

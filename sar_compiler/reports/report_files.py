@@ -1,0 +1,94 @@
+"""Writing the reports of a mission, as its journal has it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sar_compiler.commands import FINDINGS, OK, not_installed, print_error
+from sar_compiler.errors import SarError
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.journal_entries import OF_ROBOT
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.reports.mission_report import (
+    ReportError,
+    ShortPaths,
+    georeference,
+    report_text,
+    require_form,
+)
+from sar_compiler.reports.why import Inquiry, Why
+from sar_compiler.writing import write_text
+
+
+def try_to_write(state: MissionState, file: Path, why: Why | None) -> str:
+    """Write a report; return why that is not possible, or an empty text. The next one is tried in any case."""
+    try:
+        write_text(file, report_text(state, file, why))
+    except SarError as error:
+        return str(error)
+    except Exception as error:  # noqa: BLE001 - nor does it change what the mission has come to
+        return f"the report {file} could not be made: {error!r}"
+    return ""
+
+
+def report_journal(journal: Path, files: Sequence[Path], place: Georeference | None = None) -> int:
+    """Write those reports of the mission in a journal that can be written, and tell why the others cannot.
+
+    Args:
+        journal: The journal.
+        files: Where to.
+        place: Where the map lies on the earth; by default what the journal says.
+
+    Returns:
+        The exit status: 1 if there are others.
+
+    Raises:
+        SarError: If the journal cannot be read.
+    """
+    state, why = _mission(journal)
+    known, state.place = georeference(state), place
+    if place and known and place != known:
+        told = f"--georeference {_words(place)} counts; the journal has {_words(known)}"
+        print_error(f"sar-journal: note: {told}")
+    obstacles = [_prohibition(state, file) or try_to_write(state, file, why) for file in files]
+    for obstacle in filter(None, obstacles):
+        print_error(f"sar-journal: {obstacle}")
+    return FINDINGS if any(obstacles) else OK
+
+
+def report_page(journal: Path) -> str:
+    """Return the report of the mission in a journal as an HTML page.
+
+    Raises:
+        SarError: If the journal cannot be read, or a library is not installed.
+    """
+    state, why = _mission(journal)
+    try:
+        return report_text(state, Path("report.html"), why)
+    except ImportError as error:
+        raise ReportError(not_installed(error) or str(error)) from error
+
+
+def _mission(journal: Path) -> tuple[MissionState, Why]:
+    from sar_compiler.journal.database import JournalFile
+
+    with JournalFile.reading(journal) as file:
+        paths = ShortPaths(journal.parent)
+        state = MissionState.of(paths.of(file.stream()))
+        why = Inquiry.of(paths.of(file.last_run(without=OF_ROBOT))).why()
+    state.look_at_process(is_gone=not file.is_written)
+    return state, why
+
+
+def _words(place: Georeference) -> str:
+    return ",".join(map(str, place))
+
+
+def _prohibition(state: MissionState, file: Path) -> str:
+    """Return why a report cannot be asked for, or an empty text."""
+    try:
+        require_form(file, georeference(state))
+    except SarError as error:
+        return str(error)
+    except ImportError as error:
+        return f"{file}: {not_installed(error) or error}"
+    return ""

@@ -1,0 +1,71 @@
+"""What reports bring to a run: the reports that are written when it has ended, and the cause of a failure."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from sar_compiler.commands import print_error
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState, RunProcess
+from sar_compiler.reports.mission_report import ShortPaths, require_form
+from sar_compiler.reports.report_files import try_to_write
+from sar_compiler.reports.why import Inquiry, first_to_look_at
+from sar_compiler.ros.run_extension import RunExtension
+
+
+class RunReport(RunExtension):
+    """The reports of a run, which are written when it has ended.
+
+    Args:
+        files: Where to.
+        place: Where the map lies on the earth, if that is known.
+        earlier: The entries of earlier runs of the mission.
+        folder: The journal's folder.
+
+    Raises:
+        ReportError: If one of them could not be written then.
+        ImportError: If a library of theirs is not installed.
+    """
+
+    def __init__(
+        self, files: Sequence[Path], place: Georeference | None, earlier: Iterable[JournalEntry], folder: Path
+    ) -> None:
+        for file in files:
+            require_form(file, place)
+        self._files, self._paths = files, ShortPaths(folder)
+        self._state, self._inquiry = MissionState.of(self._paths.of(earlier)), Inquiry()
+
+    def on_entry(self, entry: JournalEntry) -> None:
+        """Take an entry of the run's journal."""
+        told = self._paths.shorten(entry)
+        self._state.take(told)
+        self._inquiry.take(told)
+
+    def on_end(self, *, has_begun: bool) -> None:
+        """Write them, if the run has begun; after this nobody else goes on with it."""
+        if has_begun:
+            self._state.process = RunProcess(is_gone=True)
+            self._write()
+
+    def _write(self) -> None:
+        """Write them; what cannot be written is said, because the mission is over."""
+        why = self._inquiry.why()
+        for file in self._files:
+            obstacle = try_to_write(self._state, file, why)
+            if obstacle:
+                print_error(f"sar-run: {obstacle}")
+
+
+class RunInquiry(RunExtension):
+    """Finds the likeliest cause of a run's failure while it goes on."""
+
+    def __init__(self) -> None:
+        self._inquiry = Inquiry()
+
+    def on_entry(self, entry: JournalEntry) -> None:
+        """Take an entry of the run's journal."""
+        self._inquiry.take(entry)
+
+    def cause_of_failure(self) -> str:
+        """Return the likeliest cause of a failure in a line; empty where none is known."""
+        return first_to_look_at(self._inquiry.why())

@@ -1,0 +1,787 @@
+"""Why a mission has failed: the chain from the root's FAILURE down to the answers that caused it, and what ended the run."""
+
+import itertools
+import signal
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from sar_compiler.journal.condition import COMPLETE, condition
+from sar_compiler.journal.journal_entries import (
+    CHANGED,
+    LEAF_RAISED,
+    OF_ROBOT,
+    RUN_BEGAN,
+    STATUS,
+    Ending,
+    JournalEntry,
+)
+from sar_compiler.journal.mission_state import (
+    FAILURE,
+    RUNNING,
+    SUCCESS,
+    Instant,
+    MissionState,
+    NodeState,
+    answer_words,
+)
+from sar_compiler.journal.node_ends import OTHER_END, NodeEnds
+from sar_compiler.journal.recorded_events import is_status
+from sar_compiler.journal.situation import Level
+from sar_compiler.runtime.clock import clock_text
+from sar_compiler.runtime.events import Event
+from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.views.drawing import Shape
+
+if TYPE_CHECKING:
+    from sar_compiler.analysis.verify.counterfactual import Counterfactual
+
+# Of a run that its time limit ended, a leaf is to blame that had run for so much of it at the end.
+_MOST_OF_IT = 0.5
+_SIGNAL_STATUS = 128
+# So many of what had failed before are told.
+_MOST = 12
+_START = Instant(1, 0.0, 0.0)
+
+
+class NodeStatus(NamedTuple):
+    """The status of a node, or what became of the run itself.
+
+    Attributes:
+        node: Its number; None for the run.
+        name: Its name.
+        place: `file:line`; empty if unknown.
+        depth: How far it is below the first of its chain.
+        status: The status.
+        label: What it means: the label of a leaf's answer; empty if it has not said which, None if there is none to say.
+        message: What it has said.
+        since: When it got that status.
+    """
+
+    node: int | None
+    name: str
+    place: str
+    depth: int
+    status: str
+    label: str | None
+    message: str
+    since: Instant | None
+
+
+class FormerFailure(NamedTuple):
+    """The failures of a leaf, or of another node that decides by itself, during a run that were not its last outcome.
+
+    Attributes:
+        first: The first of them.
+        in_hand: The place that the mission was at work at when the last of them came, or had been before; empty for none yet.
+        has_recovered: Whether the node has succeeded since.
+        is_of_second_way: Whether it was ticked only because another way had failed, each time.
+        has_led_elsewhere: Whether a control went on with another child because of it.
+        times: How many there were, those left out that followed each other without anything else between.
+        last: When the last one was.
+    """
+
+    first: NodeStatus
+    in_hand: str
+    has_recovered: bool
+    is_of_second_way: bool
+    has_led_elsewhere: bool
+    times: int
+    last: Instant
+
+
+class Why(NamedTuple):
+    """Why a mission has failed.
+
+    Attributes:
+        chain: The nodes from the root down to the answers, parents first; empty if the root has not failed.
+        answers: The answers that have caused it, the likeliest cause first.
+        before: What had failed before, by time.
+        outcome: What the mission has come to, in a word: the word of its condition.
+        reason: The reason of that.
+        said: Both in a line.
+        ended: When the root had failed.
+        went_on: Whether the root has come to something else since.
+    """
+
+    chain: tuple[NodeStatus, ...]
+    answers: tuple[NodeStatus, ...]
+    before: tuple[FormerFailure, ...]
+    outcome: str
+    reason: str
+    said: str
+    ended: Instant | None
+    went_on: bool = False
+
+    @property
+    def is_of_a_failure(self) -> bool:
+        """Whether there is something to be told: the mission is not complete, and something has failed."""
+        return self.first is not None and self.outcome != COMPLETE
+
+    @property
+    def first(self) -> NodeStatus | None:
+        """The likeliest cause; None if nothing has failed."""
+        return self.answers[0] if self.answers else None
+
+
+class Inquiry:
+    """Finds out why the last run of a mission has failed, from entries that come one by one; it keeps none of them.
+
+    Of each node those children have caused its status that have the same; under one that turns it, the other one. Where
+    nothing below explains a status, it is an answer: of a leaf, a time limit, a script, a loop over nothing. A condition only
+    tells what is so: if nothing else is to be blamed, what has failed before comes first, unless a response to the condition was
+    meant to fail.
+
+    Attributes:
+        state: The state of the mission after the last run's entries, without what the robot's topics have said.
+        failed_tick: The number of the last tick in which the root had failed, once `why` was asked; 0 if it has never failed.
+    """
+
+    def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        self.state = MissionState()
+        self.failed_tick = 0
+        self._kinds = _NodeKinds()
+        self._history = self._history_then = _History(self._kinds)
+        self._explained = _Explained(self.state, self._kinds)
+        self._raised: NodeStatus | None = None
+
+    @classmethod
+    def of(cls, stream: Iterable[JournalEntry]) -> "Inquiry":
+        """Return an inquiry that has taken these entries."""
+        inquiry = cls()
+        for entry in stream:
+            inquiry.take(entry)
+        return inquiry
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry; each new run starts the inquiry again."""
+        if entry.kind == RUN_BEGAN:
+            self._begin()
+            self.state.take(entry)
+            self._kinds = _NodeKinds.of(entry)
+            self._history = self._history_then = _History(self._kinds)
+            self._explained = _Explained(self.state, self._kinds)
+            return
+        if not self.state.runs or not _is_of_tree(entry, len(self.state.nodes)):
+            return
+        is_of_node = entry.kind == STATUS
+        if is_of_node and self._explained.is_next(entry):
+            self._end_tick()
+        self.state.take(entry)
+        if is_of_node:
+            self._explained.take(entry)
+        elif entry.kind == LEAF_RAISED:
+            self._raised = self._of_raised(entry)
+        self._history.take(entry, self.state)
+
+    def _of_raised(self, entry: JournalEntry) -> NodeStatus | None:
+        number, text = entry.data.get("node"), str(entry.data.get("text", ""))
+        if not isinstance(number, int) or not 0 <= number < len(self.state.nodes):
+            return _of_run("RAISED", text, self.state.now)
+        node = self.state.nodes[number]
+        return NodeStatus(number, node.name, node.place, 0, "RAISED", None, text, self.state.now)
+
+    def _end_tick(self) -> None:
+        has_failed = self._explained.end_tick()
+        self._history.end_tick(self._explained, self.state)
+        if has_failed:
+            self.failed_tick, self._history_then = self._explained.tick, self._history.copy()
+
+    def why(self) -> Why:
+        """Return why the run has failed, once all of it was taken."""
+        self._end_tick()
+        explained = self._explained
+        chain = explained.chain
+        history = self._history_then if chain else self._history
+        answers = sorted(explained.answers, key=lambda answer: self._blame(answer, history))
+        blamed = {answer.node for answer in answers}
+        before = [each for each in history.former() if each.first.node not in blamed]
+        now = condition(self.state)
+        is_meant_so = bool(answers) and answers[0].node in explained.triggers
+        if now.word != COMPLETE and not is_meant_so and all(map(self._only_tells, answers)):
+            former = [each for each in before if self._may_be_cause(each, only_cost=bool(chain))]
+            former.sort(key=self._order)
+            answers = [*(each.first for each in former), *answers]
+        if now.word != COMPLETE:
+            answers = self._with_end(answers, has_failed=bool(chain) and not explained.went_on)
+        since = chain[0].since if chain else None
+        said = now.text(self.state.now.time)
+        return Why(chain, tuple(answers), tuple(before), now.word, now.reason, said, since, explained.went_on)
+
+    def _only_tells(self, answer: NodeStatus) -> bool:
+        """Return whether an answer only tells what is so: a condition's, or one that was always to be given where another way had failed."""
+        return answer.node in self._kinds.conditions or (
+            answer.node in self._kinds.constant and answer.node in self._explained.second_ways
+        )
+
+    def _blame(self, answer: NodeStatus, history: "_History") -> tuple[object, ...]:
+        # Where there were several ways, those before were passed over, and the last one was what was left.
+        since = answer.since.time if answer.since else 0.0
+        is_meant_so = answer.node in self._explained.responses
+        tolerated, worked = answer.node in history.tolerated, answer.node in history.worked
+        number = -1 if answer.node is None else answer.node
+        is_turned = answer.status != FAILURE and bool(self._explained.triggers)
+        return is_meant_so, is_turned, self._only_tells(answer), tolerated, not worked, -since, -number
+
+    def _may_be_cause(self, failure: FormerFailure, *, only_cost: bool) -> bool:
+        """Return whether a failure that was got over may be what a mission lacks something for.
+
+        A condition may if another way was taken because of it, and the place that was in hand was given up.
+        """
+        if failure.first.node in self._kinds.conditions:
+            return failure.has_led_elsewhere and _has_given_up(self.state, failure)
+        if failure.first.node in self._kinds.constant and failure.is_of_second_way:
+            return False
+        return not only_cost or _cost(self.state, failure)
+
+    def _order(self, failure: FormerFailure) -> tuple[object, ...]:
+        is_condition = failure.first.node in self._kinds.conditions
+        cost_nothing = not _cost(self.state, failure)
+        return (
+            cost_nothing,
+            failure.is_of_second_way,
+            is_condition,
+            failure.has_recovered,
+            -failure.times,
+        )
+
+    def _with_end(self, answers: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
+        """Return the causes with what has ended the run itself, if it did not end by its root."""
+        run = self.state.runs[-1] if self.state.runs else None
+        if self._raised is not None:
+            return [self._raised, *answers]
+        if run is None or has_failed or not (run.ending or self.state.process.is_gone):
+            return list(answers)
+        if not run.ending:
+            killed = "the process of the run is gone without an end: it was killed, or has crashed"
+            return [_of_run("KILLED", killed, self.state.now), *answers]
+        if run.ending == Ending.STOPPED.value:
+            return [_of_run("STOPPED", f"by {_signal_name(run.status)}", run.ended), *answers]
+        ended = _of_run("ENDED", run.reason, run.ended)
+        if any(answer.status == FAILURE for answer in answers):
+            return [*answers, ended]
+        return [*self._held_up(), ended]
+
+    def _held_up(self) -> list[NodeStatus]:
+        """Return the leaf that had run for most of the run at its end, after the answers because of which it ran."""
+        run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
+        # The end of a run has no time of the mission's clock in a journal.
+        enough = _MOST_OF_IT * (now - run.began.wall)
+        running = [node for node in self.state.nodes if not node.children and ends.is_running(node.number)]
+        long = [node for node in running if node.since and now - node.since.wall > enough]
+        held = [
+            self._explained.last_end(number)
+            for node in long
+            for number in self._explained.leading_to(node.number)
+        ]
+        return [*held, *(_answer(node) for node in long)]
+
+
+def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
+    """Yield those entries of a run that tell of its tree and its mission, and can be understood."""
+    count = 0
+    for entry in stream:
+        if entry.kind == RUN_BEGAN:
+            count = len(MissionState.of([entry]).nodes)
+        if _is_of_tree(entry, count):
+            yield entry
+
+
+def _is_of_tree(entry: JournalEntry, count: int) -> bool:
+    """Return whether an entry tells of the tree, which has so many nodes, or the mission, as those of this project do."""
+    return (
+        is_status(entry, count) and "message" in entry.data
+        if entry.kind == STATUS
+        else entry.kind not in OF_ROBOT
+    )
+
+
+class _NodeKinds(NamedTuple):
+    """What the beginning of a run says of the nodes of its tree, each by its number.
+
+    Attributes:
+        conditions: The leaves that only tell what is so.
+        constant: The leaves that always come to the same status.
+        parallel: The controls that tick their children together.
+        limits: The time limits of nodes, in seconds.
+    """
+
+    conditions: frozenset[int] = frozenset()
+    constant: frozenset[int] = frozenset()
+    parallel: frozenset[int] = frozenset()
+    limits: Mapping[int, float] = {}
+
+    @classmethod
+    def of(cls, began: JournalEntry) -> "_NodeKinds":
+        """Return what a run says when it begins; what cannot be understood is left out."""
+        about = began.data.get("run")
+
+        def value(name: str, kind: type) -> Any:
+            found = about.get(name) if isinstance(about, Mapping) else None
+            return found if isinstance(found, kind) else kind()
+
+        looks = value("looks", list)
+
+        def with_shape(shape: Shape) -> frozenset[int]:
+            return frozenset(
+                n for n, each in enumerate(looks) if each in ([shape.value, ""], [shape.value, "⇉"])
+            )
+
+        constant = frozenset(each for each in value("constant", list) if isinstance(each, int))
+        limits = {
+            int(number): float(limit)
+            for number, limit in value("limits", dict).items()
+            if str(number).isdecimal() and isinstance(limit, int | float)
+        }
+        return cls(with_shape(Shape.CONDITION), constant, with_shape(Shape.PARALLEL), limits)
+
+
+class _Explained:
+    """The last FAILURE of a root, explained.
+
+    Args:
+        state: The state of the mission, which has taken each entry before this does.
+        kinds: What the nodes are.
+
+    Attributes:
+        ends: What has explained each end.
+        chain: The nodes from the root down; empty if it has never failed.
+        answers: Those of them that nothing below explains.
+        second_ways: The numbers of the answers that were given only because another way had failed.
+        responses: Those of them that always fail: what they end is meant to fail.
+        triggers: The answers that such a response was for.
+    """
+
+    def __init__(self, state: MissionState, kinds: _NodeKinds) -> None:
+        self.ends = NodeEnds(state.nodes)
+        self.chain: tuple[NodeStatus, ...] = ()
+        self.answers: tuple[NodeStatus, ...] = ()
+        self.second_ways = self.responses = self.triggers = frozenset[int]()
+        self._state, self._kinds = state, kinds
+        self._last: dict[int, NodeStatus] = {}
+
+    @property
+    def tick(self) -> int:
+        """The number of the tick whose entries are taken."""
+        return self.ends.tick
+
+    @property
+    def went_on(self) -> bool:
+        """Whether the root has had another status since."""
+        return bool(self.chain) and self.ends.status.get(0) != FAILURE
+
+    def is_next(self, entry: JournalEntry) -> bool:
+        """Return whether a node's status belongs to another tick than the entries before."""
+        return self.ends.is_next(int(entry.data["tick"]))
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take the status of a node."""
+        self.ends.receive(entry.data, entry.time)
+        node = self._state.nodes[entry.data["node"]]
+        if node.status in OTHER_END:
+            self._last[node.number] = _answer(node)
+
+    def end_tick(self) -> bool:
+        """End a tick; return whether the root has failed in it, or had failed and was not reset."""
+        self.ended = self.ends.end_tick()
+        for number in self.ended:
+            if not self.ends.causes[number]:
+                self._last[number] = self._decided(number)
+        if self.ends.has_failed:
+            self._explain()
+        return self.ends.has_failed
+
+    def last_end(self, number: int) -> NodeStatus:
+        """Return the last end of a node."""
+        return self._last[number]
+
+    def _decided(self, number: int) -> NodeStatus:
+        """Return the end of a node that nothing below it explains, with the reason in words where the node does not say it."""
+        said, node = self._last[number], self._state.nodes[number]
+        if node.children and number in self._kinds.limits and said.status == FAILURE:
+            names = [
+                self._state.nodes[each].name for each in self.ends.halted if self._is_below(each, number)
+            ]
+            leaves = f" while {' and '.join(names)} ran" if names else ""
+            return said._replace(
+                message=f"its time limit of {self._kinds.limits[number]:g} s expired{leaves}"
+            )
+        for name, value in node.attributes.items():
+            if said.message.endswith(f" {name}"):
+                return said._replace(message=f"{said.message}: {value}")
+        if not said.message and number in self._kinds.conditions and (code := node.attributes.get("code")):
+            return said._replace(message=f"'{code}' is {'true' if said.status == SUCCESS else 'false'}")
+        return said
+
+    def _is_below(self, number: int, ancestor: int) -> bool:
+        """Return whether a leaf is below a node."""
+        if self._state.nodes[number].children:
+            return False
+        above = self._state.nodes[number].parent
+        while above is not None and above > ancestor:
+            above = self._state.nodes[above].parent
+        return above == ancestor
+
+    def way_up(self, number: int) -> Iterator[int]:
+        """Yield a node that has ended, and those above it whose ends it explains, up to the first one that another has."""
+        above: int | None = number
+        while above is not None:
+            yield above
+            parent = self._state.nodes[above].parent
+            is_cause = parent is not None and above in self.ends.causes.get(parent, ())
+            above = parent if is_cause and self.ends.status.get(parent or 0) == FAILURE else None
+
+    def ways_before(self, number: int) -> list[int]:
+        """Return the nodes that had failed before the one that has ended was ticked, because of which it was."""
+        return [
+            each
+            for node in self.way_up(number)
+            if self._state.nodes[node].parent not in self._kinds.parallel
+            for each in self.ends.failed_before(node)
+        ]
+
+    def leading_to(self, number: int) -> list[int]:
+        """Return the answers because of which a node that still runs was ticked in place of another."""
+        found: list[int] = []
+        above: int | None = number
+        while above is not None:
+            if self._state.nodes[above].parent not in self._kinds.parallel:
+                found += [
+                    answer for each in self.ends.failed_before(above) for answer in self.answers_below(each)
+                ]
+            above = self._state.nodes[above].parent
+        return found
+
+    def answers_below(self, number: int) -> list[int]:
+        """Return the answers that explain the end of a node."""
+        waiting, found = [number], []
+        while waiting:
+            node = waiting.pop()
+            causes = self.ends.causes.get(node, [])
+            waiting += reversed(causes)
+            found += [] if causes else [node]
+        return found
+
+    def _explain(self) -> None:
+        chain, answers = [], []
+        waiting = [(0, 0)]
+        while waiting:
+            number, depth = waiting.pop()
+            chain.append(self._last[number]._replace(depth=depth))
+            causes = self.ends.causes.get(number, [])
+            if not causes:
+                answers.append(chain[-1])
+            waiting += [(child, depth + 1) for child in reversed(causes)]
+        self.chain, self.answers = tuple(chain), tuple(answers)
+        before = {answer.node: self.ways_before(answer.node) for answer in answers if answer.node is not None}
+        self.second_ways = frozenset(number for number, ways in before.items() if ways)
+        self.responses = self.second_ways & self._kinds.constant
+        self.triggers = frozenset(
+            answer
+            for number in self.responses
+            for way in before[number]
+            for answer in self.answers_below(way)
+        )
+
+
+def _answer(node: NodeState) -> NodeStatus:
+    return NodeStatus(
+        node.number, node.name, node.place, 0, node.status, node.label, node.message, node.since
+    )
+
+
+def _of_run(status: str, message: str, since: Instant | None) -> NodeStatus:
+    """Return what has become of a run."""
+    return NodeStatus(None, "run", "", 0, status, None, message, since)
+
+
+def _signal_name(status: int | None) -> str:
+    """Return the signal that the exit status of a run tells of, in words."""
+    try:
+        name = signal.Signals((status or 0) - _SIGNAL_STATUS).name
+    except ValueError:
+        return "a signal"
+    return f"{name} (Ctrl-C)" if name == "SIGINT" else name
+
+
+class _History:
+    """The outcomes of nodes during a run.
+
+    Args:
+        kinds: What the nodes are.
+
+    Attributes:
+        worked: The leaves that have succeeded at some time.
+        tolerated: The nodes that had failed when their parent did not.
+    """
+
+    def __init__(self, kinds: _NodeKinds) -> None:
+        self._kinds = kinds
+        self._failures: dict[int, FormerFailure] = {}
+        self._recovered: set[int] = set()
+        self.worked: set[int] = set()
+        self.tolerated: set[int] = set()
+        self._pending: set[int] = set()
+        self._in_hand = self._in_hand_then = ""
+
+    def copy(self) -> "_History":
+        """Return a copy that later entries do not change."""
+        copied = _History(self._kinds)
+        vars(copied).update({name: copy(each) for name, each in vars(self).items()})
+        return copied
+
+    def take(self, entry: JournalEntry, state: MissionState) -> None:
+        """Take an entry of the run, after which the mission has a state."""
+        # What a tick has come to is told after the facts of it, by which the place may be left already.
+        if entry.kind == CHANGED:
+            landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
+            if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
+                self._in_hand = place
+        if entry.kind != STATUS:
+            return
+        self._in_hand_then = self._in_hand
+        node = state.nodes[entry.data["node"]]
+        number = node.number
+        if node.status == FAILURE:
+            self._pending.add(number)
+            self._recovered.discard(number)
+        elif node.status in (SUCCESS, RUNNING):
+            if self._pending:
+                self.tolerated |= self._pending.intersection(node.children)
+                self._pending.discard(number)
+            if node.status == SUCCESS:
+                self._recovered.add(number)
+                self.worked.add(number)
+
+    def end_tick(self, explained: _Explained, state: MissionState) -> None:
+        """Note what explains the failures of a tick, each where it did not make the node above fail."""
+        ends = explained.ends
+        for top in explained.ended:
+            if ends.status[top] != FAILURE:
+                continue
+            parent = state.nodes[top].parent
+            if (
+                parent is not None
+                and top in ends.causes.get(parent, ())
+                and ends.status.get(parent) == FAILURE
+            ):
+                continue
+            has_led_elsewhere = parent is not None and len(state.nodes[parent].children) > 1
+            for number in explained.answers_below(top):
+                self._note(number, explained, has_led_elsewhere=has_led_elsewhere)
+
+    def _note(self, number: int, explained: _Explained, *, has_led_elsewhere: bool) -> None:
+        answer = explained.last_end(number)
+        if answer.status != FAILURE:
+            return
+        # A condition in front of an action is no other way: it only asks whether the action is needed.
+        is_of_second_way = not self._kinds.conditions.issuperset(explained.ways_before(number))
+        known = self._failures.get(number) or FormerFailure(
+            answer,
+            in_hand="",
+            has_recovered=False,
+            is_of_second_way=True,
+            has_led_elsewhere=False,
+            times=0,
+            last=_START,
+        )
+        self._failures[number] = known._replace(
+            in_hand=self._in_hand_then,
+            is_of_second_way=known.is_of_second_way and is_of_second_way,
+            has_led_elsewhere=known.has_led_elsewhere or has_led_elsewhere,
+            times=known.times + 1,
+            last=answer.since or _START,
+        )
+
+    def former(self) -> list[FormerFailure]:
+        """Return the failures that were not the last outcome of their node, by the time of the first."""
+        former = [
+            each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
+        ]
+        return sorted(former, key=lambda each: each.first.since or each.last)
+
+
+def _has_given_up(state: MissionState, failure: FormerFailure) -> bool:
+    """Return whether the place that was in hand at a failure was given up."""
+    landmarks = state.situation.landmarks.values()
+    return any(each.name == failure.in_hand and each.level == Level.GIVEN_UP for each in landmarks)
+
+
+def _cost(state: MissionState, failure: FormerFailure) -> bool:
+    """Return whether a mission lacks something that has to do with a failure: the place in hand, a find there, or what was to come."""
+    landmarks = state.situation.landmarks.values()
+    place = [each for each in landmarks if each.name == failure.in_hand]
+    if not place:
+        return False
+    is_open = any(
+        each.within == failure.in_hand and each.level in (Level.TO_COME, Level.IN_HAND) for each in landmarks
+    )
+    is_to_come = any(each.level == Level.TO_COME and (each.state or not each.corners) for each in landmarks)
+    return (
+        is_open
+        or any(each.level != Level.DONE for each in place)
+        or (is_to_come and not failure.has_recovered)
+    )
+
+
+class RunDifference(NamedTuple):
+    """The first difference of two runs.
+
+    Attributes:
+        step: How many changes of status they have in common.
+        here: What this run came to next; None if it had ended.
+        there: The same of the other run.
+    """
+
+    step: int
+    here: NodeStatus | None
+    there: NodeStatus | None
+
+
+def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntry]) -> RunDifference | None:
+    """Return the first difference of two runs; None if there is none.
+
+    What nodes come to is compared, and what they mean by it, change by change, whatever the time; messages do not count.
+    """
+    for step, (here, there) in enumerate(itertools.zip_longest(_changes(stream), _changes(other))):
+        if (
+            here is None
+            or there is None
+            or (here.name, here.node, here.status) != (there.name, there.node, there.status)
+            or (here.label != there.label and None not in (here.label, there.label))
+        ):
+            return RunDifference(step, here, there)
+    return None
+
+
+def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
+    state = MissionState()
+    for entry in _of_tree(stream):
+        node = state.nodes[entry.data["node"]] if entry.kind == STATUS else None
+        before = (node.status, node.label) if node is not None else None
+        state.take(entry)
+        if node is not None and (node.status, node.label) != before:
+            yield _answer(node)
+
+
+def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) -> str:
+    """Return how a mission whose tree has these nodes would have succeeded, in words."""
+    leaf = nodes[change.instead.number]
+    said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
+    place = f"  ({leaf.place})" if leaf.place else ""
+    lines = ["It would have succeeded with another answer:"]
+    lines.append(in_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
+    if change.then:
+        usual = "as usual" if not change.unusual else f"{change.unusual} of them not as usual"
+        told = [f"{nodes[each.number].name} {each.answer}" for each in change.then[:_MOST]]
+        more = f", and {len(change.then) - _MOST} more" if len(change.then) > _MOST else ""
+        lines.append(in_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
+    return "\n".join(lines)
+
+
+def _meaning(answer: Event) -> str:
+    return f" ({answer.label})" if answer.label else ""
+
+
+def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) -> dict[str, Any]:
+    """Return how a mission whose tree has these nodes would have succeeded as JSON values."""
+
+    def data(answer: Event) -> dict[str, object]:
+        said = {"node": answer.number, "status": answer.status, "label": answer.label}
+        return {**said, "name": nodes[answer.number].name}
+
+    return {
+        "tick": change.tick,
+        "time": change.time_sec,
+        "place": nodes[change.instead.number].place,
+        "was": data(change.was),
+        "instead": data(change.instead),
+        "then": [data(each) for each in change.then],
+        "unusual": change.unusual,
+    }
+
+
+def why_text(reasons: Why, otherwise: str = "") -> str:
+    """Return why a mission has failed, in words, with what would have succeeded."""
+    lines = [in_one_line(reasons.said)]
+    if reasons.first is not None and reasons.is_of_a_failure:
+        lines += ["", "First to look at:", f"  {_status_line(reasons.first)}"]
+    if reasons.chain:
+        lines += ["", "The root had failed, and went on:" if reasons.went_on else "The root has failed:"]
+        lines += [f"  {'  ' * answer.depth}{_status_line(answer)}" for answer in reasons.chain]
+    elif reasons.outcome != COMPLETE:
+        lines += ["", "The root has not failed."]
+    if otherwise:
+        lines += ["", otherwise]
+    if reasons.before:
+        lines += ["", "What had failed before, and had not the last word:"]
+        lines += [f"  {_status_line(each.first)}{_repetition(each)}" for each in reasons.before[:_MOST]]
+        if len(reasons.before) > _MOST:
+            lines.append(f"  … {len(reasons.before) - _MOST} more nodes")
+    return "\n".join(lines)
+
+
+def first_to_look_at(reasons: Why) -> str:
+    """Return the node that is the likeliest cause of a failure in a line; empty if there is none to be told."""
+    if reasons.first is None or reasons.first.node is None or not reasons.is_of_a_failure:
+        return ""
+    return f"first to look at: {_status_line(reasons.first)}"
+
+
+def _repetition(failure: FormerFailure) -> str:
+    return f"; {failure.times} times, until {clock_text(failure.last.time)}" if failure.times > 1 else ""
+
+
+def _status_line(answer: NodeStatus) -> str:
+    at = f"{clock_text(answer.since.time)}  " if answer.since is not None else ""
+    said = f", {shortened(answer.message)}" if answer.message else ""
+    place = f"  ({answer.place})" if answer.place else ""
+    return in_one_line(f"{at}{answer.name} {answer_words(answer.status, answer.label)}{said}{place}")
+
+
+def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:
+    """Return the first difference of two runs in words; the names are those of their journals."""
+    if difference is None:
+        return "In both runs all nodes had the same statuses, in the same order."
+    lines = [f"The runs are alike in {difference.step} changes of status. Then:"]
+    for name, answer in zip(names, (difference.here, difference.there), strict=True):
+        lines.append(
+            f"  {in_one_line(name)}: {_status_line(answer) if answer is not None else 'nothing more, it had ended'}"
+        )
+    return "\n".join(lines)
+
+
+def why_data(reasons: Why) -> dict[str, Any]:
+    """Return why a mission has failed as JSON values."""
+    return {
+        "outcome": reasons.outcome,
+        "reason": reasons.reason,
+        "failed": reasons.ended and _instant(reasons.ended),
+        "went_on": reasons.went_on,
+        "answers": [answer_data(each) for each in reasons.answers],
+        "chain": [answer_data(each) for each in reasons.chain],
+        "before": [
+            {**answer_data(each.first), "count": each.times, "last": _instant(each.last)}
+            for each in reasons.before
+        ],
+    }
+
+
+def difference_data(difference: RunDifference | None) -> dict[str, Any] | None:
+    """Return the first difference of two runs as JSON values."""
+    if difference is None:
+        return None
+    sides = ("here", difference.here), ("there", difference.there)
+    return {"alike": difference.step, **{name: each and answer_data(each) for name, each in sides}}
+
+
+def answer_data(answer: NodeStatus) -> dict[str, Any]:
+    """Return the outcome of a node as JSON values."""
+    return {**answer._asdict(), "since": answer.since and _instant(answer.since)}
+
+
+def _instant(instant: Instant) -> Mapping[str, object]:
+    return {"time": instant.time, "utc": instant.utc}

@@ -1,0 +1,137 @@
+"""What a command's output is shown on: the width of a terminal, whether to use its colours, and how far something is."""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, TextIO
+
+from sar_compiler.commands import columns, discard_output, print_error, print_text
+from sar_compiler.style import TERMINAL
+
+if TYPE_CHECKING:
+    from sar_compiler.tree.diagnostic import Diagnostic
+
+_SGR = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
+"""The numbers by which terminals know the words of a style."""
+
+
+def has_colours(stream: TextIO) -> bool:
+    """Return whether to colour what is written to a stream: on a terminal, unless the environment says otherwise.
+
+    `NO_COLOR` (not empty), `CLICOLOR=0` and `TERM=dumb` mean no; `CLICOLOR_FORCE` (not 0) means yes, in files as well.
+    """
+    environment = os.environ
+    if environment.get("NO_COLOR"):
+        return False
+    if environment.get("CLICOLOR_FORCE", "0") not in ("", "0"):
+        return True
+    plain = environment.get("CLICOLOR") == "0" or environment.get("TERM") == "dumb"
+    return not plain and stream is not None and stream.isatty()
+
+
+def draws_in_place(stream: TextIO | None) -> bool:
+    """Return whether what is written to a stream can be overwritten: on a terminal, but for a `dumb` one.
+
+    Whoever passes a process's output on, as launch does, gives it such a terminal.
+    """
+    return stream is not None and stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+
+
+def painter(stream: TextIO) -> Callable[[str, str], str]:
+    """Return a function that colours a text by what it is (a key of `TERMINAL`), if the stream shows colours."""
+    if not has_colours(stream):
+        return lambda text, _part: text
+    return lambda text, part: f"\x1b[{_sgr(TERMINAL[part])}m{text}\x1b[0m" if text else text
+
+
+def _sgr(style: str) -> str:
+    return ";".join(_SGR[word] for word in style.split())
+
+
+def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:
+    """Return findings as they are shown on a stream."""
+    from sar_compiler.tree.diagnostic import WIDTH
+
+    width, paint = columns(stream) or WIDTH, painter(stream)
+    return "\n".join(finding.render(width, paint) for finding in findings)
+
+
+class ProgressLine:
+    """How far something is, on standard error: a line that is overwritten on a terminal; nothing elsewhere, such as in a log.
+
+    What takes less than a second says nothing.
+    """
+
+    _PATIENCE_SEC = 1.0
+    _EVERY_SEC = 0.25
+
+    def __init__(self) -> None:
+        self.is_there = draws_in_place(sys.stderr)
+        self._due = time.monotonic() + self._PATIENCE_SEC
+        self._is_shown = False
+
+    def show(self, text: Callable[[], str]) -> None:
+        """Show a text, if one is due; it is asked for only then."""
+        now = time.monotonic()
+        if now < self._due or not self.is_there:
+            return
+        self._due, self._is_shown = now + self._EVERY_SEC, True
+        width = (columns(sys.stderr) or 80) - 1
+        print(f"\r\x1b[K{text()[:width]}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Remove the line from a terminal."""
+        if self._is_shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        self._is_shown = False
+
+
+class RunOutput:
+    """The output of a run for people; the run does not end when its reader does (`| head`).
+
+    Attributes:
+        lost: Whether standard output is closed.
+        leave: To be called before anything that must stand below what is drawn in place.
+    """
+
+    def __init__(self) -> None:
+        self.lost = False
+        self.leave: Callable[[], object] = lambda: None
+
+    def show(self, text: str) -> None:
+        """Print a text of momentary interest; nothing once standard output is closed."""
+        if not self.lost:
+            self._try(lambda: print_text(text, flush=True))
+
+    def draw(self, text: str) -> None:
+        """Write what a terminal is to obey; nothing once standard output is closed."""
+        if not self.lost:
+            self._try(lambda: _write(text))
+
+    def say(self, text: str) -> None:
+        """Print a text that must be seen; on standard error once standard output is closed."""
+        self.show(text)
+        if self.lost:
+            print_error(text)
+
+    def _try(self, write: Callable[[], object]) -> None:
+        try:
+            write()
+        except (OSError, UnicodeError) as error:
+            self.lost = True
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            print_error(
+                f"sar-run: standard output cannot be written any more ({reason}); "
+                "nothing is shown from here on, and the run goes on"
+            )
+            if isinstance(error, OSError):
+                discard_output()
+
+
+def _write(text: str) -> None:
+    """Write a text at once, so that nothing comes in between; what the encoding lacks is a question mark."""
+    stream = sys.stdout.buffer
+    sys.stdout.flush()
+    stream.write(text.encode(sys.stdout.encoding, "replace"))
+    stream.flush()

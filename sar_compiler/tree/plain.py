@@ -1,0 +1,46 @@
+"""Values in the notations of JSON and of scripts."""
+
+import re
+from enum import Enum
+
+from sar_compiler.tree.json_values import json_text
+from sar_compiler.tree.showing import UNSEEN, UNSPEAKABLE
+
+
+def as_json(data: object, indent: int | None = 2) -> str:
+    """Return data as JSON, with the characters escaped that a terminal would obey.
+
+    It is indented by so many spaces, or in one line. Numbers that are not finite are null, because JSON has none.
+    """
+    return re.sub(UNSEEN, _escaped, json_text(data, indent=indent, ensure_ascii=False))
+
+
+def _escaped(match: re.Match[str]) -> str:
+    digits = match[0].encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{digits[start : start + 4]}" for start in range(0, len(digits), 4))
+
+
+def plain(value: object) -> object:
+    """Return a value for JSON: an enum's name, numbers and texts unchanged."""
+    if isinstance(value, Enum):
+        return value.name
+    return value if isinstance(value, (bool, int, float, str, type(None))) else str(value)
+
+
+def value_as_script(value: object) -> str:
+    """Write a value in a script's notation; None is an empty key."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"'{value}'" if isinstance(value, str) else str(value)
+
+
+def count_text(number: int, what: str) -> str:
+    """Return a number of things, of which there may be one: `1 file`, `1,000 files`."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def speakable(text: str) -> str:
+    """Return a text with each character replaced that XML cannot have."""
+    return re.sub(UNSPEAKABLE, "\ufffd", text)

@@ -1,0 +1,232 @@
+"""What engineers can ask on the page of a run: the blackboard, breakpoints, and what another answer would have led to."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
+from itertools import takewhile
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import RUN_BEGAN, STATUS, JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.recorded_events import recorded_events
+from sar_compiler.reports.explanation import first_that_fits, trees_that_ran
+from sar_compiler.reports.report_files import report_page
+from sar_compiler.runtime.blackboard import Entry, MissingEntryError
+from sar_compiler.runtime.breakpoints import Breakpoints
+from sar_compiler.runtime.events import Event
+from sar_compiler.runtime.walking import pre_order
+from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.views.numbered_tree import NumberedTree, TooManyNodesError
+from sar_compiler.web.page_server import Tool, Tools
+
+if TYPE_CHECKING:
+    from sar_compiler.analysis.verify.counterfactual import Consequence, Retrospect
+    from sar_compiler.ros.engine import Engine
+
+# How long breakpoints hold a tree after the last browser has asked for them, in seconds.
+_PATIENCE_SEC = 10.0
+# So many entries of a run are kept for questions while it goes on.
+_MOST_ENTRIES = 100_000
+_NO_TREE = "the tree is not made yet, or is too large to be asked"
+
+
+class ToolError(SarError):
+    """Something that cannot be asked, or not just now."""
+
+
+class LiveTools:
+    """The tools of a run in this process.
+
+    Args:
+        log: Called with what breakpoints do, in words, and with where one holds the tree; that is empty when the tree continues.
+    """
+
+    def __init__(self, log: Callable[[str, str], object]) -> None:
+        self._log = log
+        self._tree: NumberedTree | None = None
+        self._behaviours: list[Behaviour] = []
+        self._breakpoints = Breakpoints(self._log_breakpoint, _PATIENCE_SEC)
+        self._use_breakpoints: Callable[[Breakpoints], object] | None = None
+        self._entries: list[JournalEntry] = []
+        self._what_if = WhatIf(lambda _robot, _run: self._entries)
+
+    @property
+    def tools(self) -> Tools:
+        """What can be asked."""
+        return {
+            "entries": Tool(self._blackboard),
+            "breakpoints": Tool(self._change_breakpoints, is_free=False),
+            # It takes the processor from the mission for a moment.
+            "otherwise": Tool(self._what_if.ask, is_free=False),
+        }
+
+    def begin(self, tree: CompiledTree, engine: "Engine") -> None:
+        """Take the tree, and what ticks it."""
+        with suppress(TooManyNodesError):
+            self._begin(NumberedTree(tree), tree, engine)
+
+    def _begin(self, numbered: NumberedTree, tree: CompiledTree, engine: "Engine") -> None:
+        self._tree = numbered
+        self._behaviours = [*pre_order(tree.root)]
+        self._use_breakpoints = getattr(engine, "use_breakpoints", None)
+        self._breakpoints.wake = getattr(engine, "wake", self._breakpoints.wake)
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry of the run."""
+        if len(self._entries) < _MOST_ENTRIES and entry.kind in (RUN_BEGAN, STATUS):
+            self._entries.append(entry)
+
+    def look(self) -> None:
+        """Let a held tree continue where nobody looks any more; called now and then."""
+        self._breakpoints.release_if_abandoned()
+
+    def end(self) -> None:
+        """Hold the tree no more."""
+        self._breakpoints.clear()
+
+    def _log_breakpoint(self, text: str) -> None:
+        held = self._breakpoints.held_at
+        where = (
+            ""
+            if held is None
+            else f"The tree is held at a breakpoint before '{held.name}'. A drive under way goes on."
+        )
+        self._log(text, where)
+
+    def _blackboard(self, _: Mapping[str, Any]) -> object:
+        if self._tree is None:
+            raise ToolError(_NO_TREE)
+        return [
+            {"scope": path, "entries": [_shown(key, entry) for key, entry in [*scope.entries()]]}
+            for path, scope in self._tree.scopes.items()
+        ]
+
+    def _change_breakpoints(self, values: Mapping[str, Any]) -> object:
+        """Set a breakpoint at a node (`node`, `is_set`), or go on (`goes_on`); return where they are, and which holds the tree."""
+        if self._tree is None:
+            raise ToolError(_NO_TREE)
+        self._breakpoints.keep_alive()
+        if "node" in values:
+            self._set(values["node"], is_set=bool(values.get("is_set")))
+        held = self._breakpoints.held_at
+        if values.get("goes_on") and held is not None:
+            self._breakpoints.resume()
+            held = None
+        return {
+            "nodes": [number for number, each in enumerate(self._behaviours) if each in self._breakpoints],
+            "held": None if held is None else self._behaviours.index(held),
+        }
+
+    def _set(self, number: object, *, is_set: bool) -> None:
+        if not (isinstance(number, int) and 0 <= number < len(self._behaviours)):
+            raise ToolError(f"there is no node {number} that can be held")
+        if not is_set:
+            self._breakpoints.remove(self._behaviours[number])
+            return
+        if self._use_breakpoints is None:
+            raise ToolError("this engine cannot hold a tree within a tick: leave --engine out")
+        self._use_breakpoints(self._breakpoints)
+        self._breakpoints.add(self._behaviours[number])
+
+
+def _shown(key: str, entry: Entry) -> dict[str, object]:
+    try:
+        value = entry.read()
+    except MissingEntryError:  # never written, or removed by the tick meanwhile
+        return {"key": key, "value": None, "type": "", "writes": 0}
+    try:
+        text = in_one_line(repr(value))
+    except Exception as error:  # noqa: BLE001 - a foreign value; it may change meanwhile
+        text = f"({error})"
+    return {"key": key, "value": shortened(text), "type": type(value).__name__, "writes": entry.stamp}
+
+
+class WhatIf:
+    """What another answer of a leaf would have led to, in a run that was recorded.
+
+    Args:
+        entries: Returns the entries of a robot's run.
+    """
+
+    def __init__(self, entries: Callable[[int, int], Iterable[JournalEntry]]) -> None:
+        self._entries = entries
+        self._known: dict[tuple[object, ...], list[Retrospect]] = {}
+        self._lock = Lock()
+
+    def ask(self, values: Mapping[str, Any]) -> object:
+        """Return what each other answer of a leaf (`node`) in a tick (`tick`) of a run (`run`) of a robot would have led to.
+
+        Raises:
+            SarError: If that cannot be said.
+        """
+        robot, run, node, tick = (int(values.get(name, 0)) for name in ("robot", "run", "node", "tick"))
+        with self._lock:
+            entries = [*self._entries(robot, run)]
+            state = MissionState.of(entries)
+            if not (state.runs and 0 <= node < len(state.nodes)):
+                raise ToolError("there is no such node in this run")
+
+            def record() -> "Iterator[Event]":
+                return takewhile(lambda each: each.tick <= tick, recorded_events(entries))
+
+            found = first_that_fits(self._retrospects(state), lambda each: each.consequences(record(), node))
+        names = [each.name for each in state.nodes]
+        looks = state.runs[-1].about.get("looks") or []
+        return [_consequence_data(each, names, looks) for each in found]
+
+    def _retrospects(self, state: MissionState) -> "list[Retrospect]":
+        from sar_compiler.analysis.verify.counterfactual import Retrospect
+        from sar_compiler.project import Workspace
+
+        about, began = state.runs[-1].about, state.runs[-1].began
+        if (key := (about.get("tree_file"), about.get("tree_id"), began)) not in self._known:
+            names = [each.name for each in state.nodes]
+            trees = trees_that_ran(state, Workspace())
+            self._known = {key: [Retrospect(tree, names) for tree in trees]}
+        return self._known[key]
+
+
+def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object] | None = None) -> Tools:
+    """Return the tools of a page of journals.
+
+    Args:
+        paths: The journals.
+        reading: Is entered while one is read; by default nothing is.
+    """
+    alone = reading or nullcontext()
+
+    def journal_of(robot: int) -> Path:
+        if not 0 <= robot < len(paths):
+            raise ToolError("there is no such robot")
+        return paths[robot]
+
+    def report(values: Mapping[str, Any]) -> str:
+        with alone:
+            return report_page(journal_of(values["robot"]))
+
+    def entries(robot: int, run: int) -> Iterable[JournalEntry]:
+
+        with alone, JournalFile.reading(journal_of(robot)) as file:
+            return [each for each in file.stream() if each.run == run and each.kind in (RUN_BEGAN, STATUS)]
+
+    return {"otherwise": Tool(WhatIf(entries).ask), "report": Tool(report)}
+
+
+def _consequence_data(found: "Consequence", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
+    """Return what an answer leads to as JSON values; conditions that say nothing special are left out."""
+
+    def is_told(answer: Event) -> bool:
+        look = looks[answer.number] if answer.number < len(looks) else None
+        return answer.status != "SUCCESS" or look != ["condition", ""]
+
+    return {
+        "instead": {"status": found.instead.status, "label": found.instead.label},
+        "then": [f"{names[each.number]} {each.answer}" for each in filter(is_told, found.then)],
+        "root": found.root,
+    }

@@ -1,0 +1,304 @@
+"""The page of a run of `sar-run`, and of journals; what it takes is imported only where somebody wants one."""
+
+import sys
+import time
+import webbrowser
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import closing, contextmanager
+from pathlib import Path
+from threading import Lock, Thread
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.commands import print_error
+from sar_compiler.compiler import CompiledTree
+from sar_compiler.errors import SarError
+from sar_compiler.journal.database import JournalFile, is_locked
+from sar_compiler.journal.journal_entries import BREAKPOINT, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.mission_state import RunProcess
+from sar_compiler.missions.mission import LONGEST, Verb
+from sar_compiler.reports.explanation import Explanation
+from sar_compiler.reports.report_files import report_page
+from sar_compiler.reports.why import Inquiry
+from sar_compiler.ros.clock import NodeTime
+from sar_compiler.ros.engine import Engine
+from sar_compiler.ros.run_extension import RunExtension
+from sar_compiler.terminal import draws_in_place
+from sar_compiler.web.feed import LiveFeed, ReplayFeed
+from sar_compiler.web.page_server import OrderGiver, Orders, PageServer, Tool, Tools
+from sar_compiler.web.page_tools import LiveTools, ToolError, journal_tools
+from sar_compiler.web.replay import Replay
+from sar_compiler.web.team_orders import TeamOrders, ordering
+
+if TYPE_CHECKING:
+    from sar_compiler.execution.run_setup import RunSetup
+    from sar_compiler.execution.verb_calls import VerbCalls
+    from sar_compiler.project import Workspace
+
+# How often journals of other processes are looked at, in seconds; they are written once a second.
+_LOOK_SEC = 0.5
+
+
+class RunPage(RunExtension):
+    """The page of a run.
+
+    Args:
+        run: The run.
+
+    Raises:
+        PageError: If the port cannot be had.
+    """
+
+    def __init__(self, run: "RunSetup") -> None:
+        from sar_compiler.execution.verb_calls import VerbCalls
+
+        self._run, self._has_ended, self._is_staying = run, False, False
+        self._place = run.journal.place
+        journal, node, verbs = run.journal, run.node, run.mission.verbs()
+        calls = VerbCalls(node, verbs, run.orders.sign)
+        # Its own, for it is read in the server's thread; the mission's says what becomes of it.
+        clock = NodeTime(node)
+
+        def tell(text: str, held: str) -> None:
+            node.get_logger().warning(text)
+            journal.watch(BREAKPOINT, text=held)
+
+        self._tools = LiveTools(tell)
+
+        def beat() -> dict[str, object]:
+            if self._has_ended:
+                return {}
+            self._tools.look()
+            try:
+                return {"time": clock.now(), "verbs": [calls.available()]}
+            except Exception:  # noqa: BLE001 - ROS may be shut down meanwhile, in another thread
+                return {}
+
+        robots, forms = [node.get_fully_qualified_name()], [[_form(verb) for verb in verbs]]
+        tools = {
+            **self._tools.tools,
+            **({"report": Tool(self._report)} if journal.is_kept else {}),
+        }
+        feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
+        for entry in journal.earlier():
+            feed.take(entry)
+        # Apart: a page on which nobody says why goes on.
+        for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
+            journal.listen(listener)
+        self._orders = _OwnOrders(calls)
+        self._server = PageServer(feed, run.options.web_port, self._orders, tools)
+        self._server.start()
+        print_error(f"The page of this run: {self._server.url}")
+        if run.options.open:
+            open_page(self._server.url)
+
+    def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
+        """Let the tree be asked."""
+        self._tools.begin(tree, engine)
+
+    def on_end(self, *, has_begun: bool) -> None:
+        """Serve it no more; on a terminal that is Ctrl-C's to say, unless that is how the run has ended."""
+        self._has_ended = self._orders.has_ended = True
+        self._tools.end()
+        if has_begun and self._is_looked_at and not self._run.signals.came:
+            self._run.staying.append(self._stay)
+        else:
+            self._server.close()
+
+    @property
+    def _is_looked_at(self) -> bool:
+        is_terminal = draws_in_place(sys.stdout) and draws_in_place(sys.stderr)
+        return is_terminal and not self._run.options.supervision.is_there
+
+    def _report(self, _: Mapping[str, Any]) -> str:
+        """Return the report, once it takes no time from the mission, and nobody writes the journal."""
+        if not self._is_staying:
+            raise ToolError("the run goes on; sar-journal report writes one meanwhile")
+        return report_page(self._place)
+
+    def _stay(self) -> None:
+        self._is_staying = True
+        print_error(f"The run has ended, and its page stays until Ctrl-C: {self._server.url}")
+        while not self._run.signals.wait(_LOOK_SEC) and not self._server.wait(0.0):
+            pass
+        self._server.close()
+
+
+def open_page(url: str) -> None:
+    """Open a page in a browser, as the system has it; nothing waits for that."""
+
+    def show() -> None:
+        if not webbrowser.open(url):
+            print_error(f"There is no browser to open {url} in.")
+
+    Thread(target=show, name="browser", daemon=True).start()
+
+
+class _OwnOrders:
+    """The orders to the robot of this process.
+
+    Args:
+        calls: Who carries them out.
+    """
+
+    def __init__(self, calls: "VerbCalls") -> None:
+        self._calls = calls
+        self.has_ended = False
+
+    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> Future[tuple[bool, str]]:
+        """Give an order; see `VerbCalls.give`.
+
+        Raises:
+            VerbError: If it is none.
+        """
+        if self.has_ended:
+            message = "the run has ended"
+            raise SarError(message)
+        return self._calls.give(verb, values, giver.author(f"page, {giver.address}"))
+
+
+def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
+    """Serve a page that shows journals again, one for each robot, until Ctrl-C.
+
+    Raises:
+        JournalError: If one cannot be read.
+        PageError: If the port cannot be had.
+    """
+    from sar_compiler.project import Workspace
+
+    replay = Replay(paths, lambda path: _why_of(_explain(path, Workspace())))
+    tools = journal_tools(paths)
+    feed = ReplayFeed(replay, {"robots": _names(paths), "tools": [*tools]})
+    with _serve(feed, port, tools, opens=opens) as server:
+        server.wait()
+
+
+def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
+    """Serve a page of missions in other processes, by what they write to their journals, until Ctrl-C; orders go to their nodes.
+
+    Raises:
+        JournalError: If a file is no journal, or cannot be read.
+        PageError: If the port cannot be had.
+    """
+    team = _Team(paths)
+    tools = journal_tools(paths, team.reading)
+    hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
+    team.feed = feed = LiveFeed(hello, team.beat, len(paths))
+    with ordering(print_error) as orders, _serve(feed, port, tools, orders, opens=opens) as server:
+        team.orders = orders
+        while not server.wait(_LOOK_SEC):
+            team.look()
+
+
+class _Team:
+    """What a page is told of missions in other processes.
+
+    Args:
+        paths: Their journals.
+
+    Attributes:
+        feed: What the page is told.
+        orders: What carries out orders; None where there is no ROS.
+        reading: Is held by whoever reads a journal: to see whether somebody writes it takes away the locks of other readers in this process.
+    """
+
+    feed: LiveFeed
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        from sar_compiler.journal.following import JournalFollower
+
+        self.orders: TeamOrders | None = None
+        self.reading = Lock()
+        self._followers = [JournalFollower(path) for path in paths]
+        self._heard = [time.monotonic() for _ in paths]
+
+    def look(self) -> None:
+        """Tell what is new.
+
+        Raises:
+            JournalError: If a file is no journal, or cannot be read.
+        """
+        with self.reading:
+            self._look()
+
+    def _look(self) -> None:
+
+        for robot, follower in enumerate(self._followers):
+            is_gone = not is_locked(follower.path)
+            for entry in follower.news():
+                self._heard[robot] = time.monotonic()
+                self.feed.take(entry, robot)
+                self._think_of(robot, entry, follower.path)
+            self.feed.know(RunProcess(is_gone, time.monotonic() - self._heard[robot]), robot)
+
+    def _think_of(self, robot: int, entry: JournalEntry, path: Path) -> None:
+        if entry.kind == RUN_BEGAN and self.orders is not None:
+            self.feed.offer([_form(verb) for verb in self.orders.know(robot, entry)], robot)
+        if entry.kind == RUN_ENDED and (why := _why_of(_explain(path))) is not None:
+            self.feed.set_why(why, robot)
+
+    def beat(self) -> dict[str, object]:
+        """Return what a page is told every second."""
+        if self.orders is None:
+            return {}
+        return {"verbs": [self.orders.available(robot) for robot, _ in enumerate(self._followers)]}
+
+
+def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
+
+    with JournalFile.reading(path) as file:
+        return Explanation.of(file, workspace)
+
+
+def _why_of(explained: Explanation) -> dict[str, Any] | None:
+    return explained.data() if explained.reasons.is_of_a_failure else None
+
+
+class _TellsWhy:
+    """Tells a page at the end of a run why the mission has failed.
+
+    Args:
+        feed: What the page is told.
+    """
+
+    def __init__(self, feed: LiveFeed) -> None:
+        self._feed = feed
+        self._inquiry = Inquiry()
+
+    def take(self, entry: JournalEntry) -> None:
+        """Take an entry of the run."""
+        self._inquiry.take(entry)
+        if entry.kind == RUN_ENDED:
+            why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
+            if why is not None:
+                self._feed.set_why(why)
+
+
+@contextmanager
+def _serve(
+    feed: "LiveFeed | ReplayFeed",
+    port: int | None,
+    tools: Tools,
+    orders: Orders | None = None,
+    *,
+    opens: bool,
+) -> Iterator[PageServer]:
+    with closing(PageServer(feed, port, orders, tools)) as server:
+        server.start()
+        print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)
+        if opens:
+            open_page(server.url)
+        yield server
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Return what the robots are called: by their namespaces, as journals at the default place have them, if that is enough."""
+    stems = [path.stem for path in paths]
+    spaces = [stem.partition(".")[0] for stem in stems]
+    return spaces if len(set(spaces)) == len(stems) else stems
+
+
+def _form(verb: Verb) -> dict[str, Any]:
+    """Return what the page must know of a verb, as JSON values."""
+    own = {name: value for name, value in verb._asdict().items() if name not in ("service_type", "fill")}
+    return {**own, "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields]}

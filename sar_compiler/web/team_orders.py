@@ -1,0 +1,98 @@
+"""Orders to missions in other processes, by the services of their nodes."""
+
+import getpass
+import socket
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.missions.choosing import load_missions
+from sar_compiler.missions.mission import MissionRun, Verb, VerbError
+from sar_compiler.missions.parameter_reader import ParameterReader
+from sar_compiler.web.page_server import OrderGiver
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.execution.verb_calls import VerbCalls
+
+
+class TeamOrders:
+    """Carries out orders to several robots.
+
+    Args:
+        node: The node that calls.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        self._node, self._page = node, f"team page of {_user()}@{socket.gethostname()}"
+        self._calls: dict[int, tuple[str, VerbCalls]] = {}
+
+    def know(self, robot: int, began: JournalEntry) -> list[Verb]:
+        """Take the beginning of a robot's run; return what can be ordered of its mission, nothing where that is not installed."""
+        from sar_compiler.execution.order_record import RemoteSignature
+        from sar_compiler.execution.verb_calls import VerbCalls
+
+        mission, name = run_of(began), str(began.data["run"].get("node") or "")
+        verbs = [*mission.verbs()] if mission is not None and name else []
+        # A node that comes again has the same services.
+        if verbs and self._calls.get(robot, ("",))[0] != name:
+            sign = RemoteSignature(self._node, name).sign
+            self._calls[robot] = name, VerbCalls(self._node, verbs, sign, name)
+        return verbs
+
+    def available(self, robot: int) -> list[str]:
+        """Return the verbs that a robot heeds just now."""
+        return self._calls[robot][1].available() if robot in self._calls else []
+
+    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
+        """Give an order; see `VerbCalls.give`.
+
+        Raises:
+            VerbError: If it is none, or its robot is not known.
+        """
+        if giver.robot not in self._calls:
+            raise VerbError("nothing can be ordered of this robot: its mission is not known here")
+        return self._calls[giver.robot][1].give(verb, values, giver.author(self._page))
+
+
+@contextmanager
+def ordering(complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
+    """Yield what carries out orders; None where there is no ROS, about which is complained if it is broken."""
+    from sar_compiler.ros.middleware import MiddlewareError, require_middleware
+    from sar_compiler.ros.serving import spinning_node
+
+    try:
+        require_middleware()
+    except MiddlewareError as error:
+        complain(f"There are no orders on this page: {error}")
+        yield None
+        return
+    if find_spec("rclpy") is None:
+        yield None
+        return
+    with spinning_node("sar_journal_watch") as node:
+        yield TeamOrders(node)
+
+
+def run_of(began: JournalEntry) -> MissionRun | None:
+    """Return a run of the mission whose journal begins with an entry; None if no such mission is installed."""
+    try:
+        mission = load_missions()[began.data["mission"]]
+        # A journal may be anybody's, so no file that it names is read. What was read of one is among the parameters.
+        given = began.data["run"]["parameters"].items()
+        return mission.begin(
+            ParameterReader({name: value for name, value in given if name not in mission.path_parameters})
+        )
+    except Exception:  # noqa: BLE001 - it is another one by now, or is not installed
+        return None
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # nobody has the process's number
+        return "somebody"

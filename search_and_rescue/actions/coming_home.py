@@ -1,0 +1,311 @@
+"""Asking before each leg, to a zone or a piece of its sweep, whether the robot comes home again, and waiting at home for a battery that suffices."""
+
+import math
+from dataclasses import KW_ONLY, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import (
+    Clock,
+    RosLeaf,
+    Seconds,
+    battery_share,
+    of_node,
+    qos_profile,
+    robot_estimate,
+    value_reports,
+)
+from search_and_rescue.actions.navigation import NavigateToBase
+from search_and_rescue.homing import Homing
+from search_and_rescue.planned_ways import PlannedWays
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.zone_manager import MapPose
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+BATTERY_TOPIC = "battery_state"
+"""Where the battery is told: `sensor_msgs/msg/BatteryState`, of which the `percentage` counts."""
+
+
+class BatteryMeter:
+    """Tells what is known of coming home what the robot says: its battery, its odometry, and where it is.
+
+    It listens as long as the node exists, also while no leaf is ticked: a drive is what is to be learned of.
+
+    Args:
+        node: The mission's node.
+        homing: What is told.
+    """
+
+    def __init__(self, node: "Node", homing: Homing) -> None:
+        from sensor_msgs.msg import BatteryState
+
+        self._node, self._homing, self._robot = node, homing, robot_estimate(node)
+        self._robot.listen_to_odometry(self._on_odometry)
+        qos = qos_profile(type(self).__name__, "sensor_data")
+        node.create_subscription(BatteryState, BATTERY_TOPIC, self._on_battery, qos)
+        homing.is_asked = True
+
+    @property
+    def age_sec(self) -> float:
+        """How long ago the battery was told, seconds of the node's clock; endless before."""
+        return self._now() - self._homing.energy.read_sec
+
+    def look(self) -> None:
+        """Look where the robot is."""
+        place = self._robot.place()
+        if place is not None:
+            self._homing.place = MapPose(x=place[0], y=place[1], yaw=place[2])
+
+    def _on_odometry(self) -> None:
+        if self._robot.odometry is not None:
+            self._homing.energy.moved(*self._robot.odometry[:2])
+
+    def _on_battery(self, message: Any) -> None:
+        # A battery whose percentage is always unusable counts as silent.
+        reports = value_reports(self._node)
+        share = reports.read(f"Topic '{BATTERY_TOPIC}'", lambda: battery_share(message))
+        if share is not None:
+            self._homing.energy.read(self._now(), share)
+        self.look()
+
+    def _now(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds) / 1e9
+
+
+@dataclass(eq=False, repr=False)
+class _HomingLeaf(RosLeaf):
+    """The common base of these leaves, which listen to battery and robot from the setup on.
+
+    Args:
+        homing: What it takes to come home.
+        clock: The mission's clock.
+        record: Where it is noted.
+    """
+
+    name: str
+    homing: Homing
+    clock: Clock
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Begin to listen."""
+        super().setup(**kwargs)
+        self._meter.look()
+
+    @property
+    def _meter(self) -> BatteryMeter:
+        return of_node(self.node, BatteryMeter, lambda: BatteryMeter(self.node, self.homing))
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class ReturnInReach(_HomingLeaf):
+    """Is enough left for the next leg and the way home? SUCCESS if so; FAILURE if the robot is to come home first.
+
+    Out to the current zone, or to the open piece of its sweep, the look there and the way home must leave the reserve in the battery, and end before the mission's time is up. It is
+    RUNNING while the battery has not been told yet, for `max_age_sec` at most; a battery that is silent for longer suffices for nothing.
+
+    Args:
+        homing: What it takes to come home.
+        clock: The mission's clock.
+        record: Where it is noted that the robot comes home first.
+        limit: How long the mission may take, seconds of the mission's clock from the first tick on; 0 for no limit.
+        max_age_sec: How long the battery may be silent, seconds of the node's clock.
+    """
+
+    limit: Seconds = 0.0
+    max_age_sec: Seconds = 30.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._began = math.nan
+
+    def update(self) -> Status:
+        """Weigh the leg."""
+        now = self.clock.now()
+        if math.isnan(self._began):
+            self._began = now
+            self.homing.ends_at = now + self.limit if self.limit else math.inf
+        if not self.homing.has_next:
+            return self.answer(Status.FAILURE, "no zone")
+        if self._meter.age_sec > self.max_age_sec:
+            return self._on_silence(now)
+        self._meter.look()
+        reason = self.homing.shortage(now)
+        return self._refuse(reason) if reason else self._go()
+
+    def _on_silence(self, now: float) -> Status:
+        self.feedback_message = f"nothing on '{BATTERY_TOPIC}' yet"
+        if math.isnan(self.homing.energy.share) and now - self._began <= self.max_age_sec:
+            return self.answer(Status.RUNNING, "battery unknown")
+        return self._refuse(f"no share of the battery on '{BATTERY_TOPIC}' for {self.max_age_sec:g} s")
+
+    def _refuse(self, reason: str) -> Status:
+        stop, pose = self.homing.charging_stop()
+        near, home = self.homing.way_to(pose).metres, self.homing.home().metres
+        self.complain(
+            f"{reason}: {f'{stop} first, {near:.0f} m; home is {home:.0f} m' if stop else 'home first'}."
+        )
+        self.homing.await_charge()
+        self.record.home_first(self.homing.next_zone, reason, stop, **self.homing.weighed())
+        return self.answer(Status.FAILURE, "out of reach")
+
+    def _go(self) -> Status:
+        if self.record.homing_for:
+            # The battery was swapped while no run was there to see it.
+            self.record.charged(self.homing.energy.share)
+        self.feedback_message = f"{self.homing.energy.share:.0%} in the battery suffice"
+        return self.answer(Status.SUCCESS, "in reach")
+
+
+@dataclass(eq=False, repr=False)
+class FullBatterySuffices(RosLeaf):
+    """Would a full battery suffice for the next leg, from home and back? SUCCESS if so, else FAILURE: no charge helps.
+
+    First, RUNNING, it asks the planner for the ways of the leg that are not known yet. Those that it does not give count as straight lines
+    times 1.5, which is told.
+
+    Args:
+        homing: What it takes to come home.
+        ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
+        planner_id: Which of the planner server's planners is asked; empty for its only one.
+    """
+
+    name: str
+    homing: Homing
+    _: KW_ONLY
+    ways_timeout_sec: Seconds = 5.0
+    planner_id: str = ""
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self._ways: PlannedWays | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the client of the planner."""
+        self._release()
+        super().setup(**kwargs)
+        self._ways = PlannedWays(
+            self.node, self.homing.zones, self.ways_timeout_sec, self.planner_id, self._wake
+        )
+
+    def initialise(self) -> None:
+        """Ask for the ways."""
+        if self._ways is not None and self.homing.has_next:
+            self._ways.ask(self.homing.ways())
+
+    def update(self) -> Status:
+        """Weigh the leg, as soon as its ways are known."""
+        if not self.homing.has_next:
+            return self.answer(Status.FAILURE, "no zone")
+        if self._ways is not None and self._ways.are_awaited():
+            return self.answer(Status.RUNNING, "asking for ways")
+        if self._ways is not None and (news := self._ways.news()):
+            self.complain(f"'{self.name}': {news}.")
+        reason = self.homing.excess()
+        if reason:
+            self.complain(f"{reason}.")
+        return self.answer(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
+
+    def terminate(self, new_status: Status) -> None:
+        """Ask no further, if the leaf is stopped."""
+        if new_status is Status.INVALID and self._ways is not None:
+            self._ways.give_up()
+
+    def shutdown(self) -> None:
+        """Release the client, and the node."""
+        self._release()
+        super().shutdown()
+
+    def _release(self) -> None:
+        if self._ways is not None:
+            self._ways.release()
+        self._ways = None
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class NavigateToCharge(NavigateToBase):
+    """Drive to where the battery is charged: home, or a charging place that is nearer and reached with the reserve.
+
+    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there. Where there is no charging place it drives home, as
+    `NavigateToBase` does.
+
+    Args:
+        homing: What it takes to come home.
+    """
+
+    homing: Homing
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._stop = ""
+
+    def goal(self) -> Any:
+        """Return the goal for the place; SUCCESS if that is home, and the robot was there already when the mission was resumed."""
+        self._stop, pose = self.homing.charging_stop()
+        if not self._stop:
+            return super().goal()
+        trip = self.homing.way_to(pose)
+        headline = (
+            f"{self._stop} is {trip.metres:.0f} m away, for {self.homing.energy.need(trip):.0%} of the battery, "
+            f"which is at {self.homing.energy.share:.0%}."
+        )
+        return self._drive_to(f"charging place {self._stop}", pose, headline=headline)
+
+    def _on_arrival(self) -> None:
+        if self._stop:
+            self.record.charging_reached(self._stop)
+        else:
+            super()._on_arrival()
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class AwaitCharge(_HomingLeaf):
+    """Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the next leg.
+
+    RUNNING meanwhile, then SUCCESS. FAILURE if the robot is at neither, if that has not happened when the patience is over, or if no battery helps because the mission's
+    time is short.
+
+    Args:
+        homing: What it takes to come home.
+        clock: The clock of the patience.
+        record: Knows whether the robot is there; where it is noted what has come of it.
+        patience: How long to wait, seconds of the mission's clock.
+    """
+
+    patience: Seconds = 900.0
+
+    def initialise(self) -> None:
+        """Begin to wait."""
+        self._began = self.clock.now()
+
+    def update(self) -> Status:
+        """Look at the battery."""
+        now, share = self.clock.now(), self.homing.energy.share
+        place = self.record.charging_at or ("home" if self.record.home else "")
+        if not (self.homing.has_next and place):
+            nowhere = "the robot is not at home, nor at a charging place, or no zone is left"
+            self.complain(f"'{self.name}' has nothing to wait for: {nowhere}.")
+            return self.answer(Status.FAILURE, "not charged")
+        lacking = self.homing.shortage(now)
+        if self.homing.is_charged and not lacking:
+            self.say(f"The battery is at {share:.0%}: on to {self.homing.next_leg}.")
+            self.record.charged(share)
+            return self.answer(Status.SUCCESS, "charged")
+        if self.homing.late(now):
+            return self._give_up(lacking)
+        if now - self._began > self.patience:
+            return self._give_up(f"the battery was not charged within {self.patience:g} s at {place}")
+        self.feedback_message = f"waiting for a charge, the battery is at {share:.0%}"
+        return self.answer(Status.RUNNING, "waiting")
+
+    def _give_up(self, reason: str) -> Status:
+        self.complain(f"{reason[:1].upper()}{reason[1:]}.")
+        self.record.alarmed(reason)
+        return self.answer(Status.FAILURE, "not charged")

@@ -1,0 +1,302 @@
+"""Driving to the zones and home: goals for Nav2's action `NavigateToPose`."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import (
+    SUCCEEDED,
+    ActionLeaf,
+    Deadline,
+    Seconds,
+    describe_status,
+    drive_left,
+    turn_by,
+)
+from sar_compiler.missions import PROGRESS
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.zone_manager import MAP_FRAME, MapPose, ZoneManager
+
+# How long a goal in an obstacle is not sent again, seconds: some obstacles go away.
+_OCCUPIED_SEC = 60.0
+# How often the journal is told what is left of the drive, seconds.
+_PROGRESS_SEC = 1.0
+_ABORTED = 6
+
+# Nav2's error codes, by the action definitions of nav2_msgs. Each server has a range of a hundred; `NavigateToPose` passes on the code of
+# the server that failed.
+FOR_GOOD = (101, 201, 204, 9001)
+"""Codes of goals that fail as often as they are sent: no such plug-in or tree, a goal outside the map."""
+OCCUPIED = 206
+"""The code of a goal in an obstacle, of which some can move."""
+_ROBOTS_PLACE = (203, 205)
+OF_PLANNER = range(200, 300)
+"""Codes of goals to which, or through which, no path was found."""
+# What Nav2 says of several poses has the codes of a single one, so much later.
+_OF_SEVERAL, _LATER = {*range(301, 309), *range(9100, 9104)}, 100
+
+_CODES = {
+    1: "the goal was rejected by another server",
+    2: "the goal could not be sent on to another server",
+    101: "the controller that was asked for does not exist",
+    102: "the controller could not transform a pose",
+    103: "the controller was given an invalid path",
+    104: "the controller's patience was exceeded",
+    105: "the robot makes no progress",
+    106: "the controller found no safe velocity",
+    107: "the controller took too long",
+    201: "the planner that was asked for does not exist",
+    202: "the planner could not transform a pose",
+    203: "the robot is outside the map",
+    204: "the goal is outside the map",
+    205: "the robot stands in an obstacle",
+    206: "the goal lies in an obstacle",
+    207: "the planner took too long",
+    208: "there is no path to the goal",
+    9001: "Nav2 could not load its behavior tree",
+    9002: "Nav2 could not transform a pose",
+    9003: "Nav2 took too long",
+}
+
+_RANGES = (
+    (100, 199, "the controller failed"),
+    (OF_PLANNER.start, OF_PLANNER.stop - 1, "the planner failed"),
+    (300, 399, "the planner for several poses failed"),
+    (400, 499, "the route server failed"),
+    (500, 599, "the smoother failed"),
+    (600, 699, "the waypoint follower failed"),
+    (700, 799, "a recovery behavior failed"),
+    (900, 999, "docking or following failed"),
+    (9000, 9999, "the navigator failed"),
+)
+
+
+@dataclass(eq=False, repr=False)
+class NavigateTo(ActionLeaf):
+    """The common base of driving to a zone and driving home: one goal for each activation.
+
+    Subclasses define the target, and the effect of the arrival.
+
+    Args:
+        zone_manager: The mission's zones.
+        record: Where the drive is noted.
+        action: The action's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
+        feedback_timeout_sec: How long a server may be silent, seconds.
+        hold_timeout_sec: How long to wait for somebody to judge the goal: for Nav2 and its localisation, or the end of another
+            client's goal, seconds.
+    """
+
+    name: str
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    action: str = "navigate_to_pose"
+    server_timeout_sec: Seconds = 10.0
+    acceptance_timeout_sec: Seconds = 5.0
+    feedback_timeout_sec: Seconds = 10.0
+    hold_timeout_sec: Seconds = 60.0
+
+    action_type = "nav2_msgs/action/NavigateToPose"
+    rivals = ("navigate_to_pose", "navigate_through_poses")
+    # People read no faster, and whoever watches is told of every change.
+    feedback_period_sec = 0.4
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.action_name = self.action
+        self._target = self._headline = ""
+        self._hopeless: dict[str, tuple[str, Deadline]] = {}
+        self._next_progress: Deadline | None = None
+
+    @property
+    def _needs_nav2(self) -> bool:
+        return True
+
+    def on_send(self) -> None:
+        """Log the target of the drive."""
+        self.feedback_message = f"navigating to {self._target}"
+        self.say(f"Navigating to {self._target}...")
+
+    def on_feedback(self, feedback: Any) -> Status | None:
+        """Keep the remaining distance, and note it in the journal."""
+        left = drive_left(feedback)
+        if left is None:
+            self.feedback_message = f"navigating to {self._target}"
+            return None
+        distance, seconds = left
+        self.feedback_message = f"navigating to {self._target}, {distance:.2f} m left"
+        if self._next_progress is None or self._next_progress.passed:
+            self._next_progress = Deadline(_PROGRESS_SEC, self._clock)
+            figures = {"distance": round(distance, 3), "time_left": round(seconds, 1)}
+            self.record.journal.watch(PROGRESS, target=self._target, **figures)
+        return None
+
+    def on_result(self, status: int, result: Any) -> Status:
+        """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
+        if status != SUCCEEDED:
+            reason, code = describe_end(status, result, self.nav2_reason()), code_of(result)
+            if code in (*FOR_GOOD, OCCUPIED):
+                seconds = _OCCUPIED_SEC if code == OCCUPIED else math.inf
+                self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
+            return self.on_failure(reason)
+        self.feedback_message = f"reached {self._target}"
+        self.say(f"Reached {self._target}.")
+        self._on_arrival()
+        return Status.SUCCESS
+
+    def update(self) -> Status:
+        """Return the leaf's status, and say of RUNNING whether the robot drives or waits for somebody to judge the drive."""
+        status = super().update()
+        if status is Status.RUNNING:
+            waits = "not arrived" if self.has_not_arrived else "waiting for Nav2"
+            self.answer_label = waits if self.record.navigation_lost else "driving"
+        return status
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE, and log the target that was not reached."""
+        self.complain(f"Navigation to {self._target} failed: {reason}")
+        return self.answer(Status.FAILURE, "aborted")
+
+    def on_hold(self, obstacle: str) -> None:
+        """Note that nobody judges the drive."""
+        self.record.navigation_lost = obstacle
+
+    def on_available(self) -> None:
+        """Note that somebody does."""
+        self.record.navigation_lost = ""
+
+    def on_unavailable(self, reason: str) -> Status:
+        """Return FAILURE: that says nothing of the target, which `NavigationAvailable` asks for."""
+        self.record.navigation_lost = reason
+        self.complain(f"Navigation to {self._target} is unavailable: {reason}")
+        return self.answer(Status.FAILURE, "unavailable")
+
+    def _on_arrival(self) -> None:
+        """Handle the arrival."""
+
+    def _drive_to(self, target: str, *poses: MapPose, headline: str = "") -> Any:
+        """Return the goal for poses in the frame `map`, of which the last one is the target."""
+        self._target = target
+        reason, until = self._hopeless.get(target, ("", None))
+        if until is not None and not until.passed:
+            return self.on_failure(reason)
+        if headline not in ("", self._headline):
+            self._headline = headline
+            self.say(headline)
+        return self._message_to([self._stamped(pose) for pose in poses])
+
+    def _message_to(self, poses: Sequence[Any]) -> Any:
+        """Return the goal that is sent, for poses as messages."""
+        return self.interface.Goal(pose=poses[0])
+
+    def _stamped(self, pose: MapPose) -> Any:
+        from geometry_msgs.msg import PoseStamped
+
+        message = PoseStamped()
+        message.header.frame_id = MAP_FRAME
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.pose.position.x, message.pose.position.y = float(pose["x"]), float(pose["y"])
+        turn_by(message.pose.orientation, pose["yaw"])
+        return message
+
+
+class NavigateToZone(NavigateTo):
+    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+
+    Where nobody can judge a drive it waits, RUNNING, within `hold_timeout_sec`, and fails then: that says nothing of the zone, and
+    `NavigationAvailable` tells the one from the other.
+    """
+
+    def goal(self) -> Any:
+        """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
+        if not self.zone_manager.has_remaining():
+            self.complain(f"'{self.name}' has nowhere to drive to: every zone is visited.")
+            return self.answer(Status.FAILURE, "no zone")
+        zone = self.zone_manager.current_zone()
+        if self.record.before.has_searched(zone["id"]):
+            self.feedback_message = f"{zone['id']} was searched by an earlier run"
+            return Status.SUCCESS
+        self.record.zone_started(zone["id"])
+        place = f"{self.zone_manager.current_index() + 1}/{self.zone_manager.total_zones()}"
+        headline = f"--- Zone {place}: {zone['id']} ({zone['x']:.2f}, {zone['y']:.2f}) ---"
+        return self._drive_to(zone["id"], zone, headline=headline)
+
+
+class NavigateToBase(NavigateTo):
+    """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+
+    Args:
+        zone_manager: The mission's zones and base station.
+        record: Where the return is noted.
+    """
+
+    _told = ""
+
+    def goal(self) -> Any:
+        """Return the goal for the base station; SUCCESS if the robot was there already when the mission was resumed."""
+        if self.record.before.take_home():
+            self.feedback_message = "an earlier run has driven home"
+            self._on_arrival()
+            return Status.SUCCESS
+        headline = "" if self.zone_manager.has_remaining() else f"{self._visited()} Returning to base."
+        return self._drive_to("base station", self.zone_manager.base_pose(), headline=headline)
+
+    def _visited(self) -> str:
+        abandoned = [zone["id"] for zone in self.zone_manager.abandoned_zones()]
+        return f"No zone is left; abandoned: {', '.join(abandoned)}." if abandoned else "All zones visited."
+
+    def _on_arrival(self) -> None:
+        self.record.base_reached()
+        shortfalls = self.record.shortfalls(self.zone_manager)
+        told = "Mission complete."
+        if shortfalls:
+            # As of now: a report that is kept may still be delivered here.
+            told = " ".join(["Back at base with the mission incomplete:", *shortfalls])
+        if told != self._told:
+            self._told = told
+            self.say(told)
+
+
+def describe_end(status: int, result: Any, said: str = "") -> str:
+    """Return the description of a failed drive.
+
+    Args:
+        status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
+        result: The result of `nav2_msgs/action/NavigateToPose`, which has no error code in older versions.
+        said: What Nav2's nodes have logged meanwhile.
+
+    Returns:
+        Status and error code, each as a number and in words, and Nav2's own reason where it has given one.
+    """
+    code = code_of(result)
+    own = str(getattr(result, "error_msg", ""))
+    words = own or _describe_code(code, aborted=status == _ABORTED)
+    quoted = f" ({said})" if said and not own else ""
+    return f"{describe_status(status)}, error code {getattr(result, 'error_code', 0)}: {words}{quoted}{_advice(code)}"
+
+
+def code_of(result: Any) -> int:
+    """Return the code of a result; of several poses, the one that says the same of a single one."""
+    code = int(getattr(result, "error_code", 0))
+    return code - _LATER if code in _OF_SEVERAL else code
+
+
+def _advice(code: int) -> str:
+    if code in FOR_GOOD:
+        return "; it is not sent again"
+    return "; no goal can be reached from there" if code in _ROBOTS_PLACE else ""
+
+
+def _describe_code(code: int, *, aborted: bool) -> str:
+    if code == 0:
+        # Nav2 aborts so for many reasons: a server that was late or is dead, a node that is not active, no pose.
+        return "no code" if aborted else "none"
+    if code in _CODES:
+        return _CODES[code]
+    ranges = (words for first, last, words in _RANGES if first <= code <= last)
+    return next(ranges, "a code that is not known here")

@@ -1,0 +1,538 @@
+"""Searching for survivors, giving them a frame, and reporting them."""
+
+from dataclasses import KW_ONLY, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import (
+    GridPlace,
+    RosLeaf,
+    Seconds,
+    ServiceLeaf,
+    TopicLeaf,
+    UnusableValueError,
+    check_position,
+    grid_place,
+    of_node,
+    planar_point,
+    qos_profile,
+    value_reports,
+)
+from search_and_rescue.record import MissionRecord, SurvivorReport
+from search_and_rescue.zone_manager import MAP_FRAME, ZoneManager
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.node import Node
+
+    from search_and_rescue.coverage import ObstacleMap
+
+_MAP_TOPIC = "map"
+"""What Nav2's map server, or SLAM, publishes the map on, for late subscribers as well."""
+
+# From how many percent on a cell of the map is occupied, as map_server writes them.
+_OCCUPIED = 65
+
+_SEEN_AT_ONCE = 100
+
+_FRAMES_TOPIC = "/tf_static"
+"""Absolute, like tf2's own; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
+
+
+class MapExtent:
+    """The rectangle of the map that a node last received, if any: nobody is rescued from infinity, or from beyond the map.
+
+    Use `map_extent_of`: one subscription does for all leaves.
+
+    Args:
+        node: The rclpy node that subscribes.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from nav_msgs.msg import OccupancyGrid
+
+        self._node = node
+        self._place: GridPlace | None = None
+        self._grid: OccupancyGrid | None = None
+        self._obstacles: ObstacleMap | None = None
+        latched = qos_profile(type(self).__name__, "transient_local")
+        node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._take, latched)
+
+    def check(self, x: float, y: float) -> tuple[float, float]:
+        """Return a position, metres in the frame `map`.
+
+        Raises:
+            UnusableValueError: If nothing can be there.
+        """
+        check_position(x, y)
+        if self._place is not None and not self._place.contains(x, y):
+            raise UnusableValueError(f"({x:.2f}, {y:.2f}) is not on the map")
+        return x, y
+
+    def objection(self, x: float, y: float) -> str:
+        """Return why nothing can be at a position, metres in the frame `map`; empty if something can."""
+        try:
+            self.check(x, y)
+        except UnusableValueError as error:
+            return str(error)
+        return ""
+
+    def _take(self, message: Any) -> None:
+        place = value_reports(self._node).read(f"Topic '{_MAP_TOPIC}'", lambda: grid_place(message))
+        if place is not None:
+            self._place, self._grid, self._obstacles = place, message, None
+
+    def obstacles(self) -> "ObstacleMap | None":
+        """Return what nobody sees or drives through: cells that are occupied, or unknown; None while there is no map with all its cells."""
+        # Only who sweeps needs NumPy.
+        import numpy as np
+
+        from search_and_rescue.coverage import ObstacleMap
+
+        place = self._place
+        if self._grid is not None and place is not None and self._obstacles is None:
+            if len(self._grid.data) != place.width * place.height:
+                return None
+            cells = np.array(self._grid.data, np.int8).reshape(place.height, place.width)
+            self._obstacles = ObstacleMap(
+                (cells < 0) | (cells >= _OCCUPIED), place.cell_m, (place.x, place.y, place.yaw)
+            )
+        return self._obstacles
+
+
+def map_extent_of(node: "Node") -> MapExtent:
+    """Return the extent of a node's map, the same object in every call."""
+    return of_node(node, MapExtent, lambda: MapExtent(node))
+
+
+@dataclass(eq=False, repr=False)
+class DetectSurvivor(ServiceLeaf):
+    """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
+
+    FAILURE if the service does not answer, or answers with a position that is none, or not on the map.
+
+    Args:
+        zone_manager: The mission's zones.
+        record: Where a find is noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
+    """
+
+    name: str
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    service: str = "detect_survivor"
+    server_timeout_sec: Seconds = 10.0
+    timeout_sec: Seconds = 5.0
+
+    service_type = "sar_interfaces/srv/DetectSurvivor"
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.service_name = self.service
+        self._zone_id = ""
+        self._pose: tuple[float, float] | None = None
+        self._survivor_id: str | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Create the client, and listen to the map."""
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+
+    def was_found(self) -> bool:
+        """Return whether the last search found a survivor."""
+        return self._pose is not None
+
+    def survivor_pose(self) -> tuple[float, float] | None:
+        """Return the survivor's x and y in the frame `map` (metres), or None if none was found."""
+        return self._pose
+
+    def survivor_id(self) -> str | None:
+        """Return the survivor's assigned name, or None."""
+        return self._survivor_id
+
+    def set_survivor_id(self, survivor_id: str) -> None:
+        """Keep the survivor's assigned name."""
+        self._survivor_id = survivor_id
+
+    def take(self, survivor: tuple[float, float] | None) -> None:
+        """Keep where a survivor was found, x and y in the frame `map` (metres); None if nobody was."""
+        self._pose, self._survivor_id = survivor, None
+
+    def request(self) -> Any:
+        """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
+        self.take(None)
+        if not self.zone_manager.has_remaining():
+            self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
+            return self.answer(Status.FAILURE, "no zone")
+        self._zone_id = self.zone_manager.current_zone()["id"]
+        if self.record.before.has_searched(self._zone_id):
+            self.say(f"{self._zone_id} was searched by an earlier run.")
+            return self._answered(self.record.before.take_search(self._zone_id))
+        return self.interface.Request(zone_id=self._zone_id)
+
+    def on_send(self) -> None:
+        """Log which zone is searched."""
+        self.say(f"Calling {self.service_name} for {self._zone_id}...")
+
+    def on_response(self, response: Any) -> Status:
+        """Keep the answer, with or without a survivor; one at an impossible place is none."""
+        try:
+            survivor = self._place(response)
+        except UnusableValueError as error:
+            self.record.survivor_unplaced(self._zone_id, str(error))
+            return self.on_failure(f"{self.service_name} found a survivor, and {error}")
+        self.record.zone_searched(self._zone_id, survivor)
+        if survivor is not None:
+            self.say(f"Survivor detected at {self._zone_id}!")
+        return self._answered(survivor)
+
+    def _answered(self, survivor: tuple[float, float] | None) -> Status:
+        self.take(survivor)
+        self.feedback_message = f"{'nobody' if survivor is None else 'survivor'} in {self._zone_id}"
+        return self.answer(Status.SUCCESS, "nothing" if survivor is None else "found")
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE: there is no answer, or none that can be."""
+        return self.answer(super().on_failure(reason), "no answer")
+
+    def is_good_news(self, response: Any) -> bool:
+        """Return whether the answer can be true."""
+        try:
+            self._place(response)
+        except UnusableValueError:
+            return False
+        return True
+
+    def _place(self, response: Any) -> tuple[float, float] | None:
+        """Return where the survivor is, metres in the frame `map`; None if none was found.
+
+        Raises:
+            UnusableValueError: If nobody can be there.
+        """
+        extent = map_extent_of(self.node)
+        return extent.check(response.survivor_x, response.survivor_y) if response.found else None
+
+
+@dataclass(eq=False, repr=False)
+class AwaitSurvivor(TopicLeaf):
+    """Wait until a detector publishes somebody who has no name yet, and tell the search: SUCCESS then, RUNNING before.
+
+    What was published since the setup counts, so that nobody is lost who was seen while another find was dealt with. A detector repeats what it
+    sees: of several in one tick the last one counts, and whoever has a name already, even if the operator has rejected it, is no news. A
+    detection in another frame than `map`, from the future, or where nobody can be, is reported once and passed over.
+
+    Args:
+        detect_node: The search that is told where the survivor is.
+        zone_manager: The mission's zones: the find counts for the current one.
+        record: Where the find is noted, and who was found before.
+        topic: The topic's name (`geometry_msgs/msg/PointStamped`, frame `map`, metres).
+        same_within: How near two finds are the same survivor, metres.
+    """
+
+    name: str
+    detect_node: DetectSurvivor
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    topic: str = "survivor_detections"
+    same_within: float = 1.0
+
+    topic_type = "geometry_msgs/msg/PointStamped"
+    waits = True
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.topic_name = self.topic
+
+    def setup(self, **kwargs: Any) -> None:
+        """Subscribe to the topic, and to the map."""
+        # A detector publishes all whom it sees at once.
+        self.qos = qos_profile(type(self).__name__, self.qos)
+        self.qos.depth = _SEEN_AT_ONCE
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+
+    def initialise(self) -> None:
+        """Have the search forget whom it has found before."""
+        super().initialise()
+        self.detect_node.take(None)
+
+    def update(self) -> Status:
+        """Look whether somebody was published; a find that an earlier run could not deal with comes first."""
+        if not self.zone_manager.has_remaining():
+            return self.answer(Status.FAILURE, "no zone")
+        zone = self.zone_manager.current_zone()["id"]
+        if self.record.before.has_found(zone):
+            return self._found(zone, self.record.before.take_search(zone))
+        return super().update()
+
+    def on_message(self, message: Any) -> Status:
+        """Tell the search of somebody new."""
+        place = planar_point(message, MAP_FRAME)
+        if not self._is_new(place):  # any more
+            return self.on_silence()
+        zone = self.zone_manager.current_zone()["id"]
+        self.record.zone_searched(zone, place)
+        return self._found(zone, place)
+
+    def on_silence(self) -> Status:
+        """Return RUNNING: nobody new was published."""
+        self.feedback_message = f"nobody new on '{self.topic_name}'{self.silence_cause}"
+        return self.answer(Status.RUNNING, "listening")
+
+    def _found(self, zone: str, place: tuple[float, float] | None) -> Status:
+        self.detect_node.take(place)
+        self.feedback_message = f"survivor in {zone}"
+        self.say(f"Survivor seen on the way, in {zone}!")
+        return self.answer(Status.SUCCESS, "found")
+
+    def check_message(self, message: Any) -> None:
+        """Hold the position against frame and map."""
+        map_extent_of(self.node).check(*planar_point(message, MAP_FRAME))
+
+    def _receive(self, message: Any) -> None:
+        if self._is_new(planar_point(message, MAP_FRAME)):
+            super()._receive(message)
+
+    def _is_new(self, place: tuple[float, float]) -> bool:
+        return not self.record.named_near(*place, self.same_within)
+
+
+class StaticTransforms:
+    """The static frames of one node, published so that a late subscriber receives all of them.
+
+    `/tf_static` keeps one message for late subscribers, so that message must contain every frame published so far,
+    and a frame that is sent again must replace its earlier version. (tf2_ros for Python ignores the second sending.)
+
+    Use `static_transforms_of`: of two publishers on one node each would send late subscribers only its own frames.
+
+    Args:
+        node: The rclpy node that publishes.
+    """
+
+    def __init__(self, node: "Node") -> None:
+        from tf2_msgs.msg import TFMessage
+
+        latched = qos_profile(type(self).__name__, "transient_local")
+        self._message_type = TFMessage
+        self._publisher = node.create_publisher(TFMessage, _FRAMES_TOPIC, latched)
+        self._transforms: dict[str, TransformStamped] = {}
+
+    def put(self, transform: "TransformStamped") -> None:
+        """Publish a frame, together with all earlier ones; one with the same child frame is replaced."""
+        self._transforms[transform.child_frame_id] = transform
+        self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
+
+
+def static_transforms_of(node: "Node") -> StaticTransforms:
+    """Return the static frames of a node, the same object in every call.
+
+    They exist as long as the node: frames of a finished mission remain known.
+    """
+    return of_node(node, StaticTransforms, lambda: StaticTransforms(node))
+
+
+@dataclass(eq=False, repr=False)
+class BroadcastSurvivorTF(RosLeaf):
+    """Give the survivor that was found a name, and publish a static frame of that name under `map`.
+
+    FAILURE if none was found.
+
+    Args:
+        detect_node: The search that found the survivor; is told the name.
+        zone_manager: Gives out the names.
+        record: Where the name is noted.
+    """
+
+    name: str
+    detect_node: DetectSurvivor
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self._verdict = Status.INVALID
+
+    def setup(self, **kwargs: Any) -> None:
+        """Create the publisher, or share the one that the node has already; publish the survivors of earlier runs."""
+        super().setup(**kwargs)
+        static_transforms_of(self.node)
+        for survivor in self.record.survivors:
+            if survivor.survivor_id is not None:
+                self._publish(survivor.survivor_id, survivor.x, survivor.y)
+
+    def initialise(self) -> None:
+        """Reset the status of the last activation."""
+        self._verdict = Status.RUNNING
+
+    def update(self) -> Status:
+        """Publish once in each activation, so that each uses one name."""
+        if self._verdict is Status.RUNNING:
+            self._verdict = self._broadcast()
+        return self._verdict
+
+    def _broadcast(self) -> Status:
+        pose = self.detect_node.survivor_pose()
+        if pose is None:
+            self.complain(f"'{self.name}' has no frame to broadcast: nobody was found.")
+            return Status.FAILURE
+        survivor_id = self.record.before.take_name(*pose)
+        if survivor_id is None:
+            survivor_id = self.zone_manager.next_survivor_id()
+            self.record.survivor_named(survivor_id, *pose)
+        self._publish(survivor_id, *pose)
+        self.detect_node.set_survivor_id(survivor_id)
+        self.feedback_message = f"{survivor_id} at ({pose[0]:.2f}, {pose[1]:.2f})"
+        self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
+        named = self.record.survivor(survivor_id)
+        if named is not None and named.possibly is not None:
+            self.say(f"{survivor_id} is possibly {named.possibly}: the operator decides.")
+        return Status.SUCCESS
+
+    def _publish(self, survivor_id: str, x: float, y: float) -> None:
+        from geometry_msgs.msg import TransformStamped
+
+        frame = TransformStamped()
+        frame.header.stamp = self.node.get_clock().now().to_msg()
+        frame.header.frame_id = MAP_FRAME
+        frame.child_frame_id = survivor_id
+        frame.transform.translation.x = x
+        frame.transform.translation.y = y
+        # A position is known, not an attitude.
+        frame.transform.rotation.w = 1.0
+        static_transforms_of(self.node).put(frame)
+
+
+def report_of(
+    detect_node: DetectSurvivor, leaf: RosLeaf, record: MissionRecord, lacks: str
+) -> SurvivorReport | Status:
+    """Return the report of the survivor that was found, or the status of the leaf that has none to deal with.
+
+    Args:
+        detect_node: The search that found the survivor.
+        leaf: The leaf: it says why that is so.
+        record: Knows whether base has acknowledged the report in an earlier run.
+        lacks: What the leaf has then, in words.
+    """
+    survivor_id, pose = detect_node.survivor_id(), detect_node.survivor_pose()
+    if survivor_id is None or pose is None:
+        missing = "nobody was found" if pose is None else "the survivor has no name yet"
+        leaf.complain(f"'{leaf.name}' has {lacks}: {missing}.")
+        return Status.FAILURE
+    if record.was_reported_before(survivor_id):
+        leaf.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
+        return Status.SUCCESS
+    return SurvivorReport(survivor_id, *pose)
+
+
+@dataclass(eq=False, repr=False)
+class ReportLeaf(ServiceLeaf):
+    """A leaf that reports a survivor to the base station, and handles the acknowledgement.
+
+    Subclasses choose the survivor.
+
+    Args:
+        record: Where the acknowledgement is noted.
+        service: The service's name.
+        server_timeout_sec: How long to wait for a server, seconds.
+        timeout_sec: How long to wait for the answer, seconds.
+    """
+
+    name: str
+    _: KW_ONLY
+    record: MissionRecord = field(default_factory=MissionRecord)
+    service: str = "report_survivor"
+    server_timeout_sec: Seconds = 10.0
+    timeout_sec: Seconds = 5.0
+
+    service_type = "sar_interfaces/srv/ReportSurvivor"
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+        self.service_name = self.service
+        self._survivor_id = ""
+
+    def on_send(self) -> None:
+        """Note that the survivor is reported, and log the name."""
+        self.record.report_sent(self._survivor_id)
+        self.say(f"Reporting {self._survivor_id} to base...")
+
+    def on_response(self, response: Any) -> Status:
+        """Return SUCCESS if the base station has acknowledged the report, else FAILURE."""
+        if not response.acknowledged:
+            self.complain(f"Base did not acknowledge {self._survivor_id}.")
+            return self.answer(Status.FAILURE, "refused")
+        self.record.survivor_acknowledged(self._survivor_id)
+        self.feedback_message = f"{self._survivor_id} acknowledged"
+        self.say(f"Base acknowledged {self._survivor_id}.")
+        return Status.SUCCESS
+
+    def on_failure(self, reason: str) -> Status:
+        """Return FAILURE: without an answer a report is not acknowledged, either."""
+        return self.answer(super().on_failure(reason), "refused")
+
+    def is_good_news(self, response: Any) -> bool:
+        """Return whether the report was acknowledged."""
+        return bool(response.acknowledged)
+
+    def _request_for(self, report: SurvivorReport) -> Any:
+        self._survivor_id = report.survivor_id
+        request = self.interface.Request(survivor_id=report.survivor_id)
+        request.location.header.frame_id = MAP_FRAME
+        request.location.header.stamp = self.node.get_clock().now().to_msg()
+        request.location.point.x, request.location.point.y = report.x, report.y
+        return request
+
+
+@dataclass(eq=False, repr=False)
+class NotifyBase(ReportLeaf):
+    """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
+
+    Args:
+        detect_node: The search that found the survivor.
+    """
+
+    detect_node: DetectSurvivor
+
+    def request(self) -> Any:
+        """Return the report of the survivor; FAILURE if none was found, or it has no name, SUCCESS if base knew it before."""
+        report = report_of(self.detect_node, self, self.record, "nothing to report")
+        if isinstance(report, Status):
+            return self.answer(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
+        return self._request_for(report)
+
+
+class LogNoDetection(RosLeaf):
+    """Log that no survivor was found.
+
+    After a refused report the tree may come here as well: who was found all the same is named for the operator.
+
+    Args:
+        zone_manager: Names the zone, if requested.
+        record: Knows who was found there all the same.
+    """
+
+    def __init__(
+        self, name: str, zone_manager: ZoneManager | None = None, *, record: MissionRecord | None = None
+    ) -> None:
+        super().__init__(name)
+        self._zones, self._record = zone_manager, record or MissionRecord()
+
+    def update(self) -> Status:
+        """Log the message."""
+        named = self._zones is not None and self._zones.has_remaining()
+        zone = self._zones.current_zone()["id"] if self._zones is not None and named else ""
+        place = f" at {zone}" if zone else ""
+        self.feedback_message = f"nobody found{place}"
+        self.say(f"No survivor found{place}.")
+        for survivor in self._record.survivors:
+            if survivor.zone_id == zone and survivor.counts and not survivor.acknowledged:
+                self.complain(
+                    f"Note for the operator: {survivor} was found, and base has not acknowledged it."
+                )
+        return Status.SUCCESS

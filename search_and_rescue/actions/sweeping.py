@@ -1,0 +1,501 @@
+"""Sweeping the ground of a zone: piece by piece, and what was missed once more."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import KW_ONLY, dataclass, field
+from functools import partial
+from typing import Annotated, Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import (
+    SUCCEEDED,
+    Clock,
+    RobotEstimate,
+    RosLeaf,
+    at_least,
+    poses_left,
+    robot_estimate,
+    sensible,
+)
+from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of
+from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
+from search_and_rescue.areas import COVERAGE, Corners
+from search_and_rescue.beside_ticks import begin_beside
+from search_and_rescue.drawn_areas import DrawingError, DrawnAreas
+from search_and_rescue.homing import Homing
+from search_and_rescue.leaf_specs import SweepPattern
+from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.search_theory import pod_at_random, pod_of_parallel_sweep
+from search_and_rescue.sweep_record import Sweep, Sweeps
+from search_and_rescue.sweeps import sweep
+from search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
+
+Passes = Annotated[int, at_least(1)]
+Share = Annotated[float, sensible(0, 1)]
+
+# What is nearer than that is the robot's place as well, metres.
+_STANDS_M = 0.05
+# Who was here and is so far away now, metres, and faster than that, m/s, did not drive there: the localisation has jumped.
+_JUMP_M, _FASTEST_MPS = 2.0, 1.5
+# Nav2 takes a pose for passed within 0.7 m of it, unless its tree has another radius; farther away than this the robot was not there, metres.
+_PASSES_M = 3.0
+
+
+@dataclass(eq=False, repr=False)
+class _SweepLeaf(RosLeaf):
+    """The common base of leaves on the current zone's ground.
+
+    Args:
+        zone_manager: The mission's zones.
+        sweeps: The mission's sweeps.
+    """
+
+    name: str
+    zone_manager: ZoneManager
+    sweeps: Sweeps
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+
+    @property
+    def _zone(self) -> str:
+        """The current zone; empty if none is left."""
+        return self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
+
+
+class ZoneHasGround(_SweepLeaf):
+    """Has the current zone an outline, so that it can be swept? SUCCESS if so, else FAILURE."""
+
+    def update(self) -> Status:
+        """Look at the zone."""
+        return Status.SUCCESS if self._zone in self.sweeps.grounds else Status.FAILURE
+
+
+class PiecesRemaining(_SweepLeaf):
+    """Is a piece of the current zone's sweep open? SUCCESS if so, else FAILURE."""
+
+    def update(self) -> Status:
+        """Look at the sweep."""
+        sweep = self.sweeps.of(self._zone)
+        self.feedback_message = f"{sweep.done} of {len(sweep.pieces)} pieces done"
+        return Status.SUCCESS if sweep.left else Status.FAILURE
+
+
+@dataclass(eq=False, repr=False)
+class _PlanLeaf(_SweepLeaf):
+    """The common base of leaves that plan pieces, beside the ticks: RUNNING meanwhile.
+
+    Args:
+        clearance: How far pieces keep from obstacles, metres.
+    """
+
+    _: KW_ONLY
+    clearance: Annotated[float, sensible(0)] = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._under_way: tuple[str, str, float, Future[list[MapPose]]] | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map."""
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+
+    def update(self) -> Status:
+        """Begin to plan, or take what has come of it."""
+        zone = self._zone
+        if not zone:
+            return self.answer(Status.FAILURE, "no zone")
+        if self.sweeps.of(zone).left:
+            return self.answer(Status.SUCCESS, "going on")
+        if self._under_way is None or self._under_way[0] != zone:
+            return self._begin(zone)
+        if not self._under_way[-1].done():
+            return self.answer(Status.RUNNING, "planning")
+        return self._planned(*self._under_way)
+
+    def terminate(self, new_status: Status) -> None:
+        """Forget what is planned, if the leaf is stopped."""
+        if new_status is Status.INVALID:
+            self._under_way = None
+
+    def _begin(self, zone: str) -> Status:
+        raise NotImplementedError
+
+    def _plan(
+        self, zone: str, told: str, polygons: "list[Corners]", pattern: SweepPattern, coverage: float
+    ) -> Status:
+        spacing = self.sweeps.grounds[zone].sweep_width / coverage
+        obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
+        if obstacles is None:
+            self.complain(f"No map has come: {zone} is swept as if nothing stood there, or hid anything.")
+        future = begin_beside(self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance)
+        self._under_way = zone, told, spacing, future
+        return self.answer(Status.RUNNING, "planning")
+
+    def _refused(self, why: str) -> Status:
+        self.complain(why)
+        return self.answer(Status.FAILURE, "nothing to sweep")
+
+    def _planned(self, zone: str, told: str, spacing: float, future: "Future[list[MapPose]]") -> Status:
+        self._under_way = None
+        try:
+            pieces = future.result()
+        except ValueError as error:
+            return self._refused(f"{zone} cannot be swept: {error}.")
+        self.sweeps.plan(zone, told, spacing, pieces)
+        coverage = self.sweeps.grounds[zone].sweep_width / spacing
+        least, most = pod_at_random(coverage), pod_of_parallel_sweep(coverage)
+        self.say(
+            f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart): "
+            f"POD {least:.0%} at random to {most:.0%} where legs are kept."
+        )
+        return self.answer(Status.SUCCESS, "planned")
+
+
+@dataclass(eq=False, repr=False)
+class PlanSweep(_PlanLeaf):
+    """Plan the sweep of the current zone's ground; one that is planned goes on where it is.
+
+    FAILURE if nothing of the ground can be driven to.
+
+    Args:
+        orders: Takes the operator's areas, by the service `~/add_area` (`sar_interfaces/srv/AddArea`).
+        fence: The geofence, for areas that are drawn.
+        pattern: How: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's
+            pose, or the diameters of a `sector` search through it.
+        coverage: How often each place is covered by the sweep width: legs are sweep width / coverage apart.
+        clearance: How far pieces keep from obstacles, metres.
+    """
+
+    pattern: SweepPattern = "parallel"
+    coverage: Annotated[float, sensible(0, is_open=True)] = COVERAGE
+    orders: OperatorOrders = field(default_factory=OperatorOrders)
+    fence: Fence = field(default_factory=Fence)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map, and to the operator."""
+        super().setup(**kwargs)
+        extent = map_extent_of(self.node)
+        drawn = DrawnAreas(self.zone_manager, self.sweeps, self.fence, extent.objection)
+        self.orders.offer(self.node, "add_area", partial(self._on_area, drawn))
+
+    def shutdown(self) -> None:
+        """Withdraw the service, and release the node."""
+        self.orders.withdraw()
+        super().shutdown()
+
+    def _on_area(self, drawn: DrawnAreas, request: Any, response: Any) -> Any:
+        """Take an area that the operator has drawn; it counts from the next choice on."""
+        try:
+            response.success, response.message = True, drawn.take(request)
+        except DrawingError as error:
+            response.success, response.message = False, str(error)
+            self.complain(self.orders.line("add_area", f"refused, {error}"))
+        else:
+            self.say(self.orders.line("add_area", response.message))
+        return response
+
+    def _begin(self, zone: str) -> Status:
+        if zone not in self.sweeps.grounds:
+            return self._refused(f"{zone} cannot be swept: it has no polygon.")
+        if not self.coverage > 0.0:
+            legs = "legs must be some way apart: write more than 0, for example 0.9"
+            return self._refused(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
+        if self.sweeps.of(zone).passes:
+            return self.answer(Status.SUCCESS, "swept before")
+        ground = [self.sweeps.grounds[zone].polygon]
+        return self._plan(zone, self.pattern, ground, self.pattern, self.coverage)
+
+
+@dataclass(eq=False, repr=False)
+class RefineSweep(_PlanLeaf):
+    """Plan to look once more at what the sweep of the current zone has missed: SUCCESS if there is such ground.
+
+    FAILURE if the zone was looked at well enough, if all of its passes were made, or if no gap can be driven to.
+
+    Args:
+        until_pod: How likely somebody there must have been found, 0 to 1.
+        max_passes: How many passes there are at most, the first one included.
+        clearance: How far pieces keep from obstacles, metres.
+    """
+
+    until_pod: Share = 0.8
+    max_passes: Passes = 3
+
+    def _begin(self, zone: str) -> Status:
+        swept = self.sweeps.of(zone)
+        if zone not in self.sweeps.grounds or swept.pod >= self.until_pod or swept.passes >= self.max_passes:
+            self.feedback_message = f"{zone}: POD {swept.pod:.0%} after {swept.passes} passes"
+            return self.answer(Status.FAILURE, "nothing to sweep")
+        gaps = self.sweeps.raster(zone, map_extent_of(self.node).obstacles()).gaps(self.until_pod)
+        if not gaps:
+            self.feedback_message = f"{zone}: what was missed is too scattered to be swept, or on no map"
+            return self.answer(Status.FAILURE, "nothing to sweep")
+        return self._plan(zone, "gaps", gaps, "parallel", 1.0)
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class NavigateToPiece(NavigateTo):
+    """Drive to the current piece of the sweep, and keep what is seen on the way.
+
+    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
+
+    Args:
+        sweeps: The mission's sweeps.
+    """
+
+    sweeps: Sweeps
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._robot: RobotEstimate | None = None
+        self._place: tuple[float, float] | None = None
+        self._track: list[tuple[float, float]] = []
+        self._looked_at = math.inf
+        self._zone_id = ""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map, and to where the robot is."""
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+        self._robot = robot_estimate(self.node)
+
+    def goal(self) -> Any:
+        """Return the goal for the current piece; SUCCESS if it was searched before, FAILURE if no piece is open."""
+        zone = self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
+        sweep = self.sweeps.of(zone)
+        if not sweep.left:
+            self.complain(f"'{self.name}' has nowhere to drive to: no piece is open.")
+            return self.answer(Status.FAILURE, "no piece")
+        self._zone_id, self._place, self._track = zone, None, []
+        # A piece of another pass lies elsewhere: what has failed there says nothing of it.
+        again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
+        return self._set_out(zone, sweep, again)
+
+    def _set_out(self, zone: str, sweep: Sweep, again: str) -> Any:
+        piece = f"{sweep.told(zone)}{again}"
+        if self.record.before.has_searched(zone):
+            self.feedback_message = f"{piece} was searched by an earlier run"
+            return Status.SUCCESS
+        self._note_start(zone)
+        return self._drive_to(piece, sweep.pieces[sweep.done])
+
+    def _note_start(self, zone: str) -> None:
+        if self.record.zone != zone:
+            self.record.zone_started(zone)
+
+    def update(self) -> Status:
+        """Return the leaf's status; until the goal has ended, the drive counts as looked."""
+        status = super().update()
+        self._look()
+        return status
+
+    def _here(self) -> tuple[float, float, float] | None:
+        return self._robot.place() if self._robot is not None else None
+
+    def _look(self) -> None:
+        # Where simulated time is fast, much of it may pass between two looks; a look that finds no place is one.
+        now = self._clock.now()
+        passed, self._looked_at = now - self._looked_at, now
+        place = self._here()
+        if place is None or not self._zone_id:
+            return
+        here = place[:2]
+        if not self._track or math.dist(self._track[-1], here) >= _STANDS_M:
+            self._track.append(here)
+        before, self._place = self._place or here, here
+        far = math.dist(before, here)
+        if far < _STANDS_M:
+            self._place = before
+        elif far < max(_JUMP_M, _FASTEST_MPS * passed):
+            obstacles = map_extent_of(self.node).obstacles()
+            self.sweeps.drive(self._zone_id, [before, here], obstacles)
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
+class NavigateThroughPieces(NavigateToPiece):
+    """Drive through all open pieces of the sweep without a stop, and mark each as swept when it is passed.
+
+    RUNNING on the way, SUCCESS when the last one is behind the robot, FAILURE if Nav2 does not get there. FAILURE at once where pieces are to
+    be driven to one by one: nobody serves the action, an earlier run has searched at the open piece, or the planner finds no way through all
+    of them, until a piece is left out; and on the way where the next piece and the way home would not leave the reserve.
+
+    Args:
+        homing: What it takes to come home; counts where the tree asks for it.
+        clock: The mission's clock.
+        until_pod: Ground where somebody would have been found with less than that, 0 to 1, is a gap.
+    """
+
+    homing: Homing
+    clock: Clock
+    action: str = "navigate_through_poses"
+    until_pod: Share = 0.8
+
+    action_type = "nav2_msgs/action/NavigateThroughPoses"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._end = 0
+        self._refused: tuple[str, int, int] | None = None
+
+    def _set_out(self, zone: str, sweep: Sweep, again: str) -> Any:
+        served = self._port is not None and self._port.statuses.servers()
+        refused = self._refused == _plan_of(zone, sweep)
+        if not served or refused or self.record.before.has_searched(zone):
+            return self._piece_by_piece()
+        self._note_start(zone)
+        self._end = len(sweep.pieces)
+        pieces = f"pieces {sweep.done + 1} to {self._end} of {zone}{again}"
+        return self._drive_to(pieces, *sweep.pieces[sweep.done :])
+
+    def _message_to(self, poses: Sequence[Any]) -> Any:
+        goal = self.interface.Goal()
+        # From ROS 2 Kilted on they are in a message of their own.
+        if hasattr(goal.poses, "goals"):
+            goal.poses.goals = poses
+        else:
+            goal.poses = poses
+        return goal
+
+    def on_feedback(self, feedback: Any) -> Status | None:
+        """Keep the remaining distance, and mark what was passed."""
+        super().on_feedback(feedback)
+        self._look()
+        # Nav2 leaves the last one in: of that the result tells.
+        passed = (left := poses_left(feedback)) > 0 and self._pass(left)
+        if not (passed and self.homing.is_asked):
+            return None
+        if (here := self._here()) is not None:
+            self.homing.place = MapPose(x=here[0], y=here[1], yaw=here[2])
+        return self._piece_by_piece() if self.homing.shortage(self.clock.now()) else None
+
+    def on_result(self, status: int, result: Any) -> Status:
+        """Return SUCCESS at the end, with all pieces marked; else FAILURE, and log Nav2's reason."""
+        self._look()
+        if status != SUCCEEDED:
+            if code_of(result) in OF_PLANNER:
+                self._refused = _plan_of(self._zone_id, self.sweeps.of(self._zone_id))
+            return super().on_result(status, result)
+        self._pass(0)
+        self.say(self.sweeps.of(self._zone_id).result(self._zone_id))
+        super().on_result(status, result)
+        return self.answer(Status.SUCCESS, "all done")
+
+    def _pass(self, left: int) -> bool:
+        """Mark pieces as swept until so many of those that were sent are left; return whether there was one to mark."""
+        before = self.sweeps.of(self._zone_id).done
+        for number in range(before, self._end - left):
+            # Of the last one the arrival was held against the localisation.
+            if left and not self._was_near(self.sweeps.of(self._zone_id).pieces[number]):
+                return number > before
+            # A find on the way has ended the drive.
+            self.record.zone_searched(self._zone_id, None)
+            self.sweeps.advance(self._zone_id, map_extent_of(self.node).obstacles(), self.until_pod)
+            self._track = self._track[-1:]
+        return self._end - left > before
+
+    def _was_near(self, piece: MapPose) -> bool:
+        """Return whether the robot has passed a piece by its localisation, or that does not say where it is."""
+        there, track = (piece["x"], piece["y"]), self._track
+        steps = itertools.pairwise(track if len(track) > 1 else track * 2)
+        return not track or min(_distance_to(there, *step) for step in steps) <= _PASSES_M
+
+    def _piece_by_piece(self) -> Status:
+        self.feedback_message = "piece by piece"
+        return self.answer(Status.FAILURE, "piece by piece")
+
+
+def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Return how far a point is from the straight line between two others, metres."""
+    (x, y), along = start, (end[0] - start[0], end[1] - start[1])
+    length = math.hypot(*along)
+    share = ((point[0] - x) * along[0] + (point[1] - y) * along[1]) / length**2 if length else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return math.dist(point, (x + share * along[0], y + share * along[1]))
+
+
+def _plan_of(zone: str, sweep: Sweep) -> tuple[str, int, int]:
+    """Return what distinguishes a zone's plan from others: in all but the pieces that are left out it stays the same."""
+    return zone, sweep.passes, sweep.skipped
+
+
+@dataclass(eq=False, repr=False)
+class AdvancePiece(_SweepLeaf):
+    """Mark the current piece as swept, with what was seen so far; the next one becomes the current piece.
+
+    Args:
+        until_pod: Ground where somebody would have been found with less than that, 0 to 1, is a gap.
+    """
+
+    _: KW_ONLY
+    until_pod: Share = 0.8
+
+    def setup(self, **kwargs: Any) -> None:
+        """Listen to the map."""
+        super().setup(**kwargs)
+        map_extent_of(self.node)
+
+    def update(self) -> Status:
+        """Advance, and tell at the end of a pass what it has come to."""
+        zone = self._zone
+        if not self.sweeps.of(zone).left:
+            return self.answer(Status.SUCCESS, "no piece")
+        self.sweeps.advance(zone, map_extent_of(self.node).obstacles(), self.until_pod)
+        sweep = self.sweeps.of(zone)
+        if not sweep.left:
+            self.say(sweep.result(zone))
+        self._wake()
+        return self.answer(Status.SUCCESS, "advanced" if sweep.left else "all done")
+
+
+class SkipPiece(_SweepLeaf):
+    """Leave the current piece out, as one that cannot be reached or searched; the next one becomes the current piece."""
+
+    def update(self) -> Status:
+        """Skip it."""
+        zone = self._zone
+        sweep = self.sweeps.of(zone)
+        if not sweep.left:
+            return self.answer(Status.SUCCESS, "no piece")
+        self.complain(f"Skipping {sweep.told(zone)}.")
+        self.sweeps.skip(zone, "it is too far for a battery, was not reached, or not searched")
+        return self.answer(Status.SUCCESS, "skipped" if self.sweeps.of(zone).left else "skipped the last")
+
+
+@dataclass(eq=False, repr=False)
+class IsFindNew(RosLeaf):
+    """Is the survivor that the last search has found somebody who has no name yet? SUCCESS if so, else FAILURE.
+
+    In a sweep the same survivor is seen from several pieces, each time a little elsewhere.
+
+    Args:
+        detect_node: The search whose answer counts.
+        record: Who was found before.
+        same_within: How near two finds are the same survivor, metres.
+    """
+
+    name: str
+    detect_node: DetectSurvivor
+    record: MissionRecord
+    _: KW_ONLY
+    same_within: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+
+    def update(self) -> Status:
+        """Look who was found before."""
+        place = self.detect_node.survivor_pose()
+        if place is None:
+            return self.answer(Status.FAILURE, "nobody")
+        known = self.record.named_near(*place, self.same_within)
+        near = next((each for each in known if each.counts), None)
+        if near is None or self.record.before.has_open_name(*place):
+            return self.answer(Status.SUCCESS, "new")
+        self.feedback_message = f"{near.survivor_id} was found before"
+        return self.answer(Status.FAILURE, "known")

@@ -1,0 +1,239 @@
+"""Going through the list of zones: visited, postponed, and finally abandoned."""
+
+from concurrent.futures import Future
+from typing import Annotated, Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import RosLeaf, Seconds, UnusableValueError, at_least, planar_point
+from search_and_rescue.beside_ticks import begin_beside
+from search_and_rescue.leaf_specs import VisitingOrder
+from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.planned_ways import PlannedWays
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import MAP_FRAME, Zone, ZoneManager, is_ratio
+
+Attempts = Annotated[int, at_least(1)]
+
+
+class AdvanceZone(RosLeaf):
+    """Mark the current zone as visited, so that the next one becomes the current zone.
+
+    Args:
+        name: The node's name.
+        zone_manager: The mission's zones.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Advance to the next zone, which is started at once; past the last one nothing is done, and no tick requested."""
+        if not self._zones.has_remaining():
+            return self.answer(Status.SUCCESS, "no zone")
+        self._zones.advance()
+        self._wake()
+        return self.answer(Status.SUCCESS, "advanced")
+
+
+class ChooseZone(RosLeaf):
+    """Choose which of the zones that are left is the current one: RUNNING while that is computed, beside the ticks.
+
+    `listed` keeps the order of the plan. `nearest` takes the zone that is reached first. `expected_find` takes the first zone of the order
+    in which the expected time to the first find is least, by the probabilities as they are now. Zones that were postponed come again
+    when all others have been tried as often.
+
+    First the planner is asked for the ways that are not known yet, of more than 30 zones for those of the 30 that reward their time most. Those
+    that it does not give count as straight lines times 1.5, which is logged.
+
+    Args:
+        zone_manager: The mission's zones, and where somebody may be.
+        order: How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.
+        ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
+        planner_id: Which of the planner server's planners is asked; empty for its only one.
+        orders: Takes the operator's hints on where somebody may be, by the service `~/add_hint` (`sar_interfaces/srv/AddHint`).
+        sweeps: The mission's sweeps: a hint on a place counts for the zone whose outline is around it.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        zone_manager: ZoneManager,
+        *,
+        order: VisitingOrder = "listed",
+        ways_timeout_sec: Seconds = 5.0,
+        planner_id: str = "",
+        orders: OperatorOrders | None = None,
+        sweeps: Sweeps | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._zones, self._orders, self._sweeps = zone_manager, orders or OperatorOrders(), sweeps or Sweeps()
+        self._order: VisitingOrder = order
+        self._ways_timeout_sec, self._planner_id = ways_timeout_sec, planner_id
+        self._ways: PlannedWays | None = None
+        self._among: list[Zone] = []
+        self._choice: Future[list[int]] | None = None
+        self._approximation = ""
+
+    def setup(self, **kwargs: Any) -> None:
+        """Make the clients of the planner, if it is to be asked."""
+        self._release()
+        super().setup(**kwargs)
+        if self._zones.areas:
+            self._orders.offer(self.node, "add_hint", self._on_hint)
+        if self._order != "listed":
+            self._ways = PlannedWays(
+                self.node, self._zones, self._ways_timeout_sec, self._planner_id, self._wake
+            )
+
+    def update(self) -> Status:
+        """Ask for the ways, begin to compute, or choose by what has come of it."""
+        if not self._zones.has_remaining():
+            return self.answer(Status.FAILURE, "no zone")
+        if self._ways is None:
+            return self.answer(Status.SUCCESS, "chosen")
+        zones = self._zones.eligible_zones()
+        if self._among != zones:
+            self._among, self._choice = zones, None
+            planned = self._zones.most_rewarding(zones)
+            self._ways.ask(self._zones.ways(planned, between=self._order != "nearest"))
+        if self._choice is None and not self._ways.are_awaited():
+            if news := self._ways.news():
+                self.complain(f"'{self.name}': {news}.")
+            self._choice = self._begin(zones)
+        elif self._choice is not None and self._choice.done():
+            return self._choose(zones[self._choice.result()[0]]["id"])
+        return self.answer(Status.RUNNING, "choosing")
+
+    def terminate(self, new_status: Status) -> None:
+        """Forget what is asked and computed, if the leaf is stopped."""
+        if new_status is Status.INVALID:
+            self._forget()
+
+    def shutdown(self) -> None:
+        """Withdraw the service, release the clients, and the node."""
+        self._release()
+        self._orders.withdraw()
+        super().shutdown()
+
+    def _release(self) -> None:
+        self._forget()
+        if self._ways is not None:
+            self._ways.release()
+        self._ways = None
+
+    def _on_hint(self, request: Any, response: Any) -> Any:
+        """Take a hint, which counts from the next choice on."""
+        ratio, zone, refusal = request.likelihood_ratio, request.zone_id, ""
+        if not zone:
+            try:
+                x, y = planar_point(request.point, MAP_FRAME)
+                zone = self._zones.nearest(x, y, self._sweeps.around(x, y))
+            except UnusableValueError as error:
+                refusal = str(error)
+        if not refusal and not is_ratio(ratio):
+            refusal = f"the likelihood ratio is {ratio:g}, and must be a thousandth to a thousand"
+        elif not refusal and zone not in self._zones.areas:
+            refusal = f"there is no zone '{zone}' with a probability"
+        response.success, response.message = not refusal, refusal or f"it counts for {zone}"
+        if refusal:
+            self.complain(self._orders.line("add_hint", f"refused, {refusal}"))
+        else:
+            self._zones.hint(zone, ratio)
+            self.say(self._orders.line("add_hint", f"{zone}, times {ratio:g}"))
+        return response
+
+    def _choose(self, zone_id: str) -> Status:
+        self._forget()
+        self._zones.choose(zone_id)
+        self.say(f"Next zone by {self._order}: {zone_id}.")
+        return self.answer(Status.SUCCESS, "chosen")
+
+    def _forget(self) -> None:
+        self._among, self._choice = [], None
+        if self._ways is not None:
+            self._ways.give_up()
+
+    def _begin(self, zones: list[Zone]) -> Future[list[int]]:
+        # A laptop that proves trees needs no NumPy.
+        from search_and_rescue.zone_order import approximation, ordered
+
+        how = approximation(len(zones)) if self._order == "expected_find" else ""
+        if how and how != self._approximation:
+            self.say(f"'{self.name}': {len(zones)} zones are ordered by {how}, which is near the best order.")
+        self._approximation = how
+        return begin_beside(self._wake, ordered, self._order, self._zones.tour(zones))
+
+
+class PostponeZone(RosLeaf):
+    """Put the current zone after all others, to try it again later; FAILURE after its last attempt.
+
+    Args:
+        zone_manager: The mission's zones.
+        attempts: The number of attempts at a zone, 1 or more; after the last one it is not postponed again.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager, *, attempts: Attempts = 3) -> None:
+        super().__init__(name)
+        if attempts < 1:
+            raise ValueError(f"attempts is {attempts}; a zone is tried at least once: write 1 or more")
+        self._zones = zone_manager
+        self._attempts = attempts
+
+    def update(self) -> Status:
+        """Postpone the zone, if attempts are left."""
+        if not self._zones.has_remaining():
+            self.complain(f"'{self.name}' has no zone to postpone: none is left.")
+            return Status.FAILURE
+        zone_id, attempt = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
+        if attempt >= self._attempts:
+            self.feedback_message = f"attempt {attempt} on {zone_id} was the last one"
+            return Status.FAILURE
+        self._zones.postpone()
+        self.complain(f"{zone_id} is postponed after attempt {attempt} of {self._attempts}.")
+        return Status.SUCCESS
+
+
+class AbandonZone(RosLeaf):
+    """Take the current zone out of the plan, unvisited; the mission can then no longer be complete.
+
+    Args:
+        zone_manager: The mission's zones.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Abandon the zone; past the last one there is nothing to do."""
+        if not self._zones.has_remaining():
+            return self.answer(Status.SUCCESS, "no zone")
+        zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
+        self._zones.abandon()
+        self.complain(f"{zone_id} is abandoned after attempt {attempts}.")
+        return self.answer(Status.SUCCESS, "abandoned")
+
+
+class AbandonZones(RosLeaf):
+    """Take all zones that are left out of the plan, unvisited, for the reason that a failsafe has given.
+
+    Args:
+        zone_manager: The mission's zones.
+        record: Knows the reason.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager, *, record: MissionRecord | None = None) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+        self._record = record or MissionRecord()
+
+    def update(self) -> Status:
+        """Abandon the zones, if any are left."""
+        reason = self._record.alarm or "the tree has cut the mission short"
+        for zone in self._zones.remaining_zones():
+            self._zones.abandon(reason)
+            self.complain(f"{zone['id']} is given up: {reason}.")
+        return Status.SUCCESS

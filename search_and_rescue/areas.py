@@ -1,0 +1,228 @@
+"""What the parameters say of zones beside their poses: where somebody may be, and the ground that is swept."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from sar_compiler.missions import ParameterReader
+from search_and_rescue.search_theory import (
+    ROUNDING,
+    SWEEP_FACTORS,
+    Area,
+    sweep_width_of,
+)
+from search_and_rescue.sweeps import MOST_PIECES
+from search_and_rescue.zone_manager import Fence
+
+_PROBABILITIES = ("poa", "pod", "look_sec")
+_SENSOR = ("sweep_width", "detection_range", "visibility")
+_POLYGON = "polygon"
+AREA_KEYS = (*_PROBABILITIES, _POLYGON, *_SENSOR, "priority")
+"""What may stand beside the pose of a zone."""
+COVERAGE = 0.9
+"""Of a sweep for which nothing else is said: how often each place is covered by the sweep width."""
+LEAST_CORNERS = 3
+"""Of an outline."""
+FARTHEST_SEEN_M = 1_000.0
+"""The largest detection range and sweep width, metres: so far around the robot obstacles are looked for, cell by cell."""
+# An outline may follow the fence so closely.
+_TOUCHES_M = 1e-6
+# A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is no position in metres.
+_NEAR_DEG = 0.5
+
+Corners = tuple[tuple[float, float], ...]
+
+
+class Ground(NamedTuple):
+    """The ground of a zone, where a sweep goes.
+
+    Attributes:
+        polygon: Its outline: corners in the frame `map`, metres.
+        sweep_width: How wide a swath is in which as many are missed as are found outside it (W), metres.
+        detection_range: How far a survivor can be seen, metres.
+    """
+
+    polygon: Corners
+    sweep_width: float
+    detection_range: float
+
+    @property
+    def area_m2(self) -> float:
+        """How large it is, square metres."""
+        sides = itertools.pairwise((*self.polygon, *self.polygon[:1]))
+        return abs(math.fsum(ax * by - bx * ay for (ax, ay), (bx, by) in sides)) / 2.0
+
+    def sweep_sec(self, speed_mps: float) -> float:
+        """Return how long the legs of a sweep take at the usual coverage, without turns and what is done at stops: seconds."""
+        return self.area_m2 * COVERAGE / (self.sweep_width * speed_mps)
+
+
+def read_areas(
+    reader: ParameterReader, zones: Sequence[Mapping[str, Any]], sweeps_sec: Mapping[str, float] | None = None
+) -> dict[str, Area]:
+    """Read what is expected of looks in zones, `zones.<id>.{poa,pod,look_sec}`; of all zones, or of none.
+
+    Args:
+        reader: The parameters.
+        zones: The zones.
+        sweeps_sec: How long a look takes at least where nothing is said of it, by zone; 0 elsewhere.
+    """
+    keys = [f"zones.{zone['id']}.{name}" for zone in zones for name in _PROBABILITIES]
+    if not any(key in reader.parameters for key in keys):
+        return {}
+    areas, mistakes = dict[str, Area](), len(reader.problems)
+    for zone in zones:
+        prefix = f"zones.{zone['id']}"
+        poa, pod = (reader.number(f"{prefix}.{name}") for name in ("poa", "pod"))
+        look_sec = reader.number(f"{prefix}.look_sec", (sweeps_sec or {}).get(zone["id"], 0.0))
+        areas[zone["id"]] = Area(poa, pod, look_sec)
+    total = math.fsum(area.poa for area in areas.values())
+    if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
+        text = f"the zones' poa sum to {total:g}: write 1 at most, less if somebody may be elsewhere"
+        reader.report(f"zones.{zones[0]['id']}.poa", text)
+    return areas
+
+
+def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Read which zones are searched before others, `zones.<id>.priority`: the higher ones, where the tree chooses; 0 if not given."""
+    return {zone["id"]: reader.number(f"zones.{zone['id']}.priority", 0.0) for zone in zones}
+
+
+def read_grounds(
+    reader: ParameterReader, zones: Sequence[Mapping[str, Any]], fence: Fence
+) -> dict[str, Ground]:
+    """Read the ground of each zone that has one: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
+
+    Raises:
+        ImportError: If there is a polygon, and shapely is not installed.
+    """
+    grounds = {zone["id"]: _ground(reader, f"zones.{zone['id']}", fence) for zone in zones}
+    return {zone: ground for zone, ground in grounds.items() if ground is not None}
+
+
+def note_surprises(
+    reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
+) -> None:
+    """Note what can be meant, and is mostly a slip: a pose far from its outline, and ground of more stops than a sweep has.
+
+    Raises:
+        ImportError: If there is ground, and shapely is not installed.
+    """
+    for zone in zones:
+        if (ground := grounds.get(zone["id"])) is None:
+            continue
+        import shapely
+
+        outline, key = shapely.Polygon(ground.polygon), f"zones.{zone['id']}"
+        away = outline.distance(shapely.Point(zone["x"], zone["y"]))
+        if away > ground.detection_range:
+            place = f"({zone['x']:g}, {zone['y']:g})"
+            reader.notes.append(f"{key} has its pose {place} {away:.1f} m outside its {_POLYGON}")
+        if ground.area_m2 > MOST_PIECES * (ground.sweep_width / COVERAGE) ** 2:
+            stops = f"more than {MOST_PIECES} stops at coverage {COVERAGE:g}, which no sweep has"
+            reader.notes.append(f"{key} takes {stops}: cut it, or see {_SENSOR[0]}")
+
+
+def _ground(reader: ParameterReader, prefix: str, fence: Fence) -> Ground | None:
+    if f"{prefix}.{_POLYGON}" in reader.parameters:
+        polygon = _polygon(reader, f"{prefix}.{_POLYGON}", fence)
+        return Ground(polygon, *_sensor(reader, prefix))
+    for name in _SENSOR:
+        if f"{prefix}.{name}" in reader.parameters:
+            reader.report(
+                f"{prefix}.{name}", f"says nothing without an outline: give {prefix}.{_POLYGON} too"
+            )
+    return None
+
+
+def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
+    """Return the sweep width and the detection range, each by the other where it is not given."""
+    width_key, range_key, visibility_key = (f"{prefix}.{name}" for name in _SENSOR)
+    visibility = reader.parameters.get(visibility_key, "medium")
+    if visibility not in SWEEP_FACTORS:
+        reader.report(visibility_key, f"must be {', '.join(SWEEP_FACTORS)}, is {visibility!r}")
+        visibility = "medium"
+    if width_key not in reader.parameters and range_key not in reader.parameters:
+        text = f"is missing: give {range_key}, how far a survivor can be seen in metres, or the sweep width, metres"
+        reader.report(width_key, text)
+        return 1.0, 1.0
+    per_range = sweep_width_of(1.0, str(visibility))
+    mistakes = len(reader.problems)
+    width = reader.positive(width_key, reader.number(range_key, 0.0) * per_range, FARTHEST_SEEN_M)
+    reach = reader.positive(range_key, width / per_range, FARTHEST_SEEN_M)
+    if len(reader.problems) == mistakes and width > 2 * reach:
+        text = (
+            f"is {width:g} m, and nobody is found farther away than {range_key}: write {2 * reach:g} at most"
+        )
+        reader.report(width_key, text)
+    return width, reach
+
+
+def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
+    """Return an outline; what is wrong with it is reported."""
+    mistakes = len(reader.problems)
+    numbers = reader.numbers(key)
+    if len(reader.problems) > mistakes:
+        return ()
+    corners = tuple(zip(numbers[::2], numbers[1::2], strict=False))
+    if len(numbers) % 2 or len(corners) < LEAST_CORNERS:
+        text = f"must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds {len(numbers)} numbers"
+        reader.report(key, text)
+    elif _are_degrees(reader.parameters, corners):
+        text = "looks like degrees: write metres in the frame `map`, or give a GeoJSON file as areas_file"
+        reader.report(key, text)
+    elif objection := outline_objection(corners, fence):
+        reader.report(key, objection)
+    return corners if len(reader.problems) == mistakes else ()
+
+
+def outline_objection(corners: Corners, fence: Fence) -> str:
+    """Return what is wrong with an outline of three corners or more (metres, frame `map`), as what it does; empty if nothing is.
+
+    Raises:
+        ImportError: If shapely is not installed.
+    """
+    import shapely
+
+    outline = shapely.Polygon(corners)
+    if not outline.convex_hull.area:
+        return "has no area: its corners lie on a line"
+    if not outline.is_valid:
+        # In shapely's words: "Self-intersection[1 2]".
+        x, y = shapely.is_valid_reason(outline).partition("[")[2].rstrip("]").split()
+        return f"crosses or touches itself at ({float(x):.2f}, {float(y):.2f})"
+    outside = [corner for corner in corners if not fence.contains(*corner)]
+    if outside:
+        return f"has the corner ({outside[0][0]:g}, {outside[0][1]:g}) outside the geofence"
+    # A fence can come in between two corners.
+    edge = shapely.LinearRing(fence.corners).intersection(outline.buffer(-_TOUCHES_M))
+    if edge.is_empty:
+        return ""
+    place = edge.representative_point()
+    return f"leaves the geofence between its corners, at ({place.x:.2f}, {place.y:.2f})"
+
+
+def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return a place inside an outline, or between places that are none: x and y, metres, frame `map`.
+
+    Raises:
+        ImportError: If shapely is not installed.
+    """
+    import shapely
+
+    shape = shapely.Polygon(corners) if len(corners) >= LEAST_CORNERS else shapely.MultiPoint(corners)
+    inside = shape.representative_point()
+    return round(inside.x, 3), round(inside.y, 3)
+
+
+def _are_degrees(parameters: Mapping[str, object], corners: Corners) -> bool:
+    """Return whether all corners are so near to latitude and longitude of the map's origin that they are degrees."""
+    place = [parameters.get(f"georeference.{name}") for name in ("lat", "lon")]
+    if not all(isinstance(value, int | float) for value in place):
+        return False
+    lat, lon = (float(str(value)) for value in place)
+    return any(
+        all(math.dist(corner, origin) < _NEAR_DEG for corner in corners)
+        for origin in ((lat, lon), (lon, lat))
+    )

@@ -1,0 +1,65 @@
+"""The mission's conditions; they return at once, never RUNNING."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from search_and_rescue.actions.survivors import DetectSurvivor
+from search_and_rescue.record import MissionRecord
+from search_and_rescue.zone_manager import ZoneManager
+
+
+class ZonesRemaining(Behaviour):
+    """Is a zone left to be visited? SUCCESS if so, else FAILURE.
+
+    Args:
+        name: The node's name.
+        zone_manager: The mission's zones.
+    """
+
+    def __init__(self, name: str, zone_manager: ZoneManager) -> None:
+        super().__init__(name)
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Check the mission's zones."""
+        remaining = self._zones.has_remaining()
+        self.feedback_message = f"{self._zones.current_index()} of {self._zones.total_zones()} zones visited"
+        return Status.SUCCESS if remaining else Status.FAILURE
+
+
+class IsSurvivorDetected(Behaviour):
+    """Did the last search find a survivor? SUCCESS if so, else FAILURE.
+
+    Args:
+        name: The node's name.
+        detect_node: The search whose answer counts.
+    """
+
+    def __init__(self, name: str, detect_node: DetectSurvivor) -> None:
+        super().__init__(name)
+        self._detect_node = detect_node
+
+    def update(self) -> Status:
+        """Check the answer of the last search."""
+        return Status.SUCCESS if self._detect_node.was_found() else Status.FAILURE
+
+
+class MissionComplete(Behaviour):
+    """Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.
+
+    Args:
+        name: The node's name.
+        record: What has happened in the mission.
+        zone_manager: The mission's zones.
+    """
+
+    def __init__(self, name: str, record: MissionRecord, zone_manager: ZoneManager) -> None:
+        super().__init__(name)
+        self._record = record
+        self._zones = zone_manager
+
+    def update(self) -> Status:
+        """Check what is missing."""
+        shortfalls = self._record.shortfalls(self._zones)
+        self.feedback_message = " ".join(shortfalls)
+        return Status.FAILURE if shortfalls else Status.SUCCESS

@@ -1,0 +1,270 @@
+"""How well ground was looked at: what the robot has seen of it, by the poses that it drove through and by the map.
+
+Driving one metre with a sensor of sweep width W is an effort of W square metres. It is spread evenly over what is seen from there: of a
+cell within the detection range R and in sight, the coverage grows by W / (π R²) a metre. The coverage of an area is the mean over its cells;
+that is W · L / A where all that is seen lies inside. A cell of the coverage c was looked at with the POD 1 - exp(-c): Koopman's law of
+random search, which is a lower bound. Repeated passes add up.
+"""
+
+import base64
+import binascii
+import itertools
+import math
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sar_compiler.missions import RasterLayer
+from search_and_rescue.areas import Corners, Ground
+
+Points = npt.NDArray[np.float64]
+
+_CELL_M = 0.25
+_MOST_CELLS = 20_000
+# Gaps of so few cells are not worth a way.
+_FEWEST_CELLS = 4
+# What the text of a raster counts in.
+_STEP = 0.001
+_HIGHEST = np.iinfo(np.uint16).max
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleMap:
+    """Where nothing can be seen through, and nobody can drive: what is occupied, what is unknown, and all beyond the map.
+
+    Args:
+        blocked: By row (y) and column (x).
+        resolution: The size of a cell, metres.
+        origin: x, y (metres) and yaw (radians) of the corner of the first cell, in the frame `map`.
+    """
+
+    blocked: npt.NDArray[np.bool_]
+    resolution: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def at(self, points: Points) -> npt.NDArray[np.bool_]:
+        """Return which positions are blocked; of the shape of `points` (metres, frame `map`) without its last axis, which is x and y."""
+        cells = np.floor(self._in_cells(points)).astype(int)
+        column, row = cells[..., 0], cells[..., 1]
+        rows, columns = self.blocked.shape
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        blocked: npt.NDArray[np.bool_] = ~inside
+        blocked[inside] = self.blocked[row[inside], column[inside]]
+        return blocked
+
+    def hides(self, eye: Points, points: Points, reach: float) -> npt.NDArray[np.bool_]:
+        """Return which positions cannot be seen from a place, all in metres, frame `map`: those that are blocked, and those behind what is.
+
+        Args:
+            eye: The place.
+            points: The positions, by row.
+            reach: How far they are at most, metres.
+        """
+        if self.at(eye[None]).any():
+            return np.ones(len(points), bool)
+        here = self._in_cells(eye)
+        most = reach / self.resolution
+        # As narrow as half a cell at the end.
+        count = math.ceil(4 * math.pi * most)
+        first_wall = np.full(count, np.inf)
+        directions, distances = self._walls_around(here, most, count)
+        np.minimum.at(first_wall, directions, distances)
+        away = self._in_cells(points) - here
+        towards = np.rint(np.arctan2(away[:, 1], away[:, 0]) * count / math.tau).astype(int) % count
+        behind: npt.NDArray[np.bool_] = np.hypot(*away.T) > first_wall[towards]
+        return behind | self.at(points)
+
+    def _in_cells(self, points: Points) -> Points:
+        """Return positions (metres, frame `map`) by column and row."""
+        x, y, yaw = self.origin
+        right, up = points[..., 0] - x, points[..., 1] - y
+        along, across = right * math.cos(yaw) + up * math.sin(yaw), up * math.cos(yaw) - right * math.sin(yaw)
+        return np.stack([along, across], axis=-1) / self.resolution
+
+    @cached_property
+    def _walls(self) -> npt.NDArray[np.bool_]:
+        """What is blocked and has a neighbour that is not: whoever sees it does not see what is behind."""
+        around = np.pad(self.blocked, 1, constant_values=True)
+        within = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
+        walls: npt.NDArray[np.bool_] = self.blocked & ~within
+        return walls
+
+    def _walls_around(
+        self, here: Points, most: float, count: int
+    ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+        """Return in which of so many directions there are walls, and how far they are, in cells."""
+        left, low = np.maximum(np.floor(here - most).astype(int), 0)
+        right, high = np.maximum(np.ceil(here + most).astype(int), 0)
+        rows, columns = np.nonzero(self._walls[low:high, left:right])
+        x, y = columns + left + 0.5 - here[0], rows + low + 0.5 - here[1]
+        distances, bearings = np.hypot(x, y), np.arctan2(y, x)
+        # A cell is as wide as its shadow: a side where it is seen straight on, a diagonal from a corner.
+        half = np.arctan((abs(x) + abs(y)) / (2.0 * distances**2))
+        first = np.ceil((bearings - half) * count / math.tau).astype(int)
+        each = np.floor((bearings + half) * count / math.tau).astype(int) - first + 1
+        begins = np.repeat(first - (each.cumsum() - each), each)
+        return (begins + np.arange(len(begins))) % count, np.repeat(distances, each)
+
+
+class Raster:
+    """The coverage of ground, cell by cell.
+
+    Args:
+        ground: The ground.
+        obstacles: The map; None where there is none, and nothing is in the way.
+        cells: What an earlier raster of the same ground said of itself (`text`).
+
+    Raises:
+        ImportError: If shapely is not installed.
+        ValueError: If `cells` is of other ground.
+    """
+
+    def __init__(self, ground: Ground, obstacles: ObstacleMap | None = None, cells: str = "") -> None:
+        import shapely
+
+        self.ground, self.obstacles = ground, obstacles
+        corners = np.array(ground.polygon)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        self.cell_m = max(_CELL_M, math.sqrt(float(np.prod(high - low)) / _MOST_CELLS))
+        axes = [np.arange(low[axis] + self.cell_m / 2, high[axis], self.cell_m) for axis in (0, 1)]
+        everywhere = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        self._outline = shapely.Polygon(ground.polygon)
+        self._inside = shapely.contains_xy(self._outline, everywhere)
+        self._low, self._columns = low, len(axes[0])
+        self.centres: Points = everywhere[self._inside]
+        self.coverage = _read(cells, len(self.centres)) if cells else np.zeros(len(self.centres))
+
+    @property
+    def searchable(self) -> npt.NDArray[np.bool_]:
+        """Which cells can be searched: those without an obstacle."""
+        return (
+            np.ones(len(self.centres), bool) if self.obstacles is None else ~self.obstacles.at(self.centres)
+        )
+
+    def drive(self, path: Sequence[tuple[float, float]]) -> float:
+        """Add a drive along positions in the frame `map`, metres.
+
+        Returns:
+            How much of it was inside, metres.
+        """
+        inside = 0.0
+        for start, end in itertools.pairwise(path):
+            length = math.dist(start, end)
+            steps = math.ceil(length / self.cell_m)
+            for step in range(steps):
+                share = (step + 0.5) / steps
+                place = tuple(a + share * (b - a) for a, b in zip(start, end, strict=True))
+                self._see(place[0], place[1], length / steps)
+                inside += length / steps * self._has_inside(place)
+        return inside
+
+    def _has_inside(self, place: tuple[float, ...]) -> bool:
+        import shapely
+
+        return bool(shapely.contains_xy(self._outline, *place))
+
+    def _see(self, x: float, y: float, metres: float) -> None:
+        reach = self.ground.detection_range
+        cells = self.seen_from(x, y, reach + self.cell_m / 2)
+        distances = np.hypot(*(self.centres[cells] - (x, y)).T)
+        # What of a cell lies within the range: so the effort does not depend on where the cells happen to lie.
+        within = np.clip((reach - distances) / self.cell_m + 0.5, 0.0, 1.0)
+        self.coverage[cells] += within * self.ground.sweep_width * metres / (math.pi * reach**2)
+
+    def seen_from(self, x: float, y: float, reach: float) -> npt.NDArray[np.intp]:
+        """Return the numbers of the cells whose middle is within reach of a position, and in sight of it.
+
+        Args:
+            x: Metres, frame `map`.
+            y: Metres, frame `map`.
+            reach: Metres.
+        """
+        eye = np.array((x, y))
+        [near] = np.nonzero(np.hypot(*(self.centres - eye).T) <= reach)
+        if self.obstacles is None or not len(near):
+            return near
+        return near[~self.obstacles.hides(eye, self.centres[near], reach)]
+
+    def pod(self) -> float:
+        """Return how likely all that was driven has found who is there, 0 to 1: the mean over the cells that can be searched."""
+        found = 1.0 - np.exp(-self.coverage[self.searchable])
+        return float(found.mean()) if len(found) else 0.0
+
+    def mean_coverage(self) -> float:
+        """Return the coverage C of the ground: the mean over the cells that can be searched."""
+        searched = self.coverage[self.searchable]
+        return float(searched.mean()) if len(searched) else 0.0
+
+    def seen(self) -> float:
+        """Return the share of the cells that can be searched which were seen at all, 0 to 1."""
+        seen = self.coverage[self.searchable] > 0.0
+        return float(seen.mean()) if len(seen) else 0.0
+
+    def area_m2(self) -> float:
+        """Return the size A of what can be searched, square metres."""
+        return float(self.searchable.sum()) * self.cell_m**2
+
+    def gaps(self, until_pod: float) -> list[Corners]:
+        """Return the outlines of what was looked at with less than a POD, as corners in the frame `map`, metres; the largest first.
+
+        Ground around something is cut into several, and what is a few cells large is left out.
+        """
+        import shapely
+
+        missed = np.zeros(len(self._inside), np.int8)
+        missed[self._inside] = self.searchable & (1.0 - np.exp(-self.coverage) < until_pod)
+        # Neighbours in a row are one box: boxes of single cells take fifty times as long to join.
+        edges = np.diff(missed.reshape(-1, self._columns), axis=1, prepend=0, append=0)
+        (rows, begins), (_, ends) = np.nonzero(edges > 0), np.nonzero(edges < 0)
+        x, y = self._low
+        left, right, low = x + begins * self.cell_m, x + ends * self.cell_m, y + rows * self.cell_m
+        joined = shapely.union_all(shapely.box(left, low, right, y + (rows + 1) * self.cell_m))
+        parts = [part for part in _without_holes(joined) if part.area > _FEWEST_CELLS * self.cell_m**2]
+        parts.sort(key=lambda part: -part.area)
+        return [tuple(map(tuple, part.exterior.simplify(0.0).coords[:-1])) for part in parts]
+
+    def layer(self, name: str) -> RasterLayer:
+        """Return what is shown of it: with how much POD each cell was looked at."""
+        pods = np.zeros(len(self._inside))
+        pods[self._inside] = 1.0 - np.exp(-self.coverage)
+        x, y = self._low.tolist()
+        return RasterLayer.of(
+            name, "looked at, POD", x, y, self.cell_m, pods.reshape(-1, self._columns).tolist()
+        )
+
+    def text(self) -> str:
+        """Return the coverage of all cells as text, to a thousandth."""
+        counted = np.minimum(np.rint(self.coverage / _STEP), _HIGHEST).astype("<u2")
+        return base64.b64encode(zlib.compress(counted.tobytes(), 9)).decode("ascii")
+
+
+def _without_holes(shape: Any) -> Iterator[Any]:
+    """Yield the polygons of a shape, those with holes cut through them."""
+    import shapely
+
+    for part in shapely.get_parts(shape):
+        if shapely.get_type_id(part) != shapely.GeometryType.POLYGON:
+            continue
+        if not part.interiors:
+            yield part
+            continue
+        left, low, right, high = part.bounds
+        cut = part.interiors[0].centroid.x
+        for half in (shapely.box(left, low, cut, high), shapely.box(cut, low, right, high)):
+            yield from _without_holes(part.intersection(half))
+
+
+def _read(cells: str, count: int) -> npt.NDArray[np.float64]:
+    try:
+        inflater = zlib.decompressobj()
+        data = inflater.decompress(base64.b64decode(cells, validate=True), 2 * count + 1)
+    except (binascii.Error, ValueError, zlib.error) as error:
+        raise ValueError(f"the cells are no raster: {error}") from error
+    if len(data) != 2 * count:
+        raise ValueError(f"the raster has other ground: {count} cells were expected")
+    return np.frombuffer(data, "<u2") * _STEP

@@ -1,0 +1,154 @@
+"""Heeding the operator: pause, resume, another plan, and a word on each find."""
+
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
+from functools import partial
+from typing import Any
+
+from py_trees.common import Status
+
+from sar_compiler.leaves import RosLeaf, Standstill, UnusableValueError, robot_estimate, stamped_pose
+from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.record import MissionRecord, Standing
+from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
+
+
+@dataclass(eq=False, repr=False)
+class NotHeld(RosLeaf):
+    """Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.
+
+    In front of the mission in a ReactiveSequence a failure halts the mission, which cancels the goal; then the mission is
+    started again. The services are on the mission's node: `~/pause`, `~/resume`, `~/skip_zone` (the current one; all
+    three `std_srvs/srv/Trigger`), `~/add_zone` (`sar_interfaces/srv/AddZone`) and `~/judge_survivor`
+    (`sar_interfaces/srv/JudgeSurvivor`).
+
+    Args:
+        orders: The commands that were given.
+        zone_manager: The mission's zones.
+        fence: The geofence, for zones that are added.
+        record: Where orders are noted.
+    """
+
+    name: str
+    orders: OperatorOrders
+    zone_manager: ZoneManager
+    _: KW_ONLY
+    fence: Fence = field(default_factory=Fence)
+    record: MissionRecord = field(default_factory=MissionRecord)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.name)
+
+    def setup(self, **kwargs: Any) -> None:
+        """Offer the services."""
+        super().setup(**kwargs)
+        carry_out: dict[str, Callable[[Any], str | None]] = {
+            "pause": lambda _: self.orders.give("pause"),
+            "resume": lambda _: self.orders.give("resume"),
+            "skip_zone": self._skip_zone,
+            "add_zone": self._add_zone,
+            "judge_survivor": self._judge,
+        }
+        for command, action in carry_out.items():
+            self.orders.offer(self.node, command, partial(self._answer, command, action))
+
+    def update(self) -> Status:
+        """Look at the orders."""
+        orders = self.orders
+        if orders.plan_change:
+            label = "zone skipped" if orders.has_skipped else "plan changed"
+            self.feedback_message = f"the plan has changed: {orders.plan_change}"
+            orders.plan_change, orders.has_skipped = "", False
+            self._wake()
+            return self.answer(Status.FAILURE, label)
+        self.feedback_message = orders.said("pause") if orders.held else ""
+        return self.answer(Status.FAILURE, "held") if self.orders.held else Status.SUCCESS
+
+    def shutdown(self) -> None:
+        """Withdraw the services."""
+        self.orders.withdraw()
+        super().shutdown()
+
+    def _answer(
+        self, command: str, carry_out: Callable[[Any], str | None], request: Any, response: Any
+    ) -> Any:
+        """Answer a command: it is refused if carrying it out returns what is wrong with it."""
+        refusal = carry_out(request)
+        response.success, response.message = not refusal, refusal or "done"
+        if refusal:
+            self.complain(self.orders.line(command, f"refused, {refusal}"))
+        else:
+            self.say(self.orders.line(command))
+            self._wake()
+        return response
+
+    def _skip_zone(self, _: Any) -> str:
+        if not self.zone_manager.has_remaining():
+            return "no zone is left"
+        zone_id, by = self.zone_manager.current_zone()["id"], self.orders.author
+        self.zone_manager.abandon(f"skipped by {by}")
+        self.orders.change_plan(f"{zone_id} was skipped by {by}", skips=True)
+        return ""
+
+    def _add_zone(self, request: Any) -> str:
+        zone_id = request.zone_id
+        if not zone_id or self.zone_manager.knows(zone_id):
+            return f"there is a zone '{zone_id}' already" if zone_id else "the zone has no name"
+        try:
+            pose = stamped_pose(request.pose, MAP_FRAME)
+        except UnusableValueError as error:
+            return str(error)
+        if not self.fence.contains(pose.x, pose.y):
+            return f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
+        # On the way home already: the mission begins anew, with this zone.
+        if not self.zone_manager.has_remaining():
+            self.orders.change_plan(f"{zone_id} was added by {self.orders.author}")
+        self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=pose.yaw))
+        return ""
+
+    def _judge(self, request: Any) -> str:
+        survivor_id, same_as = request.survivor_id, request.same_as
+        standing = _STANDINGS.get(request.verdict)
+        if standing is None:
+            return f"there is no verdict {request.verdict}"
+        if self.record.survivor(survivor_id) is None:
+            return f"there is no '{survivor_id}'"
+        merged = standing is Standing.MERGED
+        if merged and (same_as == survivor_id or self.record.survivor(same_as) is None):
+            return f"'{survivor_id}' cannot be merged with '{same_as}'"
+        self.record.survivor_judged(survivor_id, standing, same_as if merged else None)
+        return ""
+
+
+class AwaitStandstill(RosLeaf):
+    """Wait until the robot stands by its odometry: RUNNING while it moves, for `settle_timeout_sec` at most, then SUCCESS with a warning.
+
+    Without odometry a robot stands as soon as the mission's goals have ended. With odometry they must have ended as well,
+    those of every action: one that stands may be about to go on, and nobody knows of an action whether it moves the robot.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._rest: Standstill | None = None
+
+    def setup(self, **kwargs: Any) -> None:
+        """Begin to listen to the odometry."""
+        super().setup(**kwargs)
+        robot_estimate(self.node)
+
+    def initialise(self) -> None:
+        """Wait anew."""
+        self._rest = Standstill(self, self._wake, "it was told to stand", with_goals=True)
+
+    def update(self) -> Status:
+        """Look at the goals and at the odometry."""
+        return Status.RUNNING if self._rest is not None and self._rest.is_awaited() else Status.SUCCESS
+
+    def terminate(self, new_status: Status) -> None:
+        """Wait no longer if the leaf was interrupted."""
+        if new_status is Status.INVALID and self._rest is not None:
+            self._rest.give_up()
+
+
+# The constants of sar_interfaces/srv/JudgeSurvivor.
+_STANDINGS = {1: Standing.CONFIRMED, 2: Standing.REJECTED, 3: Standing.MERGED}

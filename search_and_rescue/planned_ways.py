@@ -1,0 +1,146 @@
+"""How long ways are, by Nav2's planner."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.leaves import (
+    SUCCEEDED,
+    ActionQuestions,
+    Deadline,
+    LeafDefinitionError,
+    UnusableValueError,
+    path_points,
+    turn_by,
+)
+from search_and_rescue.actions.navigation import describe_end
+from search_and_rescue.zone_manager import (
+    DETOUR,
+    MAP_FRAME,
+    MapPose,
+    PosePair,
+    ZoneManager,
+)
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+_ACTION = "compute_path_to_pose"
+
+
+class PlannedWays:
+    """Asks the planner for ways, one after the other, and lets the zones know how long they are.
+
+    Args:
+        node: The mission's node.
+        zones: Hear of each way.
+        timeout_sec: How long all answers together may take, seconds of the machine's clock.
+        planner_id: Which of the server's planners is asked; empty for its only one.
+        wake: Called when the last answer has come.
+    """
+
+    def __init__(
+        self, node: "Node", zones: ZoneManager, timeout_sec: float, planner_id: str, wake: Callable[[], None]
+    ) -> None:
+        self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
+        self._planner: ActionQuestions | None = None
+        # The interfaces of an environment that was made earlier may lack this action.
+        with suppress(LeafDefinitionError):
+            self._planner = ActionQuestions(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
+        # A planner computes by the machine's clock, also where a simulation is faster than that.
+        self._due = Deadline(0.0)
+        self._ways: Sequence[PosePair] = ()
+        self._left: list[PosePair] = []
+        self._is_waiting = False
+        self._reasons: set[str] = set()
+        self._told = ""
+
+    def ask(self, ways: Sequence[PosePair]) -> None:
+        """Ask for those of the ways that are not known yet; where there is no server, for none."""
+        self.give_up()
+        self._ways, self._reasons = ways, set()
+        self._left = [way for way in ways if not self._zones.knows_way(*way)]
+        self._due = Deadline(self._timeout_sec)
+        if self._left and (self._planner is None or not self._planner.has_server):
+            self._stop(f"no server of {_ACTION} is there")
+
+    def are_awaited(self) -> bool:
+        """Return whether an answer is still to come; sends the first question as soon as the server can be asked."""
+        if self._left and self._due.passed:
+            self._stop(f"no answer within {self._timeout_sec:g} s")
+        elif self._left and not self._is_waiting:
+            self._go_on()
+        return bool(self._left)
+
+    def shortfall(self) -> str:
+        """Return how many of the ways are taken as straight lines, and why; empty if all are known."""
+        unknown = sum(not self._zones.knows_way(*way) for way in self._ways)
+        if not unknown:
+            return ""
+        return f"{unknown} of {len(self._ways)} ways by straight lines times {DETOUR:g}: {self._reason}"
+
+    def news(self) -> str:
+        """Return the shortfall, once for each reason."""
+        told, self._told = self._told, self._reason
+        return self.shortfall() if self._reason != told else ""
+
+    @property
+    def _reason(self) -> str:
+        return ", ".join(sorted(self._reasons))
+
+    def give_up(self) -> None:
+        """Ask no further; what is answered later is ignored."""
+        self._left, self._is_waiting = [], False
+        if self._planner is not None:
+            self._planner.give_up()
+
+    def release(self) -> None:
+        """Ask no more at all."""
+        self.give_up()
+        if self._planner is not None:
+            self._planner.release()
+
+    def _stop(self, reason: str) -> None:
+        self.give_up()
+        self._reasons.add(reason)
+
+    def _go_on(self) -> None:
+        if self._planner is not None and self._planner.is_ready:
+            self._is_waiting = True
+            self._planner.ask(self._goal(*self._left[0]), self._take)
+
+    def _goal(self, start: MapPose, target: MapPose) -> Any:
+        assert self._planner is not None  # noqa: S101 - asked by whoever calls
+        goal = self._planner.interface.Goal(planner_id=self._planner_id, use_start=True)
+        for message, pose in ((goal.start, start), (goal.goal, target)):
+            message.header.frame_id = MAP_FRAME
+            message.pose.position.x, message.pose.position.y = float(pose["x"]), float(pose["y"])
+            turn_by(message.pose.orientation, pose["yaw"])
+        return goal
+
+    def _take(self, status: int, result: Any) -> None:
+        """Note the answer, and ask for the next way."""
+        start, target = self._left.pop(0)
+        self._is_waiting = False
+        try:
+            points = path_points(result.path) if status == SUCCEEDED else []
+        except UnusableValueError as error:
+            points, why = [], f"its path has a point where {error}"
+        else:
+            why = describe_end(status, result) if status else "it rejects the question"
+        if points:
+            self._zones.learn_way(start, target, _length(start, points, target))
+        else:
+            self._reasons.add(f"the planner gives none: {why}")
+        if self._left:
+            self._go_on()
+        else:
+            self._wake()
+
+
+def _length(start: MapPose, points: Sequence[tuple[float, float]], target: MapPose) -> float:
+    """Return the length of a path from the start over its points to the target, metres."""
+    whole = [(start["x"], start["y"]), *points, (target["x"], target["y"])]
+    return math.fsum(math.dist(*step) for step in itertools.pairwise(whole))

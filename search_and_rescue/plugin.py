@@ -1,0 +1,100 @@
+"""Search and rescue as a mission: the plug-in of the entry point `sar_compiler.missions`."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from sar_compiler.missions import Mission, ParameterReader, shipped
+from search_and_rescue.actions.coming_home import ReturnInReach
+from search_and_rescue.actions.navigation import NavigateToBase
+from search_and_rescue.actions.sweeping import PlanSweep
+from search_and_rescue.areas import (
+    AREA_KEYS,
+    note_surprises,
+    read_areas,
+    read_grounds,
+    read_priorities,
+)
+from search_and_rescue.areas_file import AREAS_FILE, take_areas_file
+from search_and_rescue.conditions import ZonesRemaining
+from search_and_rescue.hiding import HIDDEN, read_hiding
+from search_and_rescue.homing import (
+    CHARGING,
+    ENERGY,
+    Homing,
+    read_charging,
+    read_homing,
+)
+from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.record import DUPLICATE_RADIUS_M, KeptReports, MissionRecord
+from search_and_rescue.search import Search
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import Fence, ZoneManager, read_fence
+
+
+class SearchAndRescue(Mission):
+    """Search zones for survivors, report them, come home."""
+
+    name = "search_and_rescue"
+    context_types = (ZoneManager, MissionRecord, KeptReports, OperatorOrders, Fence, Homing, Sweeps)
+    parameter_names = (
+        "zone_order",
+        "zones",
+        "base_station",
+        "survivors",
+        "geofence",
+        "duplicate_radius_m",
+        ENERGY,
+        CHARGING,
+        HIDDEN,
+        AREAS_FILE,
+    )
+    path_parameters = (AREAS_FILE,)
+    faults = {"detect_survivor": ("drop", "delay"), "report_survivor": ("drop", "delay", "refuse")}  # noqa: RUF012
+    default_tree = "search_and_rescue"
+    is_resumable = True
+
+    def default_parameters(self) -> Path:
+        """Return the shipped file."""
+        return shipped("config", "mission_params.yaml")
+
+    def default_properties(self, leaves: Collection[type]) -> Path | None:
+        """Return the shipped file for a tree that visits the zones and returns home: others if it may return early, or sweeps."""
+        if not {ZonesRemaining, NavigateToBase} <= set(leaves):
+            return None
+        early = "search_areas" if ReturnInReach in leaves else "mission"
+        return shipped("config", f"{'search_sweeps' if PlanSweep in leaves else early}_properties.yaml")
+
+    def begin(self, reader: ParameterReader) -> "Search":
+        """Begin a run with no zone visited."""
+        take_areas_file(reader)
+        zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
+        radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
+        speed, fence = reader.cruise_speed(), read_fence(reader)
+        grounds = read_grounds(reader, zones, fence)
+        sweeps_sec: dict[str, float] = {}
+        # What is reported already may be no number to divide by.
+        if not reader.problems:
+            sweeps_sec = {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
+            note_surprises(reader, zones, grounds)
+        areas, priorities = read_areas(reader, zones, sweeps_sec), read_priorities(reader, zones)
+        plan = ZoneManager(
+            zones,
+            base,
+            areas=areas,
+            priorities=priorities,
+            speed_mps=speed,
+            charging=read_charging(reader, fence),
+        )
+        sweeps = Sweeps(grounds)
+        homing = read_homing(reader, plan, sweeps, speed)
+        return Search(
+            plan,
+            MissionRecord(radius),
+            fence=fence,
+            homing=homing,
+            sweeps=sweeps,
+            hides=read_hiding(reader, areas),
+        )
+
+
+MISSION = SearchAndRescue()

@@ -1,0 +1,476 @@
+"""One run of the mission: what its facts make of the plan, the record, the reports and the orders, and what is shown of that."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+from sar_compiler.missions import (
+    OF_EVERY_MISSION,
+    Alarm,
+    Display,
+    Figure,
+    Journal,
+    JournalEntry,
+    Landmark,
+    LandmarkKind,
+    Level,
+    MissionPhase,
+    MissionRun,
+    SearchedArea,
+    Verb,
+    clock_text,
+)
+from search_and_rescue import search_events
+from search_and_rescue.homing import Homing
+from search_and_rescue.orders import SENTENCES, VERBS, OperatorOrders
+from search_and_rescue.record import (
+    UNSEARCHED,
+    DoneBefore,
+    FoundSurvivor,
+    KeptReports,
+    MissionRecord,
+    Standing,
+    how_given_up,
+)
+from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.zone_manager import DETOUR, Fence, Zone, ZoneManager
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sar_compiler.missions import FaultPlan
+
+KINDS = (
+    LandmarkKind("zone", "zones"),
+    LandmarkKind(
+        "survivor", "survivors", "triangle", is_found=True, event="survivor found by a search robot"
+    ),
+    LandmarkKind("base", "base", "house"),
+    LandmarkKind("geofence", "geofence"),
+    LandmarkKind("area", "areas", shaded_by="probability now"),
+    LandmarkKind("gap", "gaps"),
+)
+"""What a search shows on the map."""
+CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
+"""What it shows as well where there are such."""
+# Of an order of visits in the log.
+_MOST_LINES = 20
+# As of a log line: it comes home, and means to go on.
+_WARNING = 30
+BASE = "base station"
+"""The base station's name."""
+
+
+@dataclass(eq=False, repr=False)
+class Search(MissionRun):
+    """A search: its parts share one journal, and each fact changes all that it concerns.
+
+    Args:
+        zones: The plan.
+        record: What has happened.
+        orders: The commands that were given.
+        fence: The geofence.
+        homing: What it takes to come home; with the default rates if None.
+        sweeps: The ground of zones that can be swept, and what has become of it.
+        hides: Whether somebody hides in the simulator, instead of the survivors of its table.
+    """
+
+    zones: ZoneManager
+    record: MissionRecord = field(default_factory=MissionRecord)
+    orders: OperatorOrders = field(default_factory=OperatorOrders)
+    _: KW_ONLY
+    fence: Fence = field(default_factory=Fence)
+    homing: Homing | None = None
+    sweeps: Sweeps = field(default_factory=Sweeps)
+    hides: bool = False
+
+    def __post_init__(self) -> None:
+        self.kept = KeptReports()
+        zones = self.zones
+        self._home = self.homing or Homing(zones, sweeps=self.sweeps)
+        parts = (zones, self.record, self.kept, self.orders, self.fence, self._home, self.sweeps)
+        self.context = {type(part): part for part in parts}
+        self.kinds = (
+            *KINDS,
+            *([CHARGING_KIND] if zones.charging else ()),
+        )
+        self._identity: dict[str, object] = {
+            "zones": zones.remaining_zones(),
+            "base_station": zones.base_pose(),
+        }
+        if zones.areas:
+            self._identity["areas"] = {name: list(area) for name, area in zones.areas.items()}
+        if zones.charging:
+            self._identity["charging"] = dict(zones.charging)
+        if self.sweeps.grounds:
+            self._identity["grounds"] = {name: list(ground) for name, ground in self.sweeps.grounds.items()}
+        self._plan = {zone["id"]: zone for zone in zones.remaining_zones()}
+        self._zones_at_start = zones.total_zones()
+        self._share(Journal(apply=self.apply))
+
+    def greeting(self) -> list[str]:
+        """Return the number of zones, the pose of the base station, and with probabilities the order that finds soonest."""
+        base = self.zones.base_pose()
+        return [
+            f"Loaded {self.zones.total_zones()} search zones from parameters.",
+            f"Base station at ({base['x']:.2f}, {base['y']:.2f}, yaw={base['yaw']:.2f}).",
+            *(self._order_of_visits() if self.zones.areas else ()),
+        ]
+
+    def _order_of_visits(self) -> list[str]:
+        """Return the order that `ChooseZone order="expected_find"` begins with: when each look ends, and what it brings."""
+        # Where no probabilities are given, nobody needs NumPy to begin.
+        from search_and_rescue.zone_order import approximation, ordered
+
+        zones, groups = list[Zone](), self.zones.by_urgency()
+        for group in groups:
+            tour = self.zones.tour(group, zones[-1] if zones else None)
+            zones += [group[area] for area in ordered("expected_find", tour)]
+        tour, order = self.zones.tour(zones), range(len(zones))
+        pos, lines = 0.0, list[str]()
+        for area, end in enumerate(tour.ends(order)):
+            pos += tour.finds[area]
+            lines.append(f"  {zones[area]['id']}: searched after {end:.0f} s, POS {pos:.0%}")
+        if len(lines) > _MOST_LINES:
+            lines[_MOST_LINES - 2 : -1] = [f"  … {len(lines) - _MOST_LINES + 1} more zones …"]
+        soon = f"{tour.expected_find(order):.0f} s to the first find, if there is one"
+        largest = max(map(len, groups), default=0)
+        how = f"; {largest} zones are ordered by {found}" if (found := approximation(largest)) else ""
+        return [f"By expected_find ({soon}; ways are straight lines times {DETOUR:g}{how}):", *lines]
+
+    def identity(self) -> dict[str, object]:
+        """Return the zones in their order, with their probabilities if there are any, and the base station."""
+        return self._identity
+
+    def keep_in(self, journal: Journal) -> None:
+        """Take over what earlier runs have done, and keep the facts from now on.
+
+        Raises:
+            JournalError: If the facts are not those of a search.
+        """
+        journal.attach(self, self.kinds)
+        self.record.before = DoneBefore.of(journal.facts())
+        self._share(journal)
+
+    def _share(self, journal: Journal) -> None:
+        self.zones.journal = self.record.journal = self.orders.journal = self.sweeps.journal = journal
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change the state by a fact.
+
+        Raises:
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        if fact.kind not in _SENTENCES and fact.kind not in OF_EVERY_MISSION:
+            # Also of a journal that a newer version has written: a run resumed without the event would not be that mission.
+            raise ValueError(f"this version knows no event '{fact.kind}'")
+        for part in (self.zones, self.kept, self.record, self.orders, self.sweeps):
+            part.apply(fact)
+        if fact.kind in (search_events.ZONE_ADDED, search_events.AREA_DRAWN):
+            self._plan |= {zone["id"]: zone for zone in self.zones.remaining_zones()}
+
+    def display(self) -> Display:
+        """Return what is shown of it: zones, survivors, the base station; how far it is."""
+        survivors, zones = self.record.survivors, self.zones
+        found = map(_survivor, survivors, count(1))
+        poa_map = zones.poa_map()
+        likely = poa_map.now()
+        zones_shown = [self._zone(zone, likely) for zone in self._plan.values()]
+        places = self._base(), *self._charging(), *self._area()
+        landmarks = [*zones_shown, *found, *places, *self._grounds(zones_shown, likely)]
+        figures = [
+            Figure("zones visited", len(self.record.zones_visited), zones.total_zones()),
+            Figure("survivors found", len(survivors)),
+            Figure("survivors reported", sum(each.acknowledged for each in survivors)),
+        ]
+        if zones.areas:
+            figures.append(Figure("probability of success", round(100 * poa_map.pos(), 1), unit="%"))
+            if (first := self.record.first_find_sec) is not None:
+                figures.append(Figure("first find after", round(first, 1), unit="s"))
+        if self.sweeps.grounds:
+            swept = sum(self.sweeps.of(zone).metres for zone in self.sweeps.grounds)
+            figures.append(Figure("swept", round(swept, 1), unit="m"))
+            seen, whole = self.sweeps.seen_m2()
+            figures.append(Figure("seen", round(seen), round(whole), "m²"))
+        figures += self._home.figures()
+        alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
+        if self.record.homing_for:
+            alarms.append(Alarm(_home_first(self.record.homing_for, self.record.homing_to), level=_WARNING))
+        return Display(landmarks, figures, alarms=alarms, phase=self._phase(), rasters=self.sweeps.layers())
+
+    def _phase(self) -> MissionPhase:
+        orders, at_base = self.orders, BASE if self.record.home else ""
+        place = self.record.zone or self.record.charging_at or at_base
+        name = "aborted" if "abort" in orders.given else "held" if orders.held else ""
+        why = ""
+        if name:
+            why = f"by {orders.given['abort' if name == 'aborted' else 'pause']}"
+        elif "go_home" in orders.given:
+            why = orders.said("go_home")
+        if self.record.homing_for and place in (BASE, *self.zones.charging) and not name:
+            name, why = "waiting", "for another battery"
+        return MissionPhase(name, why, place)
+
+    def _zone(self, zone: Zone, likely: Mapping[str, float]) -> Landmark:
+        known, name = self.record.of_zone(zone["id"]), zone["id"]
+        # A robot may have been there, and nobody has looked.
+        is_searched = known.searched is not None
+        if name in self.record.zones_visited:
+            state = "visited" if is_searched else UNSEARCHED
+            level = Level.DONE if is_searched else Level.GIVEN_UP
+        elif known.given_up:
+            state = "searched, abandoned" if is_searched else "abandoned"
+            level = Level.DONE if is_searched else Level.GIVEN_UP
+        elif name == self.record.zone:
+            state, level = "searched" if self.record.is_searched else "under way", Level.IN_HAND
+        else:
+            state, level = "postponed" if known.attempts and known.left else "open", Level.TO_COME
+        details = {
+            "attempts": known.attempts,
+            "started": known.started,
+            "searched": known.searched,
+            "left": known.left,
+            "somebody out of place": known.unplaced,
+        }
+        if name in likely:
+            details["probability now"] = f"{likely[name]:.1%}"
+        # The state says the rest of the sentence.
+        reason = known.given_up.removeprefix("given up: ").removeprefix("abandoned ")
+        return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
+
+    def _base(self) -> Landmark:
+        base, home = self.zones.base_pose(), self.record.home
+        return Landmark(
+            "base", BASE, base["x"], base["y"], "home" if home else "", Level.DONE if home else Level.TO_COME
+        )
+
+    def _charging(self) -> Iterator[Landmark]:
+        for name, pose in self.zones.charging.items():
+            is_there = name == self.record.charging_at
+            state, level = ("the robot is there", Level.IN_HAND) if is_there else ("", Level.TO_COME)
+            yield Landmark("charging place", name, pose["x"], pose["y"], state, level)
+
+    def _area(self) -> list[Landmark]:
+        corners = self.fence.corners
+        return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
+
+    def _grounds(self, zones: Sequence[Landmark], likely: Mapping[str, float]) -> Iterator[Landmark]:
+        """Yield the outlines that are swept, each as far as its zone is, and the gaps in them."""
+        for zone in zones:
+            ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.of(zone.name)
+            if ground is None:
+                continue
+            state = f"{sweep.done} of {len(sweep.pieces)} pieces" if sweep.passes else ""
+            yield zone._replace(
+                kind="area",
+                state=state,
+                reason="",
+                corners=ground.polygon,
+                details=self._swept(zone.name, likely),
+                shade=round(likely[zone.name], 4) if zone.name in likely else None,
+            )
+            for number, gap in enumerate(sweep.gaps, 1):
+                name = f"{zone.name} gap {number}"
+                yield Landmark("gap", name, *gap[0], level=Level.GIVEN_UP, within=zone.name, corners=gap)
+
+    def _swept(self, zone: str, likely: Mapping[str, float]) -> dict[str, object]:
+        """Return what is known of the sweep of a zone, in the words of the manuals."""
+        ground, sweep = self.sweeps.grounds[zone], self.sweeps.of(zone)
+        before = self.zones.areas.get(zone)
+        return {
+            "POA before": f"{before.poa:.1%}" if before else "",
+            "POA now": f"{likely[zone]:.1%}" if before else "",
+            "sweep width W": f"{ground.sweep_width:g} m",
+            "track length L": f"{sweep.metres:.1f} m",
+            "area A": f"{sweep.area_m2:.1f} m²" if sweep.area_m2 else "",
+            "coverage C": f"{sweep.coverage:.2f}",
+            "POD": f"{sweep.pod:.1%}",
+            "POD if legs were kept": "" if (of_legs := sweep.pod_of_legs) is None else f"{of_legs:.1%}",
+            "seen": f"{sweep.seen:.1%}",
+            "passes": sweep.passes,
+            "pieces skipped": sweep.skipped,
+            "gaps": len(sweep.gaps),
+        }
+
+    def sentence(self, fact: JournalEntry) -> str:
+        """Return a fact as a sentence."""
+        say = _SENTENCES.get(fact.kind)
+        return say(**fact.data) if say is not None else ""
+
+    def facts(self) -> dict[str, int]:
+        """Return the number of zones."""
+        return {"zones_left": self.zones.total_zones()}
+
+    def facts_added(self) -> dict[str, int]:
+        """Return how many zones commands have added since `facts` was asked first."""
+        return {"zones_left": self.zones.total_zones() - self._zones_at_start}
+
+    def limits(self) -> dict[str, int]:
+        """Return that a sweep may have any number of pieces, and that any number of commands may be given."""
+        return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
+
+    def verbs(self) -> Sequence[Verb]:
+        """Return the orders that guarded trees heed."""
+        return VERBS
+
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Return the positions of the zones."""
+        return {zone["id"]: (zone["x"], zone["y"]) for zone in self.zones.remaining_zones()}
+
+    def route(self) -> list[tuple[str, float, float]]:
+        """Return the zones that are left, and the base station."""
+        base = self.zones.base_pose()
+        zones = [(zone["id"], zone["x"], zone["y"]) for zone in self.zones.remaining_zones()]
+        return [*zones, ("base station", base["x"], base["y"])]
+
+    def may_visit(self) -> list[tuple[str, float, float]]:
+        """Return the charging places."""
+        return [(name, pose["x"], pose["y"]) for name, pose in self.zones.charging.items()]
+
+    def searched_areas(self) -> list[SearchedArea]:
+        """Return the grounds of the zones that are left, swept once at coverage 1."""
+        left = {zone["id"] for zone in self.zones.remaining_zones()}
+        return [
+            SearchedArea(zone, ground.polygon, ground.sweep_width)
+            for zone, ground in self.sweeps.grounds.items()
+            if zone in left
+        ]
+
+    def allows(self, x: float, y: float) -> bool:
+        """Return whether a position is inside the geofence."""
+        return self.fence.contains(x, y)
+
+    def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
+        """Create the two servers."""
+        from search_and_rescue.hiding import Hiding
+        from search_and_rescue.servers import DetectSurvivorServer, ReportSurvivorServer
+
+        areas, grounds = self.zones.areas, self.sweeps.grounds
+        hiding = Hiding(self._plan, areas, faults.seed, grounds) if self.hides else None
+        return [
+            DetectSurvivorServer(faults.for_service("detect_survivor"), hiding, **options),
+            ReportSurvivorServer(faults=faults.for_service("report_survivor"), **options),
+        ]
+
+    def shortfalls(self) -> list[str]:
+        """Return what is not yet visited, acknowledged, or home."""
+        return self.record.shortfalls(self.zones)
+
+    def remarks(self) -> list[str]:
+        """Return which zones were visited and not searched."""
+        return self.record.remarks()
+
+    def nothing_left(self) -> str:
+        """Return that no zone is left, once that is so."""
+        return "" if self.zones.has_remaining() else "No zone is left"
+
+    def summary(self, elapsed_sec: float, ticks: int) -> str:
+        """Return the zones, the survivors, the return home, and what is missing."""
+        record, visited = self.record, self.record.zones_visited
+        shortfalls = self.shortfalls()
+        names = f" ({', '.join(visited)})" if visited else ""
+        return "\n".join(
+            (
+                f"Summary: the mission is {'incomplete' if shortfalls else 'complete'}.",
+                f"  zones visited:   {len(visited)} of {self.zones.total_zones()}{names}",
+                *([f"  {UNSEARCHED}: {', '.join(record.unsearched)}"] if record.unsearched else []),
+                *_survivor_lines(record),
+                f"  back at base:    {'yes' if record.home else 'no'}",
+                f"  duration:        {clock_text(elapsed_sec)}, {ticks} ticks",
+                *(f"  missing:         {line}" for line in shortfalls),
+            )
+        )
+
+
+def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
+    given_up = Level.GIVEN_UP if not survivor.counts else None
+    level = given_up or (Level.DONE if survivor.acknowledged else Level.IN_HAND)
+    name, standing = survivor.survivor_id or f"find {number}", survivor.standing
+    who = f"{'the same as' if standing is Standing.MERGED else 'possibly'} {survivor.possibly}"
+    details = {
+        "report": survivor.report,
+        "found": survivor.found_at,
+        "sent": survivor.sent_at,
+        "acknowledged": survivor.acknowledged_at,
+    }
+    return Landmark(
+        "survivor",
+        name,
+        survivor.x,
+        survivor.y,
+        standing.value,
+        level,
+        who if survivor.possibly or standing is Standing.MERGED else "",
+        within=survivor.zone_id,
+        is_certain=standing is Standing.CONFIRMED,
+        details=details,
+    )
+
+
+def _at(x: float, y: float) -> str:
+    return f"({x:.2f}, {y:.2f})"
+
+
+def _searched(zone: str, survivor: Sequence[float] | None) -> str:
+    return f"searched {zone}: {'nobody' if survivor is None else f'somebody at {_at(*survivor)}'}"
+
+
+def _planned(zone: str, pattern: str, spacing: float, pieces: Sequence[object]) -> str:
+    return f"planned to sweep {zone} in {len(pieces)} pieces ({pattern}, {spacing:g} m apart)"
+
+
+def _piece_swept(zone: str, piece: int, pod: float, seen: float, **_more: object) -> str:
+    return f"swept piece {piece + 1} of {zone}: {seen:.0%} seen, POD {pod:.0%}"
+
+
+def _abandoned(zone: str, attempts: int, reason: str) -> str:
+    return f"{zone} was {how_given_up(attempts, reason)}"
+
+
+def _named(survivor: str, x: float, y: float, possibly: str | None = None) -> str:
+    return f"named {survivor} at {_at(x, y)}{f', possibly {possibly}' if possibly else ''}"
+
+
+def _home_first(reason: str, to: str) -> str:
+    return f"{reason}: {to or 'home'} first"
+
+
+# More pieces than any sweep has, and more commands than anybody gives.
+_ANY_NUMBER = 1_000_000_000
+
+_SENTENCES: Mapping[str, Callable[..., str]] = {
+    **SENTENCES,
+    search_events.ZONE_CHOSEN: lambda zone: f"chose {zone}",
+    search_events.SWEEP_PLANNED: _planned,
+    search_events.PIECE_SWEPT: _piece_swept,
+    search_events.PIECE_SKIPPED: lambda zone, piece, reason: f"skipped piece {piece + 1} of {zone}: {reason}",
+    search_events.ZONE_STARTED: lambda zone: f"set out for {zone}",
+    search_events.ZONE_SEARCHED: _searched,
+    search_events.SURVIVOR_UNPLACED: lambda zone, reason: (
+        f"somebody in {zone} at no usable position: {reason}"
+    ),
+    search_events.ZONE_VISITED: lambda zone: f"{zone} was visited",
+    search_events.ZONE_POSTPONED: lambda zone: f"{zone} was postponed",
+    search_events.ZONE_ABANDONED: _abandoned,
+    search_events.SURVIVOR_NAMED: _named,
+    search_events.REPORT_SENT: lambda survivor: f"reported {survivor}",
+    search_events.REPORT_KEPT: lambda survivor, **_place: f"the report of {survivor} is kept",
+    search_events.REPORT_ACKNOWLEDGED: lambda survivor: f"base has acknowledged {survivor}",
+    search_events.HOME_FIRST: lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005
+    search_events.CHARGING_REACHED: lambda place: f"reached charging place {place}",
+    search_events.CHARGED: lambda share: f"the battery is at {share:.0%}, and suffices",
+    search_events.ALARMED: lambda reason: f"alarm: {reason}",
+    search_events.BASE_REACHED: lambda: "reached the base station",
+}
+
+
+def _survivor_lines(record: MissionRecord) -> list[str]:
+    label = "  survivors found: "
+    if not record.survivors:
+        return [f"{label}none"]
+    told = [
+        f"{survivor}, {'acknowledged' if survivor.acknowledged else 'NOT acknowledged'}"
+        for survivor in record.survivors
+    ]
+    return [f"{label}{told[0]}", *(" " * len(label) + line for line in told[1:])]

@@ -1,0 +1,46 @@
+"""The two servers as commands, `sar-detect-survivor-server` and `sar-report-survivor-server`.
+
+ROS is imported by `serve`, which says what is wrong where there is none.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from sar_compiler.missions import serve
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
+    from rclpy.node import Node
+
+
+DETECT = (
+    "sar-detect-survivor-server",
+    "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). The parameters survivors.<zone>.x and .y replace the survivors it knows of.",
+)
+REPORT = (
+    "sar-report-survivor-server",
+    "Serve report_survivor (sar_interfaces/srv/ReportSurvivor): acknowledge survivors reported in map.",
+)
+"""The name and the description of each command."""
+
+
+def detect(argv: Sequence[str] | None = None) -> int:
+    """Run `sar-detect-survivor-server` and return its exit status."""
+    return serve(_detector, *DETECT, argv)
+
+
+def report(argv: Sequence[str] | None = None) -> int:
+    """Run `sar-report-survivor-server` and return its exit status."""
+    return serve(_base, *REPORT, argv)
+
+
+def _detector(context: "Context", arguments: list[str]) -> "Node":
+    from search_and_rescue.servers import DetectSurvivorServer
+
+    return DetectSurvivorServer(context=context, cli_args=arguments)
+
+
+def _base(context: "Context", arguments: list[str]) -> "Node":
+    from search_and_rescue.servers import ReportSurvivorServer
+
+    return ReportSurvivorServer(context=context, cli_args=arguments)

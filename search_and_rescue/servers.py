@@ -1,0 +1,135 @@
+"""The two servers of the mission: `detect_survivor`, which looks for survivors, and `report_survivor`, the base station."""
+
+import math
+from typing import Any
+
+from geometry_msgs.msg import PointStamped
+from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
+
+from sar_compiler.leaves import UnusableValueError, planar_point, robot_estimate
+from sar_compiler.missions import (
+    DataNode,
+    ServiceFaults,
+    create_service,
+    flat_parameters,
+    lookalikes,
+    short_line,
+)
+from search_and_rescue.hiding import Hiding
+from search_and_rescue.zone_manager import MAP_FRAME, read_survivors
+
+SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
+"""The survivors' default positions: x and y in metres in the frame `map`, by zone."""
+_SEEN_EVERY_SEC = 0.5
+
+
+class DetectSurvivorServer(DataNode):
+    """Answers from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default one.
+
+    In a zone with a `zones.<zone>.detection_range` (metres) somebody is found only from within that range of the robot. Who is, is published on
+    `survivor_detections` as well (`geometry_msgs/msg/PointStamped`, frame `map`), twice a second: whom one sees while one drives. Who hides is not.
+
+    Args:
+        faults: The faults to inject.
+        hiding: Who hides from it; then there is no table.
+        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
+
+    Raises:
+        ParameterError: If the table in the parameters is invalid.
+        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
+    """
+
+    def __init__(
+        self, faults: ServiceFaults | None = None, hiding: Hiding | None = None, **options: Any
+    ) -> None:
+        super().__init__("detect_survivor_server", **options)
+        parameters = flat_parameters(self)
+        table = read_survivors(parameters, SURVIVORS)
+        self._table, self._hiding = table, hiding
+        # The mission's parameters reach its servers as well where one file has them for all nodes.
+        ranges = {zone: parameters.get(f"zones.{zone}.detection_range") for zone in table}
+        self._ranges = {zone: reach for zone, reach in ranges.items() if isinstance(reach, int | float)}
+        depends_on_place = hiding.ground is not None if hiding else bool(self._ranges)
+        self._robot = robot_estimate(self) if depends_on_place else None
+        self._seen = self.create_publisher(PointStamped, "survivor_detections", 10)
+        if self._ranges and not hiding:
+            self.create_timer(_SEEN_EVERY_SEC, self._publish_seen)
+        for note in lookalikes(parameters, ["survivors", "zones"]):
+            self.get_logger().warning(note)
+        create_service(self, DetectSurvivor, "detect_survivor", self._answer, faults=faults)
+        self.get_logger().info("DetectSurvivor service ready.")
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        survivor, zone = self._look(request.zone_id), short_line(request.zone_id)
+        if survivor is None:
+            self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
+            return response
+        response.found = True
+        response.survivor_x, response.survivor_y = x, y = survivor
+        self.get_logger().info(f"Detection request for {zone}: FOUND at ({x:.2f}, {y:.2f})")
+        return response
+
+    def _publish_seen(self) -> None:
+        for zone in self._ranges:
+            if place := self._look(zone):
+                message = PointStamped()
+                message.header.frame_id, message.header.stamp = MAP_FRAME, self.get_clock().now().to_msg()
+                message.point.x, message.point.y = place
+                self._seen.publish(message)
+
+    def _look(self, zone: str) -> tuple[float, float] | None:
+        """Return where somebody is found in a zone; None if nobody is."""
+        place = self._robot.place() if self._robot is not None else None
+        robot = place[:2] if place is not None else None
+        if self._hiding is not None:
+            return self._hiding.look(zone, robot)
+        survivor = self._table.get(zone)
+        if survivor is None or zone not in self._ranges:
+            return survivor
+        return survivor if robot is not None and math.dist(robot, survivor) <= self._ranges[zone] else None
+
+
+class ReportSurvivorServer(DataNode):
+    """Acknowledges every report that is given in the frame `map`.
+
+    One that comes again, because its sender has not had the answer, is acknowledged again and counts once.
+
+    Args:
+        faults: The faults to inject.
+        options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
+
+    Raises:
+        RosArgumentError: If a name or a value in its arguments is not allowed for a node.
+    """
+
+    def __init__(self, faults: ServiceFaults | None = None, **options: Any) -> None:
+        super().__init__("report_survivor_server", **options)
+        self._received: set[str] = set()
+        create_service(
+            self, ReportSurvivor, "report_survivor", self._answer, refuse=self._refuse, faults=faults
+        )
+        self.get_logger().info("ReportSurvivor service ready.")
+
+    def _answer(self, request: Any, response: Any) -> Any:
+        try:
+            planar_point(request.location, MAP_FRAME)
+        except UnusableValueError as error:
+            return self._refuse(request, response, f": {error}")
+        response.acknowledged, report = True, _describe(request)
+        again = " again" if report in self._received else ""
+        self._received.add(report)
+        self.get_logger().info(f"Report received{again}: {report}. Acknowledged.")
+        if not again:
+            self.get_logger().info(
+                f"The point of {short_line(request.survivor_id)} is in frame '{MAP_FRAME}'."
+            )
+        return response
+
+    def _refuse(self, request: Any, response: Any, why: str = "") -> Any:
+        self.get_logger().warning(f"Report of {_describe(request)} refused{why}.")
+        return response
+
+
+def _describe(request: Any) -> str:
+    point = request.location.point
+    return f"{short_line(request.survivor_id)} at ({point.x:.2f}, {point.y:.2f})"

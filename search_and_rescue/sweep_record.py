@@ -1,0 +1,248 @@
+"""What is so of the sweeps of one mission: which pieces are open, and how well the ground was looked at."""
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from sar_compiler.missions import Journal, JournalEntry, RasterLayer, mission_context, position
+from search_and_rescue import search_events
+from search_and_rescue.areas import Corners, Ground
+from search_and_rescue.search_theory import pod_of_parallel_sweep
+from search_and_rescue.zone_manager import Fence, MapPose
+
+if TYPE_CHECKING:
+    from search_and_rescue.coverage import ObstacleMap, Raster
+
+
+_SEEN = ("area_m2", "coverage", "pod", "seen")
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What is so of the sweep of a zone.
+
+    Attributes:
+        pieces: The poses of the last plan, in their order.
+        done: How many of them are behind the robot, swept or skipped.
+        skipped: How many pieces of all plans were skipped.
+        passes: How many plans there were.
+        pattern: The last plan's.
+        spacing: The last plan's, metres.
+        metres: How far the robot has driven inside (L).
+        area_m2: How large what can be searched is (A), square metres.
+        coverage: The mean coverage (C).
+        pod: How likely all of it has found who is there, 0 to 1.
+        seen: The share of the ground that was seen at all, 0 to 1.
+        cells: The coverage, cell by cell, as `Raster` writes it.
+        layer: What is shown of it; None before the first piece.
+        gaps: The outlines of what is left to be looked at, as the end of a pass has found them.
+    """
+
+    pieces: tuple[MapPose, ...] = ()
+    done: int = 0
+    skipped: int = 0
+    passes: int = 0
+    pattern: str = ""
+    spacing: float = 0.0
+    metres: float = 0.0
+    area_m2: float = 0.0
+    coverage: float = 0.0
+    pod: float = 0.0
+    seen: float = 0.0
+    cells: str = ""
+    layer: RasterLayer | None = None
+    gaps: tuple[Corners, ...] = ()
+
+    @property
+    def pod_of_legs(self) -> float | None:
+        """The POD where the legs were kept: all of a first plan in legs was swept; None where that is not so."""
+        in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
+        return pod_of_parallel_sweep(self.coverage) if in_legs and not (self.left or self.skipped) else None
+
+    @property
+    def left(self) -> int:
+        """How many pieces are open."""
+        return len(self.pieces) - self.done
+
+    def told(self, zone: str) -> str:
+        """Return the current piece of a zone in words."""
+        return f"piece {self.done + 1}/{len(self.pieces)} of {zone}"
+
+    def result(self, zone: str) -> str:
+        """Return in words what the sweep of a zone has come to."""
+        return f"{zone}: {self.seen:.0%} seen, POD {self.pod:.0%}, {len(self.gaps)} gaps."
+
+
+@mission_context
+class Sweeps:
+    """The sweeps of one mission, shared by its leaves. Facts change what is so of them; what is driven is added up between two facts.
+
+    Args:
+        grounds: The ground of each zone that has one.
+
+    Attributes:
+        grounds: The ground of each zone that has one.
+        journal: Where it is written what becomes of sweeps: `sweep_planned`, `piece_swept`, `piece_skipped`.
+    """
+
+    def __init__(self, grounds: Mapping[str, Ground] | None = None) -> None:
+        self.grounds = dict(grounds or {})
+        self.journal = Journal(apply=self.apply)
+        self._sweeps: dict[str, Sweep] = {}
+        self._rasters: dict[str, Raster] = {}
+        self._driven: defaultdict[str, float] = defaultdict(float)
+
+    def of(self, zone: str) -> Sweep:
+        """Return what is so of the sweep of a zone."""
+        return self._sweeps.get(zone, Sweep())
+
+    def around(self, x: float, y: float) -> list[str]:
+        """Return the zones in whose outline a position is, metres, frame `map`."""
+        return [zone for zone, ground in self.grounds.items() if Fence(ground.polygon).contains(x, y)]
+
+    def seen_m2(self) -> tuple[float, float]:
+        """Return how much of all ground was seen at all, and how large that is, square metres: where it is swept, what can be searched of it."""
+        sweeps = {zone: self.of(zone) for zone in self.grounds}
+        seen = math.fsum(sweep.seen * sweep.area_m2 for sweep in sweeps.values())
+        sizes = [sweep.area_m2 or self.grounds[zone].area_m2 for zone, sweep in sweeps.items()]
+        return seen, math.fsum(sizes)
+
+    def layers(self) -> list[RasterLayer]:
+        """Return what is shown of the ground that was looked at."""
+        return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
+
+    def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "Raster":
+        """Return the coverage of the ground of a zone, with the map as it is now.
+
+        Raises:
+            ImportError: If shapely is not installed.
+        """
+        from search_and_rescue.coverage import Raster
+
+        if zone not in self._rasters:
+            self._rasters[zone] = Raster(self.grounds[zone], obstacles, self.of(zone).cells)
+        self._rasters[zone].obstacles = obstacles
+        return self._rasters[zone]
+
+    def drive(self, zone: str, path: Sequence[tuple[float, float]], obstacles: "ObstacleMap | None") -> None:
+        """Add a drive along positions in the frame `map`, metres; the next `piece_swept` has it."""
+        self._driven[zone] += self.raster(zone, obstacles).drive(path)
+
+    def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:
+        """Note the pieces of a sweep; pieces of an earlier plan that are open are dropped."""
+        places = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
+        self.journal.note(
+            search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=places
+        )
+
+    def advance(self, zone: str, obstacles: "ObstacleMap | None", until_pod: float) -> None:
+        """Note that the current piece was swept, and what was seen until then.
+
+        Args:
+            zone: The zone.
+            obstacles: The map.
+            until_pod: Ground that was looked at with less is a gap; gaps are looked for at the end of a pass.
+        """
+        sweep, raster = self.of(zone), self.raster(zone, obstacles)
+        gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.left <= 1 else []
+        self.journal.note(
+            search_events.PIECE_SWEPT,
+            zone=zone,
+            piece=sweep.done,
+            metres=round(self._driven.pop(zone, 0.0), 2),
+            area_m2=round(raster.area_m2(), 2),
+            coverage=round(raster.mean_coverage(), 4),
+            pod=round(raster.pod(), 4),
+            seen=round(raster.seen(), 4),
+            cells=raster.text(),
+            gaps=gaps,
+        )
+
+    def skip(self, zone: str, reason: str) -> None:
+        """Note that the current piece is left out, and why, in words."""
+        self.journal.note(search_events.PIECE_SKIPPED, zone=zone, piece=self.of(zone).done, reason=reason)
+
+    def apply(self, fact: JournalEntry) -> None:
+        """Change what is so by a fact.
+
+        Raises:
+            ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+        """
+        if (handle := self._HANDLERS.get(fact.kind)) is not None:
+            zone = fact.data["zone"]
+            self._sweeps[zone] = handle(self, self.of(zone), **{**fact.data, "zone": zone})
+
+    def _on_area_drawn(
+        self,
+        sweep: Sweep,
+        zone: str,
+        polygon: Sequence[Any],
+        sweep_width: Any,
+        detection_range: Any,
+        **_more: Any,
+    ) -> Sweep:
+        if sweep.passes:
+            raise ValueError(f"{zone} is swept then")
+        corners = tuple(position(*corner) for corner in polygon)
+        self.grounds[zone] = Ground(corners, _number(sweep_width), _number(detection_range))
+        self._rasters.pop(zone, None)
+        return sweep
+
+    def _on_sweep_planned(
+        self, sweep: Sweep, zone: str, pattern: str, spacing: Any, pieces: Sequence[Any]
+    ) -> Sweep:
+        if zone not in self.grounds:
+            raise ValueError(f"{zone} has no ground then")
+        poses = tuple(_pose(*piece) for piece in pieces)
+        planned = replace(sweep, pattern=str(pattern), spacing=_number(spacing))
+        return replace(planned, pieces=poses, done=0, passes=sweep.passes + 1, gaps=())
+
+    def _on_piece_swept(
+        self,
+        sweep: Sweep,
+        zone: str,
+        piece: int,
+        metres: Any,
+        cells: str,
+        gaps: Sequence[Any],
+        **seen: Any,
+    ) -> Sweep:
+        from search_and_rescue.coverage import Raster
+
+        outlines = tuple(tuple(position(*corner) for corner in outline) for outline in gaps)
+        numbers: dict[str, Any] = {name: _number(seen[name]) for name in _SEEN}
+        driven = sweep.metres + _number(metres)
+        layer = Raster(self.grounds[zone], cells=str(cells)).layer(zone)
+        swept = replace(_past(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines)
+        return replace(swept, layer=layer, **numbers)
+
+    def _on_piece_skipped(self, sweep: Sweep, zone: str, piece: int, reason: str) -> Sweep:  # noqa: ARG002 - for the reader of the journal
+        return replace(_past(sweep, zone, piece), skipped=sweep.skipped + 1)
+
+    # Other kinds do not change a sweep.
+    _HANDLERS: ClassVar[Mapping[str, Callable[..., Sweep]]] = {
+        search_events.AREA_DRAWN: _on_area_drawn,
+        search_events.SWEEP_PLANNED: _on_sweep_planned,
+        search_events.PIECE_SWEPT: _on_piece_swept,
+        search_events.PIECE_SKIPPED: _on_piece_skipped,
+    }
+
+
+def _past(sweep: Sweep, zone: str, piece: int) -> Sweep:
+    if piece != sweep.done or not sweep.left:
+        raise ValueError(f"the piece of {zone} is then {sweep.done} of {len(sweep.pieces)}")
+    return replace(sweep, done=sweep.done + 1)
+
+
+def _pose(x: Any, y: Any, yaw: Any) -> MapPose:
+    x, y = position(x, y)
+    return MapPose(x=x, y=y, yaw=_number(yaw))
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{value!r} is no number")
+    return number

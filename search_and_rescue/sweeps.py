@@ -1,0 +1,226 @@
+"""Where a sweep stops to look: the patterns of the IAMSAR manual (vol. II), around the obstacles of the map."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from search_and_rescue.leaf_specs import SweepPattern
+from search_and_rescue.zone_manager import MapPose
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+    from search_and_rescue.areas import Corners
+    from search_and_rescue.coverage import ObstacleMap
+
+MOST_PIECES = 2000
+# Legs, cells of the map, and stops that are gone through, also where only few of them lie in the ground: seconds, and some hundred megabytes.
+_MOST_LEGS, _MOST_CELLS, _MOST_STOPS = 20_000, 16_000_000, 1_000_000
+# So that no sliver is free between two cells that are not.
+_ROUNDING_M = 1e-6
+_Point = tuple[float, float]
+
+
+class GroundError(ValueError):
+    """Ground that cannot be swept so."""
+
+
+def sweep(
+    polygons: "Sequence[Corners]",
+    pattern: SweepPattern,
+    spacing: float,
+    datum: MapPose,
+    obstacles: "ObstacleMap | None" = None,
+    clearance: float = 0.0,
+) -> list[MapPose]:
+    """Return the poses of a sweep in their order.
+
+    Args:
+        polygons: What is to be swept: outlines in the frame `map`, metres.
+        pattern: How.
+        spacing: How far legs are from each other, and stops on a leg, metres.
+        datum: Where somebody was last known to be, for `expanding_square` and `sector`; and where a sweep begins.
+        obstacles: The map; None where there is none.
+        clearance: How far stops keep from obstacles, metres.
+
+    Raises:
+        ImportError: If shapely is not installed.
+        GroundError: If nothing of it can be driven to, or it would take too many stops.
+    """
+    import shapely
+
+    ground = shapely.union_all([shapely.Polygon(corners) for corners in polygons])
+    if ground.area / spacing**2 > MOST_PIECES:
+        raise GroundError(
+            f"{ground.area:.0f} m² in steps of {spacing:.2f} m are more than {MOST_PIECES} stops"
+        )
+    here = (datum["x"], datum["y"])
+    cell_m = obstacles.resolution if obstacles is not None else math.inf
+    _require_small(ground, spacing, here, pattern, cell_m)
+    free = ground if obstacles is None else ground.difference(_blocked(ground, obstacles, clearance))
+    if pattern in ("parallel", "creeping_line"):
+        stops = _along_legs(free, spacing, here, along_long_side=pattern == "parallel")
+    else:
+        reach = shapely.hausdorff_distance(shapely.Point(here), ground)
+        path = _square(spacing, reach) if pattern == "expanding_square" else _sectors(spacing, reach)
+        stops = [(here[0] + x, here[1] + y) for x, y in path]
+        stops = [stop for stop in stops if shapely.intersects_xy(free, *stop)]
+    if not stops:
+        raise GroundError("no stop of it can be driven to: all is obstacle, unknown or beyond the map")
+    return _facing(stops)
+
+
+def _require_small(
+    ground: "BaseGeometry", spacing: float, here: _Point, pattern: SweepPattern, cell_m: float
+) -> None:
+    """Require that little is gone through for ground of a small area, which may reach far all the same.
+
+    Raises:
+        GroundError: If its legs, the stops around its datum, or the cells of the map around it are too many.
+    """
+    import shapely
+
+    left, low, right, high = ground.bounds
+    wide, tall = right - left, high - low
+    size = f"it reaches over {wide:.0f} x {tall:.0f} m"
+    if math.hypot(wide, tall) / spacing > _MOST_LEGS:
+        raise GroundError(f"{size}, too far for legs {spacing:.2f} m apart: cut it into smaller zones")
+    if wide * tall / cell_m**2 > _MOST_CELLS:
+        raise GroundError(f"{size}, too many cells of {cell_m:g} m of the map: cut it into smaller zones")
+    reach = shapely.hausdorff_distance(shapely.Point(here), ground)
+    if pattern == "expanding_square" and (2.0 * reach / spacing) ** 2 > _MOST_STOPS:
+        raise GroundError(f"it reaches {reach:.0f} m from the zone's pose: put the pose into it, or cut it")
+
+
+def _blocked(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float) -> "BaseGeometry":
+    """Return what is blocked of the ground, and around it as far as the clearance."""
+    import numpy as np
+    import shapely
+
+    half, reach = obstacles.resolution / 2, clearance + obstacles.resolution
+    left, low, right, high = ground.buffer(reach).bounds
+    axes = (np.arange(left, right, 2 * half), np.arange(low, high, 2 * half))
+    points = np.stack(np.meshgrid(*axes), axis=-1)
+    rows, columns = np.nonzero(obstacles.at(points))
+    boxes = [
+        shapely.box(axes[0][first] - half, axes[1][row] - half, axes[0][last] + half, axes[1][row] + half)
+        for row, first, last in _runs(rows.tolist(), columns.tolist())
+    ]
+    return shapely.union_all(boxes).buffer(clearance + _ROUNDING_M)
+
+
+def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, int, int]]:
+    """Yield the row, and the first and the last column, of cells that follow each other in a row."""
+    cells = zip(rows, columns, strict=True)
+    for _, run in itertools.groupby(enumerate(cells), lambda each: (each[1][0], each[1][1] - each[0])):
+        (row, first), *rest = (cell for _, cell in run)
+        yield row, first, rest[-1][1] if rest else first
+
+
+def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_long_side: bool) -> list[_Point]:
+    """Return the stops on legs over free ground: the first leg half a spacing from the edge, each next piece the nearest one."""
+    import shapely
+
+    if not free.area:
+        return []
+    angle = _long_side(free) + (0.0 if along_long_side else math.pi / 2)
+    turned = shapely.affinity.rotate(free, -angle, origin=(0.0, 0.0), use_radians=True)
+    parts = _legs(turned, spacing)
+    # Ground behind a wall can lie between two legs.
+    apart = [piece for piece in shapely.get_parts(turned) if piece.area > (spacing / 2) ** 2]
+    for piece in apart:
+        if not any(shapely.intersects_xy(piece, *stop) for part in parts for stop in part):
+            parts += _legs(piece, spacing)
+    if len(parts) > MOST_PIECES:
+        raise GroundError(f"it has {len(parts)} pieces of legs, and {MOST_PIECES} are the most: cut it")
+    start = shapely.affinity.rotate(shapely.Point(here), -angle, origin=(0.0, 0.0), use_radians=True)
+    path = shapely.MultiPoint(_nearest_first(parts, (start.x, start.y))) if parts else shapely.MultiPoint()
+    back = shapely.affinity.rotate(path, angle, origin=(0.0, 0.0), use_radians=True)
+    return [(point.x, point.y) for point in back.geoms]
+
+
+def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
+    """Return the stops on legs along x over ground, by pieces of legs."""
+    import shapely
+
+    left, low, right, high = ground.bounds
+    legs = math.ceil((high - low) / spacing)
+    heights = [low + (leg + 0.5) * (high - low) / legs for leg in range(legs)]
+    cuts = [shapely.LineString([(left, y), (right, y)]).intersection(ground) for y in heights]
+    return [_stops(part, spacing) for cut in cuts for part in _lines(cut)]
+
+
+def _long_side(free: "BaseGeometry") -> float:
+    """Return the direction of the longer side of the smallest rectangle around, radians; along x where both are as long."""
+    import shapely
+
+    a, b, c = shapely.get_coordinates(free.minimum_rotated_rectangle)[:3].tolist()
+    along, across = ((b[0] - a[0], b[1] - a[1]), (c[0] - b[0], c[1] - b[1]))
+    if math.isclose(math.hypot(*along), math.hypot(*across), rel_tol=1e-6):
+        return min(
+            (math.atan2(y, x) % math.pi for x, y in (along, across)),
+            key=lambda turn: min(turn, math.pi - turn),
+        )
+    x, y = max(along, across, key=lambda side: math.hypot(*side))
+    return math.atan2(y, x) % math.pi
+
+
+def _lines(cut: "BaseGeometry") -> "list[BaseGeometry]":
+    return [part for part in getattr(cut, "geoms", [cut]) if part.length > 0.0]
+
+
+def _stops(line: "BaseGeometry", spacing: float) -> list[_Point]:
+    """Return stops on a line, in the middles of equal parts that are no longer than the spacing."""
+    count = max(1, math.ceil(line.length / spacing - 1e-9))
+    points = [line.interpolate((at + 0.5) / count, normalized=True) for at in range(count)]
+    return [(point.x, point.y) for point in points]
+
+
+def _nearest_first(parts: Sequence[list[_Point]], here: _Point) -> list[_Point]:
+    left, path = list(parts), list[_Point]()
+    while left:
+        end = path[-1] if path else here
+        part, is_reversed = min(
+            ((part, turned) for part in left for turned in (False, True)),
+            key=lambda way: math.dist(end, way[0][-1 if way[1] else 0]),
+        )
+        left.remove(part)
+        path += part[::-1] if is_reversed else part
+    return path
+
+
+def _square(spacing: float, reach: float) -> Iterator[_Point]:
+    """Yield the stops of an expanding square around (0, 0): legs of S, S, 2 S, 2 S, 3 S and so on."""
+    x = y = 0.0
+    yield x, y
+    for leg in itertools.count():
+        length = leg // 2 + 1
+        if length * spacing > 2 * reach + spacing:
+            return
+        turn = leg * math.pi / 2
+        for _ in range(length):
+            x, y = x + spacing * round(math.cos(turn)), y + spacing * round(math.sin(turn))
+            yield x, y
+
+
+def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
+    """Yield the stops of a sector search around (0, 0): out, two diameters, and back in on the third, always 120° further."""
+    count = max(1, math.ceil(reach / spacing))
+    out, across = range(1, count + 1), [at for at in range(count, -count - 1, -1) if at]
+    yield 0.0, 0.0
+    for degrees, steps in ((0, out), (60, across), (300, across), (180, out[::-1])):
+        turn = math.radians(degrees)
+        for at in steps:
+            distance = reach * at / count
+            yield distance * math.cos(turn), distance * math.sin(turn)
+
+
+def _facing(stops: Sequence[_Point]) -> list[MapPose]:
+    """Return stops as poses that look along the way to the next one; the last as the one before it."""
+    poses, yaw = list[MapPose](), 0.0
+    for at, (x, y) in enumerate(stops):
+        if at + 1 < len(stops):
+            yaw = math.atan2(stops[at + 1][1] - y, stops[at + 1][0] - x)
+        poses.append(MapPose(x=x, y=y, yaw=yaw))
+    return poses

@@ -1,0 +1,93 @@
+"""Every run that a small tree can have by its chances, played one after the other on a clock, each with how likely it is."""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+from sar_compiler.analysis.simulate import running
+from sar_compiler.analysis.simulate.replaying import ReusedTree
+from sar_compiler.analysis.simulate.scenario_files import Scenario
+from tests.analysis.predict.stage import CHANCES, PERIOD_SEC, file_of
+from tests.analysis.verify.stage import bound, simulated_tree
+
+
+class TooManyRunsError(Exception):
+    """A tree has too many runs, or some that are too long."""
+
+
+class PlayedTick(NamedTuple):
+    """What happened in a tick: its time, what leaves have answered, and the root's status."""
+
+    now: float
+    answers: tuple[tuple[int, str, str], ...]
+    root: str
+
+
+class PlayedRun(NamedTuple):
+    """A run: its ticks, how likely it is, and whether it has succeeded."""
+
+    ticks: tuple[PlayedTick, ...]
+    p: float
+    succeeded: bool
+
+
+class _Decided:
+    """Stands for the source of chance: takes what was decided for a run, and the first possibility from there on."""
+
+    def __init__(self):
+        self.path, self.counts, self.at, self.p = [], [], 0, 1.0
+
+    def _pick(self, options):
+        """Return one of some options, each with how likely it is."""
+        if self.at == len(self.path):
+            self.path.append(0)
+            self.counts.append(len(options))
+        option, p = options[self.path[self.at]]
+        self.at += 1
+        self.p *= p
+        return option
+
+    def choices(self, population, weights):
+        return [self._pick([each for each in zip(population, weights, strict=True) if each[1] > 0.0])]
+
+    def uniform(self, low, high):
+        """Return the middle of one of the times between two ticks."""
+        if low == high:
+            return low
+        grid = [n * PERIOD_SEC for n in range(math.floor(low / PERIOD_SEC) + 1, math.ceil(high / PERIOD_SEC))]
+        ends = [low, *grid, high]
+        return self._pick([((a + b) / 2, (b - a) / (high - low)) for a, b in pairwise(ends)])
+
+    def go_on(self):
+        """Decide otherwise in the last place where that can be; return whether there is one."""
+        while self.path and self.path[-1] + 1 == self.counts[-1]:
+            self.path.pop(), self.counts.pop()
+        if self.path:
+            self.path[-1] += 1
+        self.at, self.p = 0, 1.0
+        return bool(self.path)
+
+
+def every_run(body, monkeypatch, *, most=1500, max_ticks=60):
+    """Return all runs of a tree.
+
+    Raises:
+        TooManyRunsError: If there are more than so many, or some that have not ended by then.
+    """
+    decided = _Decided()
+    monkeypatch.setattr(running, "Random", lambda _seed: decided)
+    tree = ReusedTree(simulated_tree(bound(body), file_of(body, CHANCES)))
+    runs: list[PlayedRun] = []
+    while True:
+        run = tree.play(Scenario(period_sec=PERIOD_SEC, max_ticks=max_ticks)).run
+        if not run.ended or run.trouble or len(runs) == most:
+            raise TooManyRunsError(body)
+        runs.append(PlayedRun(tuple(map(_played, run.ticks)), decided.p, run.root == "SUCCESS"))
+        if not decided.go_on():
+            return runs
+
+
+def _played(tick):
+    end = tick.events[-1]
+    answers = tuple((event.number, event.status, event.label) for event in tick.events if event.answer)
+    return PlayedTick(end.time_sec, answers, end.status)

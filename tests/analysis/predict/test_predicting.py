@@ -1,0 +1,281 @@
+"""What is to be expected of runs: closed forms, bounds, times, what matters, and the same by playing."""
+
+import math
+import re
+from itertools import pairwise
+
+import pytest
+
+from sar_compiler import load
+from sar_compiler.analysis.predict import weighed_graph
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.answers import Answer, chances, middle
+from sar_compiler.tree.diagnostic import TreeError
+from tests.analysis.predict.stage import CHANCES, PERIOD_SEC, played, predicted, random_timed_tree
+from tests.chance import rounds
+
+INDEPENDENT = """
+A: [{answer: SUCCESS, p: 0.9}]
+B: [{answer: SUCCESS, p: 0.8}]
+C: [{answer: SUCCESS, p: 0.5}]
+"""
+
+
+def exactly(low, high=None):
+    return pytest.approx((low, low if high is None else high), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("body", "chance"),
+    [
+        ("<A/>", 0.9),
+        ("<Inverter><A/></Inverter>", 0.1),
+        ("<Sequence><A/><B/><C/></Sequence>", 0.9 * 0.8 * 0.5),
+        ("<Fallback><B/><C/></Fallback>", 1 - 0.2 * 0.5),
+        ('<Retry num_failures="3"><C/></Retry>', 1 - 0.5**3),
+        ('<Repeat num_success="3"><A/></Repeat>', 0.9**3),
+        ('<Parallel success_count="2" failure_count="2"><A/><B/><C/></Parallel>', None),
+    ],
+)
+def test_independent_leaves_have_the_chance_that_is_reckoned_by_hand(body, chance):
+    if chance is None:
+        # Two of three: the third is not asked once the first two agree.
+        chance = 0.9 * 0.8 + 0.9 * 0.2 * 0.5 + 0.1 * 0.8 * 0.5
+    found = predicted(body, INDEPENDENT)
+    assert found.success == exactly(chance)
+    assert found.ends == exactly(1.0)
+    assert found.complete
+
+
+def test_answers_that_are_not_named_share_what_the_others_leave():
+    assert predicted("<Inverter><A/></Inverter>", "A: [{answer: SUCCESS, p: 0.75}]").success == exactly(0.25)
+
+
+def test_a_chance_between_two_gives_bounds():
+    found = predicted(
+        "<Sequence><A/><B/></Sequence>",
+        "A: [{answer: SUCCESS, p: [0.6, 0.9]}]\nB: [{answer: SUCCESS, p: 0.8}]",
+    )
+    assert found.success == exactly(0.6 * 0.8, 0.9 * 0.8)
+
+
+def test_a_leaf_of_which_nothing_is_known_does_its_best_and_its_worst():
+    found = predicted("<Fallback><A/><B/></Fallback>", "B: [{answer: SUCCESS, p: 0.8}]")
+    assert found.success == exactly(0.8, 1.0)
+    assert found.unknown == (("Fallback", "A"),)
+
+
+def test_the_worst_of_what_is_not_known_may_go_on_for_ever():
+    found = predicted("<FailureIsRunning><A/></FailureIsRunning>", "")
+    assert found.ends == exactly(0.0, 1.0)
+    assert found.success == exactly(0.0, 1.0)
+
+
+def test_a_chance_above_0_comes_one_day():
+    found = predicted("<FailureIsRunning><A/></FailureIsRunning>", "A: [{answer: SUCCESS, p: 0.01}]")
+    assert found.success == exactly(1.0)
+    # A tick for each try, and the first one is at once.
+    assert found.time_sec == exactly(99 * PERIOD_SEC)
+
+
+def test_answers_that_are_impossible_now_leave_their_chance_to_the_others():
+    text = "Y: [{answer: counted, p: 0.5}, {answer: FAILURE, p: 0.5}]\nX: [{answer: SUCCESS, p: 1}]"
+    # Nothing was counted yet, so Y cannot count back; then it can.
+    assert predicted("<Y/>", text).success == exactly(0.0)
+    assert predicted("<Sequence><X/><Y/></Sequence>", text).success == exactly(0.5)
+
+
+@pytest.mark.parametrize(
+    ("limit_msec", "chance"),
+    [(2500, 0.0), (3000, 0.25), (3500, 0.5), (4000, 0.75), (4001, 1.0)],
+)
+def test_a_limit_and_a_leaf_that_takes_time_meet_as_in_flight(limit_msec, chance):
+    # The leaf ends by 2.5, 3, 3.5 or 4 s, each as likely; the limit is looked at before it is.
+    text = "A: [{answer: SUCCESS, p: 1, sec: [2, 4]}]"
+    assert predicted(f'<Timeout msec="{limit_msec}"><A/></Timeout>', text).success == exactly(chance)
+
+
+@pytest.mark.parametrize(
+    ("answers", "bounds"),
+    [
+        ([(0.9, 0.9), (0.1001, 0.1001)], [(0.9, 0.9), (0.1, 0.1)]),
+        ([(0.9, 0.9), (0.1001, 0.1001), None], [(0.9, 0.9), (0.1, 0.1), (0.0, 0.0)]),
+        ([(0.2, 0.2), (0.6, 0.6)], [(0.25, 0.25), (0.75, 0.75)]),
+        ([(0.5, 0.7), None], [(0.5, 0.7), (0.3, 0.5)]),
+        ([(0.5, 0.7), None, None], [(0.5, 0.7), (0.0, 0.5), (0.0, 0.5)]),
+        ([(0.0, 0.0), (0.0, 0.0)], [(0.0, 1.0), (0.0, 1.0)]),
+        ([(0.0, 0.0)], [(1.0, 1.0)]),
+        ([None, None], [(0.0, 1.0), (0.0, 1.0)]),
+    ],
+)
+def test_chances_of_what_is_possible_now_add_up(answers, bounds):
+    found = chances([Answer("SUCCESS", str(number), p=p) for number, p in enumerate(answers)])
+    assert found == [pytest.approx(each, abs=1e-3) for each in bounds]
+    assert sum(middle(found)) == pytest.approx(1.0)
+
+
+def test_time_that_only_passes_takes_no_states():
+    short, long = (predicted("<A/>", f"A: [{{answer: SUCCESS, p: 1, sec: {sec}}}]") for sec in (5, 5000))
+    assert long.states == short.states
+    assert (short.time_sec, long.time_sec) == (exactly(5.0), exactly(5000.0))
+
+
+def test_a_time_between_two_is_as_likely_to_be_any():
+    found = predicted("<A/>", "A: [{answer: SUCCESS, p: 1, sec: [10, 20]}]")
+    ends = [0.0, *(share for _, _, share in found.distribution)]
+    assert [after - before for before, after in pairwise(ends)] == pytest.approx([0.05] * 20)
+    assert found.distribution[-1][0] == 20.0
+    assert found.quantile(0.5) == 15.0
+
+
+def test_a_property_is_kept_as_often_as_its_event_does_not_come():
+    text = "properties: {B never fails: {never: B FAILURE}, A at most once: {at_most_once: A SUCCESS}}"
+    found = predicted("<Fallback><Sequence><A/><B/></Sequence><A/></Fallback>", INDEPENDENT, text)
+    assert found.properties["B never fails"] == exactly(1 - 0.9 * 0.2)
+    assert found.properties["A at most once"] == exactly(1 - 0.9 * 0.2 * 0.9)
+
+
+def test_what_is_owed_at_the_end_is_not_kept():
+    text = "properties: {B follows: {after: A SUCCESS, eventually: B SUCCESS}}"
+    assert predicted("<Sequence><A/><B/></Sequence>", INDEPENDENT, text).properties["B follows"] == exactly(
+        1 - 0.9 * 0.2
+    )
+
+
+def test_what_must_hold_at_the_end_counts_there():
+    chances, text = "X: [{answer: SUCCESS, p: 0.7}]", "properties: {counted: {at_end: f == 1}}"
+    assert predicted("<ForceSuccess><X/></ForceSuccess>", chances, text).properties["counted"] == exactly(0.7)
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ('<Sequence><P/><Script code="a = b + 1"/></Sequence>', "there is no variable 'b'"),
+        ('<Sequence><M distance="{d}"/><Script code="d += 1"/></Sequence>', "answers: {M: ["),
+    ],
+)
+def test_no_number_is_computed_where_a_tick_raises_an_error_or_needs_an_unknown_value(body, reason):
+    with pytest.raises(UndecidableError, match="a tick raises an error: ") as caught:
+        predicted(body, "P: [{answer: SUCCESS, p: 0.3}]")
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("body", "ended"),
+    [
+        ("<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>", 0.0),
+        ("<Fallback><A/><KeepRunningUntilFailure><B/></KeepRunningUntilFailure></Fallback>", 0.9 + 0.1 * 1.0),
+        ("<Fallback><A/><KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure></Fallback>", 0.9),
+    ],
+)
+def test_runs_that_cannot_end_any_more_are_not_followed(body, ended, monkeypatch):
+    # Enough for what can end; a round that is followed for ever takes all of it.
+    monkeypatch.setattr(weighed_graph, "_MOST_CARRIED", 100_000)
+    found = predicted(body, INDEPENDENT)
+    assert found.ends == exactly(ended)
+    assert [each[2] for each in found.distribution[-1:]] == pytest.approx([ended] if ended else [], abs=1e-5)
+
+
+def test_states_that_were_not_gone_through_may_be_anything():
+    body = '<Repeat num_success="50"><A/></Repeat>'
+    found = predicted(body, INDEPENDENT, max_states=20)
+    low, high = found.success
+    assert not found.complete
+    assert low < 0.9**50 < high < 1.0
+
+
+def test_what_matters_most_comes_first():
+    found = predicted("<Sequence><A/><B/><C/></Sequence>", INDEPENDENT)
+    assert [each.leaf[-1] for each in found.influences] == ["C", "B", "A"]
+    assert [each.derivative for each in found.influences] == pytest.approx([0.72, 0.45, 0.4])
+    assert [each.if_never_failed for each in found.influences] == pytest.approx([0.72, 0.45, 0.4])
+
+
+def test_a_derivative_is_what_a_little_more_of_a_chance_brings():
+    body = '<Retry num_failures="3"><Sequence><A/><Fallback><B/><C/></Fallback></Sequence></Retry>'
+    more = INDEPENDENT.replace("p: 0.8", "p: 0.801")
+    influence = next(each for each in predicted(body, INDEPENDENT).influences if each.leaf[-1] == "B")
+    slope = (predicted(body, more).success.low - predicted(body, INDEPENDENT).success.low) / 0.001
+    assert influence.derivative == pytest.approx(slope, rel=0.01)
+
+
+def test_what_may_be_no_bound_yet_is_not_told(monkeypatch):
+    monkeypatch.setattr(weighed_graph, "_MOST_ROUNDS", 1)
+    with pytest.raises(UndecidableError, match="no bound of a chance was found in 1 round"):
+        predicted("<Fallback><A/><B/></Fallback>", "B: [{answer: SUCCESS, p: 0.8}]")
+
+
+@pytest.mark.random
+@pytest.mark.unmeasured
+@pytest.mark.parametrize("seed", range(rounds(20)))
+def test_bounds_are_the_same_however_the_best_chances_are_looked_for(seed, monkeypatch):
+    body = random_timed_tree(seed)
+    chances = re.sub(r"p: 0\.([2-8])", r"p: [0.1, 0.\1]", CHANCES).replace("{answer: FAILURE, p: 0.4}", "")
+    found = []
+    for few in (-1, 0, 2):
+        monkeypatch.setattr(weighed_graph, "_FEW_ROUNDS", few)
+        found.append(predicted(body, chances, max_states=300))
+    for each in found[1:]:
+        assert each.success == pytest.approx(found[0].success, abs=1e-6)
+        assert each.ends == pytest.approx(found[0].ends, abs=1e-6)
+
+
+@pytest.mark.random
+@pytest.mark.unmeasured
+@pytest.mark.parametrize("seed", range(rounds(10)))
+def test_what_is_computed_is_what_is_played(seed):
+    # More trees find more than more runs of each: a wrong weight is rarely wrong by less than some percent.
+    body, runs = random_timed_tree(seed), rounds(2_000)
+    found = predicted(body)
+    succeeded, ended, times = played(body, runs)
+    assert found.complete
+    assert found.unknown == ()
+    for chance, count in ((found.success, succeeded), (found.ends, ended)):
+        assert chance.low == pytest.approx(chance.high)
+        sigma = math.sqrt(abs(runs * chance.low * (1.0 - chance.low)))
+        assert abs(count - runs * chance.low) <= 4.0 * sigma + 1e-6
+    if ended > 100:
+        mean = sum(times) / ended
+        spread = math.sqrt(sum((each - mean) ** 2 for each in times) / ended)
+        assert abs(mean - found.time_sec.low) <= 4.0 * spread / math.sqrt(ended) + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        ("A: [{answer: SUCCESS, p: 0.7}, {answer: FAILURE, p: 0.6}]", "add up to 1.3, and not to 1"),
+        ("A: [{answer: SUCCESS, p: 0.2}, {answer: FAILURE, p: 0.6}]", "add up to 0.8 at most"),
+        ("A: [{answer: SUCCESS, p: [0.7, 0.6]}]", "from the lower to the higher number"),
+        ("A: [{answer: SUCCESS, p: 0.7}, {answer: SUCCESS, p: 0.3}]", "'SUCCESS' is said twice"),
+        ("A: [{answer: SUCCES, p: 0.7}]", "never answers 'SUCCES'"),
+        ("P: [{answer: SUCCESS, sec: 3}]", "none of these answers is RUNNING"),
+        ("A: [{answer: SUCCESS, when: f == 1}]", "'answer' means one that is declared"),
+        ("A: [{answer: SUCCESS, p: 1.5}]", "p"),
+        ("A: [{p: 0.5}]", "needs"),
+    ],
+)
+def test_chances_that_cannot_be_are_findings(answers, message):
+    with pytest.raises(TreeError) as caught:
+        predicted("<Sequence><A/><P/><X/></Sequence>", answers)
+    assert message in str(caught.value)
+
+
+def test_two_choices_in_one_step_are_refused_and_not_weighed_wrongly():
+    body = '<ReactiveSequence><P/><TryCatch catch_on_halt="true"><A/><X/></TryCatch></ReactiveSequence>'
+    with pytest.raises(UndecidableError, match="'X' answers by chance while it is ticked in the middle"):
+        predicted(body)
+
+
+def test_statistics_of_journals_are_such_a_file(tmp_path):
+    answers = tmp_path / "answers.yaml"
+    answers.write_text(
+        'answers:\n  "A":  # 12 answers\n  - {"answer": "SUCCESS", "p": [0.6, 0.9], "sec": [2.0, 4.5]}\n',
+        encoding="utf-8",
+    )
+    tree = tmp_path / "tree.xml"
+    tree.write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="Tree"><A/></BehaviorTree></root>', encoding="utf-8"
+    )
+    found = load(tree, nodes=["tests.analysis.verify.leaves"]).predict(answers=[answers])
+    assert found.success == exactly(0.6, 0.9)
+    assert found.success_sec == exactly(3.5)

@@ -1,0 +1,47 @@
+"""Short ways to play scenarios in tests."""
+
+from textwrap import dedent
+
+from sar_compiler.analysis.simulate.running import Run, ScenarioPlayer, failures
+from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.nodes.registry import default_registry
+from tests.trees import forest
+
+PATROL = """
+<Selector name="Mission" memory="false">
+  <Sequence name="Patrol">
+    <ZonesRemaining name="ZonesRemaining?"/>
+    <NavigateToZone/>
+    <DetectSurvivor/>
+    <AdvanceZone/>
+  </Sequence>
+  <NavigateToBase/>
+</Selector>
+"""
+
+
+def stage(body: str = PATROL) -> Stage:
+    """Return a stage with one tree on it."""
+    return Stage(forest(body), default_registry())
+
+
+def read(text: str, body: str = PATROL) -> Play:
+    """Read a scenario from its text."""
+    return understand(parse_yaml(dedent(text), "scenario.yaml", "write something"), stage(body))
+
+
+def played(text: str, body: str = PATROL) -> Run:
+    """Play a scenario to its end."""
+    play = read(text, body)
+    return ScenarioPlayer(play.simulated, play.scenario).go()
+
+
+def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:
+    """Return what does not hold of a scenario: the expectation, the message and the line."""
+    return [(each.expected, each.message, each.line) for each in failures(played(text, body))]
+
+
+def answers(run: Run, leaf: str) -> list[str]:
+    """Return what a leaf answered, tick by tick; `halted` where it was halted."""
+    return [event.deed for event in run.events if event.leaf == leaf and event.what in ("answered", "halted")]

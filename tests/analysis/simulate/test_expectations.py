@@ -1,0 +1,99 @@
+"""What a scenario expects of its run, and what is said where it is not so."""
+
+import pytest
+
+from tests.analysis.simulate.stage import missed
+
+RUN = """
+until: "zones_left == 0 && at == 'base'"
+leaves:
+  NavigateToZone: {answer: arrived, after: 1s}
+  DetectSurvivor: [nothing, found, nothing]
+  NavigateToBase: {answer: arrived, after: 2s}
+expect:
+  """
+BEHIND = RUN.count("\n") + 1
+
+
+def test_a_scenario_that_expects_nothing_expects_an_end():
+    assert missed("ticks: 2\nleaves: {NavigateToZone: RUNNING}") == [
+        ("ends", "the run has not ended by tick 2 (0.5 s): the root has not succeeded or failed yet", 0)
+    ]
+    assert missed("ticks: 2\nuntil: \"at == 'base'\"") == [
+        ("ends", "the run has not ended by tick 2 (0.5 s): until 'at == 'base'' is not true yet", 0)
+    ]
+
+
+@pytest.mark.parametrize(
+    "expected",
+    [
+        "root: SUCCESS",
+        "within: 9s",
+        "within: 14 ticks",
+        "facts: {zones_left: 0, at: base, found_by_DetectSurvivor: false}",
+        "order: [DetectSurvivor nothing, DetectSurvivor found, DetectSurvivor SUCCESS, NavigateToBase starts]",
+        "never: [NavigateToBase halted, NavigateToZone aborted]",
+        "count: {NavigateToZone arrived: 3, NavigateToZone aborted: 0, DetectSurvivor SUCCESS: 3}",
+        "count: {NavigateToZone driving: at least 3, DetectSurvivor found: at most 1}",
+        "ends: true",
+    ],
+)
+def test_what_is_so_holds(expected):
+    assert missed(RUN + expected) == []
+
+
+@pytest.mark.parametrize(
+    ("expected", "word", "message"),
+    [
+        ("root: FAILURE", "root", "the root is SUCCESS in the last tick; expected FAILURE"),
+        ("within: 5s", "within", "the run ends with tick 14 (6.5 s), not by 5 s"),
+        ("within: 13 ticks", "within", "the run ends with tick 14 (6.5 s), not by tick 13"),
+        ("within: 1 tick", "within", "the run ends with tick 14 (6.5 s), not by tick 1"),
+        ("facts: {at: zone}", "facts", "the fact 'at' is 'base' at the end; expected 'zone'"),
+        (
+            "order: [DetectSurvivor found, DetectSurvivor found]",
+            "order",
+            "'DetectSurvivor found' does not happen after 'DetectSurvivor found'",
+        ),
+        ("order: NavigateToZone halted", "order", "'NavigateToZone halted' does not happen"),
+        ("never: DetectSurvivor found", "never", "'DetectSurvivor found' happens in tick 6 (2.5 s)"),
+        (
+            "count: {NavigateToZone arrived: 2}",
+            "count",
+            "'NavigateToZone arrived' happens 3 times; expected 2",
+        ),
+        (
+            "count: {DetectSurvivor found: at least 2}",
+            "count",
+            "'DetectSurvivor found' happens once; expected at least 2",
+        ),
+        (
+            "count: {NavigateToZone aborted: 1}",
+            "count",
+            "'NavigateToZone aborted' never happens; expected 1",
+        ),
+        (
+            "count: {NavigateToZone arrived: at most 2}",
+            "count",
+            "'NavigateToZone arrived' happens 3 times; expected at most 2",
+        ),
+        (
+            "ends: false",
+            "ends",
+            "the run ends with tick 14 (6.5 s): until 'zones_left == 0 && at == 'base'' is true",
+        ),
+    ],
+)
+def test_what_is_not_so_is_said_with_its_line(expected, word, message):
+    assert missed(RUN + expected) == [(word, message, BEHIND)]
+
+
+def test_each_of_several_expectations_has_a_line_of_its_own():
+    text = (
+        f"{RUN}never:\n    - NavigateToZone aborted\n    - DetectSurvivor nothing\n    - DetectSurvivor found"
+    )
+    assert [line for _, _, line in missed(text)] == [BEHIND + 2, BEHIND + 3]
+
+
+def test_that_a_run_does_not_end_can_be_expected():
+    assert missed("ticks: 5\nleaves: {NavigateToZone: RUNNING}\nexpect: {ends: false, root: RUNNING}") == []

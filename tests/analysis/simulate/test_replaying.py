@@ -1,0 +1,83 @@
+"""A tree that is used again plays each run as one that was compiled for that run."""
+
+import random
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from sar_compiler.analysis.simulate.replaying import ReusedTree
+from sar_compiler.analysis.simulate.running import Player, ScenarioPlayer, failures
+from sar_compiler.analysis.simulate.scenario_files import Play, Scenario, Stage, understand
+from sar_compiler.documents.yaml_files import parse_yaml
+from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.forest import Forest
+from sar_compiler.tree.xml import parse_xml
+from tests.chance import rounds
+from tests.runtime.kernel.random_trees import RandomTree
+from tests.runtime.kernel.stage import entries, registry
+
+SCENARIO = """
+ticks: 30
+period: 0.05
+until: "{until}"
+parameters: {{a: 0, b: 1, n: 0}}
+leaves:
+  {leaf}:
+    - {{answer: RUNNING, chance: 0.2, times: 3}}
+    - {{answer: FAILURE, after: 0s to 0.6s, chance: 0.4, times: always}}
+    - {{answer: SUCCESS, chance: 0.7, every: 2, when: "n != 2", times: always}}
+"""
+ENDS = ("tick == 20", "n == 3", "root == 'SUCCESS'", "time > 1 || b == 0")
+
+
+def understood(stage: Stage, text: str) -> Play:
+    """Compile a tree for a scenario, with lists and a queue among its keys."""
+    play = understand(parse_yaml(text, "scenario.yaml", ""), stage)
+    for key, value in entries().items():
+        play.simulated.compiled.instance.scope.resolve(key).write(value)
+    return play
+
+
+def random_plays(count: int, *, skips: bool) -> Iterator[tuple[Stage, str, Play]]:
+    """Yield random trees on stages, each with a scenario, that the checks find nothing wrong with, and what it is understood as."""
+    seed = 0
+    while count:
+        seed += 1
+        stage = Stage(Forest.of(parse_xml(RandomTree(seed, skips=skips).text())), registry())
+        until = random.Random(seed).choice(ENDS)  # noqa: S311 - the same trees in every run
+        text = SCENARIO.format(leaf="Skipper" if skips else "Probe", until=until)
+        try:
+            play = understood(stage, text)
+        except TreeError:
+            continue
+        count -= 1
+        yield stage, text, play
+
+
+def by_chance(scenario: Scenario, seed: int) -> Scenario:
+    return replace(scenario, seed=seed, unusual=0.3)
+
+
+def seen(player: Player) -> dict[str, object]:
+    """Return all that can be said of a run."""
+    run, board = player.run, player.run.simulated.compiled.board
+    return {
+        "events": list(run.events),
+        "end": (run.root, run.time_sec, run.ended, run.trouble.replace(board.prefix, "")),
+        "choices": [(choice.leaf.path, *choice[1:]) for choice in player.scripted.choices],
+        "failures": [] if run.trouble else failures(run),
+        "facts": run.simulated.fact_values(),
+        "keys": board.values(),
+    }
+
+
+@pytest.mark.parametrize("skips", [False, True], ids=["stock", "skips"])
+def test_a_tree_that_is_used_again_plays_every_run_as_a_fresh_one_does(skips):
+    for stage, text, play in random_plays(rounds(120), skips=skips):
+        tree = ReusedTree(play.simulated)
+        for seed in (0, 1, 0):
+            fresh = understood(stage, text)
+            player = ScenarioPlayer(fresh.simulated, by_chance(fresh.scenario, seed))
+            player.go()
+            assert seen(tree.play(by_chance(play.scenario, seed))) == seen(player)

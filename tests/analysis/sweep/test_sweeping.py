@@ -1,0 +1,119 @@
+"""A sweep: when rows end, and that it does not matter who plays them, in what order, and who is killed."""
+
+import threading
+from concurrent.futures import Executor, Future
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sar_compiler.analysis.sweep import StoppingRule, SweepError, SweptRow, smallest_failure, sweep
+from sar_compiler.analysis.sweep.workers import Workers, in_processes
+from tests.analysis.sweep.plays import EndsItsWorker, all_succeed, odd_ones_fail
+
+
+def ignore(_rows):
+    pass
+
+
+def swept(rule, workers, seed=0, plays=(odd_ones_fail, all_succeed)):
+    rows = [SweptRow({"row": str(number)}, play) for number, play in enumerate(plays)]
+    with workers:
+        sweep(rows, rule, seed, workers, ignore)
+    return [row.outcomes for row in rows]
+
+
+class AnyOrder(Executor):
+    """Does what it was given in an order by chance, in a thread of its own."""
+
+    def __init__(self, random):
+        self._random, self._todo, self._open = random, [], True
+        self._news = threading.Condition()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def submit(self, fn, /, *arguments):  # type: ignore[override]
+        future: Future[object] = Future()
+        with self._news:
+            self._todo.append((future, fn, arguments))
+            self._news.notify()
+        return future
+
+    def shutdown(self, **_):  # type: ignore[override]
+        with self._news:
+            self._open = False
+            self._news.notify()
+
+    def _work(self):
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._todo or not self._open)
+                if not self._open:
+                    return
+                future, fn, arguments = self._todo.pop(self._random.randrange(len(self._todo)))
+            future.set_result(fn(*arguments))
+
+
+def test_a_row_is_played_until_its_interval_is_narrow_enough():
+    rule = StoppingRule(runs=1000, half_width=0.05, batch=10)
+    half, whole = swept(rule, in_processes(1))
+    assert rule.interval(half).half_width <= 0.05 < rule.interval(half[:-10]).half_width
+    assert len(whole) == 40
+
+
+def test_a_row_ends_after_the_largest_number_of_runs_whatever_is_known():
+    outcomes = swept(StoppingRule(runs=25, half_width=0.0, batch=10), in_processes(1))
+    assert [len(each) for each in outcomes] == [25, 25]
+
+
+def test_the_runs_of_a_row_have_one_seed_after_the_other():
+    first, _ = swept(StoppingRule(runs=5, half_width=0.0, batch=2), in_processes(1), seed=7)
+    assert [each.seed for each in first] == [7, 8, 9, 10, 11]
+
+
+@given(st.integers(0, 99), st.integers(1, 8), st.integers(1, 30), st.sampled_from([0.0, 0.1, 0.2]))
+def test_the_table_does_not_depend_on_who_finishes_first(seed, count, batch, half_width):
+    rule = StoppingRule(runs=100, half_width=half_width, batch=batch)
+    workers = Workers(lambda: AnyOrder(Random(seed)), count)  # noqa: S311 - no secret
+    assert swept(rule, workers) == swept(rule, in_processes(1))
+
+
+def test_worker_processes_give_the_same_table_as_this_one():
+    rule = StoppingRule(runs=60, half_width=0.12, batch=7)
+    assert swept(rule, in_processes(2)) == swept(rule, in_processes(1))
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_a_worker_that_is_killed_changes_nothing(tmp_path, times):
+    rule = StoppingRule(runs=40, half_width=0.0, batch=10)
+    (killed,) = swept(rule, in_processes(2), plays=[EndsItsWorker(tmp_path, times)])
+    (whole,) = swept(rule, in_processes(1), plays=[odd_ones_fail])
+    assert len(list(tmp_path.iterdir())) >= times
+    assert killed == whole
+
+
+def test_runs_that_end_every_worker_end_the_sweep(tmp_path):
+    with pytest.raises(
+        SweepError, match="workers have ended 4 times while they played seeds 0 to 9 of row 0"
+    ):
+        swept(StoppingRule(10, 0.0, batch=10), in_processes(2), plays=[EndsItsWorker(tmp_path, 99)])
+
+
+def test_an_error_of_a_run_ends_the_sweep():
+    def refuse(_seeds):
+        message = "this cannot be played"
+        raise ValueError(message)
+
+    with pytest.raises(ValueError, match="this cannot be played"):
+        swept(StoppingRule(10, 0.0), in_processes(1), plays=[refuse])
+
+
+def test_the_smallest_failure_is_the_one_of_the_smallest_size():
+    rows = [
+        SweptRow({}, odd_ones_fail, odd_ones_fail([9, 8, 3])),
+        SweptRow({}, odd_ones_fail, odd_ones_fail([5, 0])),
+    ]
+    found = smallest_failure(rows)
+    assert found is not None
+    assert (found[0], found[1].seed) == (rows[0], 3)
+    assert smallest_failure([SweptRow({}, all_succeed, all_succeed([1]))]) is None

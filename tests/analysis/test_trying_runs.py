@@ -1,0 +1,266 @@
+"""`validate` tries the runs of a tree in which a tick can raise, and tells what is raised, and where."""
+
+import subprocess
+import sys
+
+import pytest
+
+from sar_compiler import load
+from sar_compiler.analysis.tree_analysis import try_tree
+from sar_compiler.analysis.trying import WORK, TrialBudget
+from sar_compiler.cli.compile import main
+from tests.trees import document
+
+PALETTE = (
+    '<root BTCPP_format="4"><TreeNodesModel><Action ID="Drive"><input_port name="gear"/></Action>'
+    '<Action ID="Look"><output_port name="seen"/></Action></TreeNodesModel></root>'
+)
+AFTER_A_FAILURE = (
+    '<Fallback><Sequence><Drive gear="3"/><Script code="x := 1"/></Sequence><AlwaysSuccess/></Fallback>\n'
+)
+ALWAYS = "<Script code=\"x := 'goal'; x *= 2\"/>"
+
+
+def tried(folder, body, budget=None):
+    """Return what a tick of some run of a sequence raises."""
+    (folder / "palette.xml").write_text(PALETTE)
+    (folder / "tree.xml").write_text(document(f"<Sequence>\n{body}\n</Sequence>"))
+    tree = load(folder / "tree.xml", models=[folder / "palette.xml"])
+    return try_tree(tree, lambda: budget or TrialBudget(WORK))
+
+
+def found(folder, body):
+    return [(each.code, each.severity.value, *each.span[:2]) for each in tried(folder, body)]
+
+
+@pytest.mark.parametrize(
+    ("body", "line", "column"),
+    [
+        ("<Script code=\"x := 'goal'; y := x * 2\"/>", 4, 33),
+        ('<Script code="x := 1"/>\n<Script code="y := x + \'a\'"/>', 5, 20),
+        ("<AlwaysSuccess _skipIf=\"x := 'a'; x * 2 > 2\"/>", 4, 35),
+    ],
+)
+def test_what_every_run_raises_is_an_error_at_its_place(tmp_path, body, line, column):
+    assert found(tmp_path, body) == [("failing-tick", "error", line, column)]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<CheckBlackboardVariableValue variable="x" operator="gt" value="3"/>',
+        '<SetBlackboard value="1" output_key="{n}"/>',
+        '<Parallel success_count="{many}"><AlwaysSuccess/></Parallel>',
+    ],
+)
+def test_what_a_node_raises_itself_has_its_place_there(tmp_path, node):
+    body = f"<Script code=\"x := 'a'; n := 0; many := 7\"/>\n{node}"
+    assert [each[0] for each in found(tmp_path, body)] == ["failing-tick"]
+    assert [each[2] for each in found(tmp_path, body)] == [5]
+
+
+GIVEN = (
+    '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence><Script code="soon := 1"/>'
+    '<ScriptCondition code="soon &lt; 2"/><SubTree ID="Outer" time="{}"/></Sequence></BehaviorTree>'
+    '<BehaviorTree ID="Outer"><SubTree ID="Inner" msec="{{time}}" _skipIf="time == \'\'"/></BehaviorTree>'
+    '<BehaviorTree ID="Inner"><ScriptCondition code="msec * 2 &lt; 3"/></BehaviorTree></root>'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (
+            document('<Sequence><Script code="x := 1"/><ScriptCondition code="x = \'a\'"/></Sequence>'),
+            "assign",
+        ),
+        (GIVEN.format("soon"), "key-as-text"),
+        (GIVEN.format("later"), "failing-tick"),
+    ],
+)
+def test_what_raises_because_of_a_mistake_that_is_told_is_not_told_again(tmp_path, text, code):
+    (tmp_path / "tree.xml").write_text(text)
+    tree = load(tmp_path / "tree.xml")
+    (finding,) = [*tree.check(), *try_tree(tree, lambda: TrialBudget(WORK))]
+    assert finding.code.startswith(code)
+
+
+def test_what_a_run_raises_only_after_an_answer_of_a_palettes_leaf_is_a_warning(tmp_path):
+    body = f'{AFTER_A_FAILURE}<Script code="x += 1"/>'
+    assert found(tmp_path, body) == [("failing-tick", "warning", 5, 15)]
+    (finding,) = tried(tmp_path, body)
+    assert finding.message.endswith("(in tick 1; 'Drive' FAILURE)")
+
+
+def test_two_nodes_of_one_name_are_told_apart(tmp_path):
+    body = '<Script code="x := \'a\'"/>\n<Script code="x := \'b\'"/>\n<Script code="y := x * 2"/>'
+    assert [each[2] for each in found(tmp_path, body)] == [6]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<Script code="x := 1"/>\n<Script code="x += 1"/>',
+        '<Look seen="{x}"/>\n<Script code="y := x + 1"/>',
+        '<Script code="y := @speed + 1"/>',
+        '<Drive gear="{goal}"/>',
+        '<ScriptCondition code="goal == 1"/>',
+    ],
+)
+def test_what_others_may_write_and_what_is_written_in_time_is_no_finding(tmp_path, body):
+    assert found(tmp_path, body) == []
+
+
+SET = '<SetBlackboardVariable variable_name="x" variable_value="{}"/>'
+NUMBER = '<Script code="x := 3"/>'
+EXISTS = '<CheckBlackboardVariableExists variable_name="x"/>'
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f'{SET.format(3)}<Script code="x += 1"/><ScriptCondition code="x == 4"/>',
+        f'{SET.format(3)}<CheckBlackboardVariableValue variable="x" operator="eq" value="3"/>',
+        f'{NUMBER}<CheckBlackboardVariableValue variable="x" operator="eq" value="3"/>',
+        f'{NUMBER}<CheckBlackboardVariableValues checks="x ne 1;x ne 2" operator="and" namespace="r"/>',
+        f"{NUMBER}{EXISTS}",
+        f'{NUMBER}<UnsetBlackboardVariable key="x"/><Inverter>{EXISTS}</Inverter>',
+        f'{SET.format("json:[1,2]")}<ForEach source_key="x" target_key="y"><ScriptCondition code="y > 0"/></ForEach>',
+        '<StatusToBlackboard variable_name="x"><Success/></StatusToBlackboard><BlackboardToStatus variable_name="x"/>',
+    ],
+)
+def test_nodes_of_py_trees_have_the_same_keys_as_all_others(tmp_path, body):
+    raising = ALWAYS.replace("x", "z")
+    assert found(tmp_path, f"<Fallback><Sequence>{body}</Sequence>{raising}</Fallback>") == []
+
+
+def test_what_is_found_with_some_work_is_found_with_more_and_nothing_with_too_little(tmp_path):
+    body = f'{AFTER_A_FAILURE}<Script code="x += 1"/>'
+    enough = TrialBudget(WORK)
+    (finding,) = tried(tmp_path, body, enough)
+    is_found = [
+        tried(tmp_path, body, TrialBudget(work)) == [finding] for work in range(0, enough.spent + 1, 400)
+    ]
+    assert is_found == sorted(is_found)
+    assert (is_found[0], is_found[-1]) == (False, True)
+
+
+def test_each_place_is_told_once(tmp_path):
+    body = (
+        '<Script code="x := \'a\'"/>\n<Fallback><Drive/><Script code="x += 1"/></Fallback>\n'
+        '<Drive/><Script code="y := x - 1"/>'
+    )
+    assert [each[2:] for each in found(tmp_path, body)] == [(5, 33), (6, 28)]
+
+
+TWO_TREES = (
+    '<root BTCPP_format="4"{more}>\n<BehaviorTree ID="One">{one}</BehaviorTree>\n'
+    '<BehaviorTree ID="Two">{two}</BehaviorTree>\n</root>'
+)
+ENDLESS = (
+    '<Sequence><Script code="x := 0"/><Repeat num_cycles="-1"><Script code="x += 1"/></Repeat></Sequence>'
+)
+
+
+# Enough for a tree that ends; another one takes all of it.
+LITTLE_WORK = WORK // 16
+
+
+def found_in_two(folder, one, two, more=""):
+    (folder / "two.xml").write_text(TWO_TREES.format(one=one, two=two, more=more))
+    return try_tree(load(folder / "two.xml"), lambda: TrialBudget(LITTLE_WORK))
+
+
+def test_every_tree_that_may_be_executed_is_tried_and_has_its_share_of_the_work(tmp_path):
+    (finding,) = found_in_two(tmp_path, ENDLESS, ALWAYS)
+    assert finding.span.line == 3
+    assert finding.hint == "sar-compile verify --tree Two shows the run tick by tick"
+
+
+def test_the_command_that_shows_a_run_can_be_given_to_a_shell(tmp_path):
+    text = TWO_TREES.format(one=ENDLESS, two=ALWAYS, more="").replace('"Two"', '"To go home"')
+    (tmp_path / "two.xml").write_text(text)
+    (finding,) = try_tree(load(tmp_path / "two.xml"), lambda: TrialBudget(LITTLE_WORK))
+    assert finding.hint == "sar-compile verify --tree 'To go home' shows the run tick by tick"
+
+
+def test_where_there_is_a_main_tree_it_alone_is_tried(tmp_path):
+    assert found_in_two(tmp_path, ENDLESS, ALWAYS, ' main_tree_to_execute="One"') == []
+
+
+def test_a_tree_that_another_one_uses_is_tried_in_its_place(tmp_path):
+    (finding,) = found_in_two(tmp_path, '<SubTree ID="Two"/>', ALWAYS)
+    assert finding.hint == "sar-compile verify --tree One shows the run tick by tick"
+
+
+def test_of_a_tree_that_is_too_large_nothing_is_even_prepared(tmp_path):
+    budget = TrialBudget(WORK)
+    assert tried(tmp_path, '<Script code="x := 1"/>' * 5000 + ALWAYS, budget) == []
+    assert budget.spent == 0
+
+
+def test_what_the_runs_of_several_files_raise_in_one_place_is_told_once(tmp_path, capsys):
+    (tmp_path / "inner.xml").write_text(document("<Script code=\"x := 'a'; x *= 2\"/>", main="Inner"))
+    body = '<Sequence><AlwaysSuccess/><Sleep msec="1"/><SubTree ID="Inner"/></Sequence>'
+    outer = document(body).replace("<BehaviorTree", '<include path="inner.xml"/><BehaviorTree', 1)
+    (tmp_path / "outer.xml").write_text(outer)
+    assert main(["validate", *(str(tmp_path / name) for name in ("outer.xml", "inner.xml"))]) == 1
+    assert capsys.readouterr().out.count("failing-tick") == 1
+
+
+LEAVES = """
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from sar_compiler.leaves import Kind, register
+
+
+@register("Ask{name}", kind=Kind.ACTION)
+class Ask(Behaviour):
+    def update(self):
+        return Status.SUCCESS
+"""
+
+
+def test_trees_of_the_leaves_that_their_configurations_name_are_tried(tmp_path, capsys):
+    for name in ("One", "Two"):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / f"asking_{name}.py").write_text(LEAVES.replace("{name}", name))
+        (folder / "sar.toml").write_text(f'nodes = ["asking_{name}"]')
+        body = f"<Sequence>\n<Script code=\"x := 'a'\"/>\n<Ask{name}/>\n<Script code='x *= 2'/>\n</Sequence>"
+        (folder / "tree.xml").write_text(document(body))
+    folders = [str(tmp_path / name) for name in ("One", "Two")]
+    assert main(["validate", "--trust", "--all", *folders]) == 1
+    assert capsys.readouterr().out.count("(in tick 1; 'Ask") == 2
+
+
+def test_a_tree_without_keys_and_scripts_is_not_tried(tmp_path):
+    def none():
+        raise AssertionError
+
+    (tmp_path / "tree.xml").write_text(
+        document('<Sequence><AlwaysSuccess name="a"/><AlwaysFailure/></Sequence>')
+    )
+    assert try_tree(load(tmp_path / "tree.xml"), none) == []
+
+
+def test_validate_tells_it_and_no_deep_leaves_it_out(tmp_path, capsys):
+    file = tmp_path / "tree.xml"
+    file.write_text(document(ALWAYS))
+    assert main(["validate", str(file)]) == 1
+    assert "error[failing-tick]" in capsys.readouterr().out
+    assert main(["validate", str(file), "--deep", "1"]) == 1
+    assert main(["validate", str(file), "--no-deep"]) == 0
+
+
+def test_checking_alone_tries_no_runs(tmp_path):
+    file = tmp_path / "tree.xml"
+    file.write_text(document(ALWAYS))
+    program = (
+        f"import sys; from sar_compiler import load; from sar_compiler.analysis.tree_analysis import try_tree; tree = load({str(file)!r}); trying = 'sar_compiler.analysis.trying'\n"
+        "tree.check(); print(trying in sys.modules)\n"
+        "def budget(): from sar_compiler.analysis.trying import TrialBudget; return TrialBudget(1)\n"
+        "try_tree(tree, budget); print(trying in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\nTrue\n"

@@ -1,0 +1,45 @@
+"""Comparing the answers about two trees."""
+
+import pytest
+
+from sar_compiler.analysis.verify.verdicts import (
+    BETTER,
+    OTHER,
+    SAME,
+    WORSE,
+    ComparedAnswer,
+    Verdict,
+    VerificationComparison,
+)
+from tests.analysis.verify.stage import BROKEN, PROVED, UNDECIDED, verified
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "change"),
+    [
+        (PROVED, PROVED, SAME),
+        (BROKEN, BROKEN, SAME),
+        (PROVED, BROKEN, WORSE),
+        (PROVED, UNDECIDED, WORSE),
+        (PROVED, None, WORSE),
+        (UNDECIDED, BROKEN, WORSE),
+        (None, BROKEN, WORSE),
+        (BROKEN, PROVED, BETTER),
+        (BROKEN, None, BETTER),
+        (None, PROVED, BETTER),
+        (UNDECIDED, None, OTHER),
+    ],
+)
+def test_what_is_known_to_hold_is_best_and_what_is_known_not_to_is_worst(before, now, change):
+    sides = [None if outcome is None else Verdict("q", outcome) for outcome in (before, now)]
+    assert ComparedAnswer("q", *sides).change == change
+
+
+def test_a_property_that_only_one_tree_can_break_is_among_the_answers():
+    properties = "properties: {p: {never: B starts}}"
+    with_b, without = verified("<Sequence><A/><B/></Sequence>", properties), verified("<A/>", properties)
+    last = VerificationComparison(with_b, without).answers[-1]
+    assert last.before is not None
+    assert (last.question, last.before.outcome, last.now) == ("p", BROKEN, None)
+    assert not VerificationComparison(with_b, without).worse
+    assert VerificationComparison(without, with_b).worse

@@ -1,0 +1,270 @@
+"""The smallest change of answers with which a run would have succeeded, by runs that stub leaves have flown."""
+
+import itertools
+
+import pytest
+
+from sar_compiler.analysis.verify.counterfactual import Retrospect, counterfactual
+from sar_compiler.analysis.verify.limits import lift_limits
+from sar_compiler.analysis.verify.recorded_runs import NotReplayedError, OtherTreeError
+from sar_compiler.errors import UndecidableError
+from sar_compiler.journal.recorded_events import recorded_events
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.runtime.answers import nominal
+from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, Event, with_end
+from sar_compiler.runtime.walking import pre_order
+from tests.chance import rounds
+from tests.trees import document
+from tests.views.flown import REGISTRY, Said, flown, injected, simulated
+
+
+def change_of(path, body, registry=REGISTRY, **answers):
+    """Fly a tree in which leaves answer what is said; return what would have succeeded, with the names of nodes."""
+    path.write_text(document(body), encoding="utf-8")
+    tree = simulated(path, registry)
+    stream, root = flown(tree, Said(**answers))
+    assert root == "FAILURE"
+    names = names_in(stream)
+    change = counterfactual(simulated(path, registry), recorded_events(stream), names)
+    if change is None:
+        return None
+
+    def told(answer):
+        return f"{names[answer.number]} {answer.answer}"
+
+    return change.tick, told(change.was), told(change.instead), [told(each) for each in change.then]
+
+
+def names_in(stream):
+    def names(node):
+        return itertools.chain([node["name"]], *map(names, node["children"]))
+
+    return list(names(stream[0].data["tree"]))
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "tree.xml"
+
+
+def test_the_leaf_that_failed_would_have_to_succeed_and_the_rest_as_usual(path):
+    body = '<Sequence><A name="one"/><A name="two"/><A name="three"/></Sequence>'
+    assert change_of(path, body, one=["RUNNING", "SUCCESS"], two=["FAILURE"]) == (
+        2,
+        "two FAILURE",
+        "two SUCCESS",
+        ["three SUCCESS"],
+    )
+
+
+def test_of_several_ways_it_is_the_last_one_that_was_tried(path):
+    body = '<Fallback><A name="one"/><A name="two"/></Fallback>'
+    assert change_of(path, body, one=["FAILURE"], two=["RUNNING", "FAILURE"])[:3] == (
+        2,
+        "two FAILURE",
+        "two SUCCESS",
+    )
+
+
+def test_of_several_tries_it_is_the_last_one(path):
+    body = '<RetryUntilSuccessful num_attempts="3"><A name="one"/></RetryUntilSuccessful>'
+    tries = ["RUNNING", "FAILURE"] * 3
+    assert change_of(path, body, one=tries)[:3] == (4, "one FAILURE", "one SUCCESS")
+
+
+def test_what_was_not_over_in_time_would_have_had_to_be_over(path):
+    body = '<Timeout msec="1200"><A name="one"/></Timeout>'
+    assert change_of(path, body, one=["RUNNING"] * 9)[1:3] == ("one RUNNING", "one SUCCESS")
+
+
+def test_what_leaves_know_of_the_world_decides_what_they_can_answer(path):
+    body = '<Sequence><X name="up"/><Fallback><Y name="down"/><AlwaysFailure/></Fallback><Z name="look"/></Sequence>'
+    assert change_of(path, body, down=["counted"], look=["RUNNING", "RUNNING"], up=["FAILURE"]) == (
+        1,
+        "up FAILURE",
+        "up SUCCESS",
+        ["down counted", "look SUCCESS"],
+    )
+
+
+def test_an_answer_that_is_not_usual_is_found_as_well(path):
+    body = '<Sequence><A name="one"/><Inverter><P name="dark?"/></Inverter></Sequence>'
+    assert change_of(path, body, one=["FAILURE"]) == (1, "one FAILURE", "one SUCCESS", ["dark? FAILURE"])
+
+
+def test_a_tree_that_cannot_succeed_has_none(path):
+    assert change_of(path, '<Sequence><A name="one"/><AlwaysFailure/></Sequence>') is None
+
+
+def test_a_run_of_other_nodes_is_refused(path):
+    path.write_text(document('<A name="one"/>'), encoding="utf-8")
+    with pytest.raises(OtherTreeError):
+        counterfactual(simulated(path), [], ["two"])
+
+
+def tick(number, time_sec, root, answers, label=""):
+    """Return the events of a tick: what the root came to, and leaves by their numbers."""
+    events = [Event((), leaf, ANSWERED, status, label) for leaf, status in answers.items()]
+    return with_end(events, "root", root, number, time_sec)
+
+
+def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(path):
+    path.write_text(
+        document('<Sequence name="all"><A name="one"/><A name="two"/></Sequence>'), encoding="utf-8"
+    )
+    record = [*tick(1, 0.0, "RUNNING", {1: "RUNNING"}), *tick(4, 1.5, "FAILURE", {1: "SUCCESS"})]
+    with pytest.raises(NotReplayedError, match=r"from tick 4 on, 1\.5 s"):
+        counterfactual(simulated(path), record, ["all", "one", "two"])
+
+
+@pytest.mark.parametrize(
+    ("what", "wrong"),
+    [
+        pytest.param(HALTED, "from tick 1 on", id="nobody stops it there"),
+        pytest.param(RESET, "from tick 2 on", id="it begins anew"),
+    ],
+)
+def test_a_leaf_that_is_at_rest_is_not_taken_for_one_that_answers_the_same_again(path, what, wrong):
+    path.write_text(
+        document('<Sequence name="all"><A name="one"/><A name="two"/></Sequence>'), encoding="utf-8"
+    )
+    first, second = tick(1, 0.0, "RUNNING", {1: "RUNNING"}), tick(2, 0.5, "RUNNING", {})
+    assert counterfactual(simulated(path), [*first, *second], ["all", "one", "two"]) is not None
+    with pytest.raises(NotReplayedError, match=wrong):
+        counterfactual(simulated(path), [Event((), 1, what, tick=1), *first, *second], ["all", "one", "two"])
+
+
+def test_only_what_nobody_has_said_and_answers_only_lower_is_without_limit(path):
+    path.write_text(document("<Sequence><BaseInReach/><NotHeld/></Sequence>"), encoding="utf-8")
+    tree = simulated(path, default_registry())
+    assert lift_limits(tree, ["zones_left"])
+    assert tree.fact_values() == {
+        "base_lost": False,
+        "losses_left": 1e18,
+        "orders_left": 1e18,
+        "zones_left": 3,
+        "zones_abandoned": 0,
+    }
+
+
+def test_where_nothing_is_limited_there_is_nothing_to_lift(path):
+    path.write_text(document("<DeliverReports/>"), encoding="utf-8")
+    tree = simulated(path, default_registry())
+    before = tree.fact_values()
+    assert not lift_limits(tree, before)
+    assert tree.fact_values() == before
+
+
+def test_ticks_of_which_nothing_is_told_have_been_all_the_same(path):
+    count = '<TickCounter name="count" duration="3" completion_status="SUCCESS"/>'
+    body = f'<Sequence name="all">{count}<A name="one"/></Sequence>'
+    path.write_text(document(body), encoding="utf-8")
+    first, last = (
+        tick(1, 0.0, "RUNNING", {1: "RUNNING"}),
+        tick(4, 1.5, "FAILURE", {1: "SUCCESS", 2: "FAILURE"}),
+    )
+    change = counterfactual(simulated(path), [*first, *last], ["all", "count", "one"])
+    assert change is not None
+    assert (change.tick, change.instead.number, change.instead.status) == (4, 2, "SUCCESS")
+
+
+def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
+    monkeypatch.setattr("sar_compiler.analysis.verify.recorded_runs._MOST_TICKED", 3)
+    path.write_text(document('<A name="one"/>'), encoding="utf-8")
+    record = [event for number in range(1, 9) for event in tick(number, 0.0, "RUNNING", {0: "RUNNING"})]
+    with pytest.raises(UndecidableError, match="too many runs"):
+        counterfactual(simulated(path), [*record, *tick(9, 0.0, "FAILURE", {0: "FAILURE"})], ["one"])
+
+
+def led_to(path, body, record, leaf, registry=REGISTRY):
+    """Return what other answers of a leaf would have led to in the last tick of a record, with the names of nodes."""
+    path.write_text(document(body), encoding="utf-8")
+    tree = simulated(path, registry)
+    names = [each.name for each in pre_order(tree.root)]
+    retrospect = Retrospect(tree, names)
+    found = retrospect.consequences(record, leaf)
+    # Each question is one of its own.
+    assert retrospect.consequences(record, leaf) == found
+    return {
+        each.instead.label or each.instead.status: (
+            [f"{names[answer.number]} {answer.status}" for answer in each.then],
+            each.root,
+        )
+        for each in found
+    }
+
+
+def test_what_another_answer_would_have_led_to_is_told_of_each(path):
+    body = '<Fallback name="any"><A name="one"/><A name="two"/></Fallback>'
+    record = [*tick(1, 0.0, "RUNNING", {1: "RUNNING"}), *tick(2, 0.1, "SUCCESS", {1: "SUCCESS"})]
+    assert led_to(path, body, record, 1) == {
+        "RUNNING": (["one SUCCESS"], "SUCCESS"),
+        "FAILURE": (["two SUCCESS"], "SUCCESS"),
+    }
+    assert led_to(path, body, record, 2) == {}
+
+
+RUNS = rounds(25)
+
+
+@pytest.mark.parametrize("label", ["aborted", "unavailable"])
+def test_a_run_is_found_by_the_answer_where_statuses_are_the_same(path, label):
+    path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
+    record = tick(1, 0.0, "FAILURE", {0: "FAILURE"}, label)
+    change = counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
+    assert change is not None
+    assert (change.was.label, change.instead.label) == (label, "arrived")
+
+
+def test_where_it_is_not_known_which_answer_it_was_any_of_that_status_is_found(path):
+    path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
+    record = tick(1, 0.0, "FAILURE", {0: "FAILURE"})
+    change = counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
+    assert change is not None
+    assert (change.was.status, change.instead.label) == ("FAILURE", "arrived")
+
+
+def test_an_answer_that_cannot_have_been_is_not_found(path):
+    path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
+    record = tick(1, 0.0, "FAILURE", {0: "FAILURE"}, "no zone")
+    with pytest.raises(NotReplayedError):
+        counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
+
+
+class Changed:
+    """Answers as another policy, but for one answer, and after that what is usual.
+
+    Args:
+        policy: The other one.
+        change: The change.
+        leaf: The name of its leaf.
+    """
+
+    def __init__(self, policy, change, leaf):
+        self._policy, self._change, self._leaf = policy, change, leaf
+        self._is_made = False
+        self.tick = 0
+
+    def choose(self, leaf, options):
+        if self._is_made:
+            return nominal(options)
+        answer = self._policy.choose(leaf, options)
+        if self.tick == self._change.tick and leaf.name == self._leaf:
+            self._is_made = True
+            return next(each for each in options if each.status == self._change.instead.status)
+        return answer
+
+
+@pytest.mark.unmeasured
+def test_with_what_is_changed_faulty_runs_succeed_and_mostly_it_is_the_faulty_leafs_answer(path):
+    blamed = []
+    for (faulty, stream, policy), _ in zip(injected(path), range(RUNS), strict=False):
+        names = names_in(stream)
+        change = counterfactual(simulated(path), recorded_events(stream), names)
+        assert change is not None
+        assert change.unusual == 0
+        leaf = names[change.instead.number]
+        assert flown(simulated(path), Changed(policy(), change, leaf))[1] == "SUCCESS"
+        blamed.append(leaf == faulty)
+    assert len(blamed) == RUNS
+    assert sum(blamed) >= 0.95 * RUNS

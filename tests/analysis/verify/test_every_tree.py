@@ -1,0 +1,133 @@
+"""What is asked of every tree: no error, no leaf without a turn, no run without an end."""
+
+from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
+from tests.analysis.verify.stage import BROKEN, PROVED, UNDECIDED, outcome, told, verdict, verified
+
+
+def test_a_plain_sequence_passes_all_of_it():
+    assert verified("<Sequence><A/><B/></Sequence>").proved
+
+
+def test_a_leaf_behind_one_that_always_fails_never_has_its_turn():
+    found = verdict(verified("<Sequence><A/><AlwaysFailure/><B/></Sequence>"), EVERY_LEAF)
+    assert (found.outcome, found.reason) == (BROKEN, "in no run is it the turn of 'B'")
+
+
+def test_a_leaf_of_the_language_can_be_one_that_never_has_its_turn():
+    found = verdict(
+        verified('<Fallback><AlwaysSuccess/><Script name="Plan" code="x := 1"/></Fallback>'), EVERY_LEAF
+    )
+    assert found.reason == "in no run is it the turn of 'Plan'"
+
+
+def test_a_script_that_reads_what_may_not_be_written_is_an_error_with_its_run():
+    found = verdict(
+        verified(
+            '<Fallback><Sequence><A/><Script code="x := 1"/><B/></Sequence><Script code="y := x"/></Fallback>'
+        ),
+        NO_ERROR,
+    )
+    assert (found.outcome, told(found.trace)) == (BROKEN, ["A:FAILURE"])
+    assert "there is no variable 'x'" in found.trace.ticks[-1].error
+
+
+def test_nothing_is_proved_of_runs_that_break_off_with_an_error():
+    verification = verified('<Sequence><Script code="y := x"/><A/></Sequence>')
+    found = verdict(verification, NO_LIVELOCK)
+    assert (found.outcome, found.reason) == (
+        UNDECIDED,
+        "a run that raises an error was not followed beyond it",
+    )
+    assert outcome(verification, AN_END) is UNDECIDED
+
+
+def test_a_leaf_that_runs_for_ever_keeps_the_run_from_its_end():
+    verification = verified("<Sequence><A/><Running/></Sequence>")
+    assert outcome(verification, AN_END) is BROKEN
+    found = verdict(verification, NO_LIVELOCK)
+    assert (found.outcome, told(found.trace), found.trace.loop) == (BROKEN, ["A:SUCCESS", ""], 1)
+
+
+def test_an_answer_that_is_waited_for_comes_one_day():
+    assert outcome(verified("<A/>"), NO_LIVELOCK) is PROVED
+
+
+def test_to_try_again_without_a_bound_is_a_livelock():
+    found = verdict(
+        verified('<RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'), NO_LIVELOCK
+    )
+    assert found.outcome is BROKEN
+    assert "A:FAILURE" in told(found.trace)[-1]
+
+
+def test_to_try_again_with_a_bound_is_none():
+    assert verified('<RetryUntilSuccessful num_attempts="3"><A/></RetryUntilSuccessful>').proved
+
+
+def test_two_leaves_that_cut_each_other_off_are_a_livelock():
+    # A starts anew in every tick, which halts B before its answer comes.
+    found = verdict(verified("<ReactiveSequence><A/><B/></ReactiveSequence>"), NO_LIVELOCK)
+    assert found.outcome is BROKEN
+    assert any("B:halted" in tick for tick in told(found.trace))
+
+
+def test_a_timer_is_up_one_day():
+    verification = verified('<Sequence><Sleep msec="100"/><Delay delay_msec="50"><A/></Delay></Sequence>')
+    assert verification.proved
+
+
+def test_the_run_to_a_dead_end_stops_at_the_last_end_that_there_is():
+    latch = '<Precondition if="x == 0" else="RUNNING"><Sequence><A/><Script code="x := 1"/></Sequence></Precondition>'
+    found = verdict(
+        verified(f'<Sequence><Script code="x := 0" oneshot="ON_COMPLETION"/>{latch}</Sequence>'), AN_END
+    )
+    assert (found.outcome, told(found.trace)) == (BROKEN, ["A:SUCCESS"])
+
+
+def test_a_time_out_ends_the_wait_for_a_leaf():
+    body = '<Timeout msec="100"><A/></Timeout>'
+    answers = "answers: {A: [RUNNING]}"
+    assert verified(body, answers).proved
+    assert outcome(verified("<A/>", answers), AN_END) is BROKEN
+
+
+def test_a_timer_may_be_up_before_and_after_any_answer():
+    never = "properties: {p: {never: B starts}}"
+    tree = '<Fallback><Timeout msec="100"><A/></Timeout><B/></Fallback>'
+    found = verdict(verified(tree, f"{never}\nanswers: {{A: [SUCCESS, RUNNING]}}"), "p")
+    assert told(found.trace)[:1] == ["A:RUNNING"]
+    assert "A:halted" in told(found.trace)[1]
+
+
+def test_a_finished_one_shot_stays_finished():
+    verification = verified('<A oneshot="ON_COMPLETION"/>', "properties: {p: {at_most_once: A SUCCESS}}")
+    assert verification.proved
+    assert outcome(verified("<A/>", "properties: {p: {at_most_once: A SUCCESS}}"), "p") is BROKEN
+
+
+def test_the_keys_of_the_tree_are_part_of_its_state():
+    # The second attempt finds what the first has written.
+    tree = """<RetryUntilSuccessful num_attempts="2"><Sequence>
+        <SetBlackboard value="1" output_key="tried" _onSuccess="again := n"/>
+        <Script code="n += 1"/><ScriptCondition code="n == 2"/><A/></Sequence></RetryUntilSuccessful>"""
+    start = f'<Sequence><Script code="n := 0"/>{tree}</Sequence>'
+    assert outcome(verified(start), EVERY_LEAF) is PROVED
+    assert outcome(verified(start.replace("n == 2", "n == 3")), EVERY_LEAF) is BROKEN
+
+
+def test_what_never_comes_to_an_end_of_its_states_is_not_decided():
+    tree = '<Sequence><A _onSuccess="n := 0" oneshot="ON_COMPLETION"/><Script code="n += 1"/></Sequence>'
+    verification = verified(tree, max_states=300)
+    assert not verification.complete
+    assert outcome(verification, NO_LIVELOCK) is UNDECIDED
+    assert verification.growing[0][0] == "n"
+
+
+def test_what_speaks_against_it_within_the_bound_is_still_found():
+    tree = (
+        '<Parallel success_count="2"><RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'
+        '<KeepRunningUntilFailure><Sequence><B oneshot="ON_COMPLETION" _onSuccess="n := 0" _onFailure="n := 0"/>'
+        '<Script code="n += 1"/></Sequence></KeepRunningUntilFailure></Parallel>'
+    )
+    found = verified(tree, "properties: {p: {never: A FAILURE}}", max_states=200)
+    assert (found.complete, outcome(found, "p")) == (False, BROKEN)

@@ -1,0 +1,185 @@
+"""Ticks that go on from where they part, and that are not followed twice where they meet."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from sar_compiler.analysis.verify.properties import parse_property_file, properties_of
+from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
+from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
+from sar_compiler.runtime.kernel.numbering import Middles
+from sar_compiler.runtime.kernel.searching import (
+    A_MIDDLE,
+    A_NEW_MIDDLE,
+    A_STATE,
+    LEFT,
+    NOTHING,
+    explore,
+)
+from sar_compiler.runtime.kernel.trail import Trail
+from tests.analysis.verify.handmade import HandMade
+from tests.analysis.verify.random_branches import random_branches, random_properties
+from tests.analysis.verify.random_trees import random_parallel
+from tests.analysis.verify.stage import BROKEN, PROVED, TAGS, bound, outcome, simulated_tree, verified
+from tests.analysis.verify.test_same_as_py_trees import trees
+from tests.chance import rounds
+
+PROPERTIES = """
+properties:
+  one thing after the other:
+    before: A SUCCESS
+    comes: A FAILURE
+  not twice:
+    at_most_once: A FAILURE
+  some day:
+    after: A FAILURE
+    eventually: A SUCCESS
+"""
+
+
+def rounds_of(graph):
+    """Return what there is to say of the ends of runs, each round by its number of ticks."""
+    found = endings(graph)
+    circling = [found.circling, *(owing_for_ever(graph, 1 << rule) for rule in range(3))]
+    return found.stuck, [each and len(lasso(graph, each).loop) for each in circling]
+
+
+def graph_of(binding, properties=None, *, meets):
+    """Return all that a search finds, where ticks meet, or are each played to the end."""
+    file = None if properties is None else parse_property_file(properties, "props.yaml")
+    simulated = simulated_tree(binding, file)
+    prepared = Prepared.of(simulated)
+    wanted = properties_of(file, prepared, TAGS)
+    stepper = TreeStepper(prepared, wanted.rules, meets=meets)
+    graph = explore(stepper.steps, 3000)
+    ticks = [set(graph.ticks(state)) for state in range(graph.expanded)]
+    error = graph.error and (graph.error.source, graph.error.path)
+    return list(graph.states), ticks, graph.breaches, bytes(graph.ends), stepper.ran, error, rounds_of(graph)
+
+
+@pytest.mark.parametrize(
+    "binding", [*trees(range(200, 200 + rounds(15))), *trees(range(rounds(6)), random_parallel)]
+)
+def test_where_ticks_meet_nothing_is_lost(binding):
+    assert graph_of(binding, meets=True) == graph_of(binding, meets=False)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "<Sequence><Fallback><A/><A/><A/></Fallback><Fallback><A/><A/></Fallback><A/></Sequence>",
+        (
+            '<Parallel success_count="2"><RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'
+            "<Fallback><A/><A/></Fallback><A/></Parallel>"
+        ),
+        '<Sequence><Timeout msec="10"><A/></Timeout><Fallback><A/><Sleep msec="10"/></Fallback><A/></Sequence>',
+        (
+            '<Sequence><Fallback><A/><Script code="a := 1"/></Fallback><Fallback><A/><Script code="a := 2"/></Fallback>'
+            '<ScriptCondition code="a > 1"/></Sequence>'
+        ),
+    ],
+)
+def test_where_ticks_meet_that_have_broken_other_properties_nothing_is_lost(body):
+    binding = bound(body)
+    assert graph_of(binding, PROPERTIES, meets=True) == graph_of(binding, PROPERTIES, meets=False)
+
+
+def test_leaves_that_are_tried_again_in_one_tick_do_not_multiply():
+    again = '<RetryUntilSuccessful num_attempts="3"><A/></RetryUntilSuccessful>'
+    found = verified(f"<Sequence>{again * 40}</Sequence>")
+    assert found.proved
+    assert found.states == 40 * 5 + 3
+
+
+def test_a_condition_that_changes_what_it_looks_at_changes_it_in_every_run():
+    body = (
+        '<Sequence><Script code="a := 0"/><Repeat num_cycles="3"><Sequence><A/>'
+        '<ScriptCondition code="a += 1; true"/></Sequence></Repeat><ScriptCondition code="a == 3"/><A/></Sequence>'
+    )
+    found = verified(body)
+    assert outcome(found, "every leaf can run") is PROVED
+    found = verified(body.replace("a == 3", "a == 2"))
+    assert outcome(found, "every leaf can run") is BROKEN
+
+
+def test_a_middle_is_forgotten_when_no_tick_has_come_to_it_lately():
+    middles = Middles(room=2)
+    assert [middles.add(each) for each in (b"met again", b"met once", b"new")] == [0, 1, 2]
+    assert middles.find(b"met again") == 0
+    assert middles.add(b"newer") == 3
+    assert [middles.find(b"met again"), middles.find(b"met once"), middles.find(b"new")] == [0, -1, 2]
+    assert middles.add(b"met once") == 4
+
+
+def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
+    """Else a tick in which much is tried again would have another middle for each of its histories."""
+    trail = Trail({}, [], lambda watched, _: (watched, 0), EntryCells())
+    trail.begin(0)
+    leaf = trail.bit(7)
+    trail.start(leaf)
+    trail.go_on(leaf)
+    assert trail.waits == (0, leaf, leaf)
+    trail.end(leaf)
+    assert trail.waits == (0, 0, leaf)
+
+
+def test_a_leaf_that_runs_on_is_waited_for_until_it_ends():
+    trail = Trail({}, [], lambda watched, _: (watched, 0), EntryCells())
+    trail.begin(0)
+    leaf = trail.bit(7)
+    trail.go_on(leaf)
+    assert trail.going_on == leaf
+    trail.end(leaf)
+    assert trail.going_on == 0
+
+
+def steps_of_branches():
+    """Return the steps of a tree whose ticks come to thousands of middles, and often to one that was just left."""
+    body = random_branches(46)
+    file = parse_property_file(random_properties(body, 46), "props.yaml")
+    prepared = Prepared.of(simulated_tree(bound(body), file))
+    graph = explore(TreeStepper(prepared, properties_of(file, prepared, TAGS).rules).steps, 3000)
+    return [[int(target) for target in steps.targets] for steps in (graph.steps, graph.middles)]
+
+
+def test_the_graph_is_the_same_whatever_python_seeds_its_hashes_with():
+    code = f"from {__name__} import steps_of_branches as steps; print(steps())"
+    graphs = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            check=True,
+            capture_output=True,
+            timeout=300,
+        ).stdout
+        for seed in ("0", "1", "2")
+    }
+    assert len(graphs) == 1
+    assert len(graphs.pop()) > 10_000
+
+
+class MeetingAgain(HandMade):
+    """From its only state two ways lead to a middle, the second one when the first has just left it."""
+
+    def __init__(self):
+        super().__init__({})
+        self.middle = b"a middle"
+
+    def enter(self, state, *, alone=False):
+        self._to_come = [A_NEW_MIDDLE, A_STATE, LEFT, A_MIDDLE]
+
+    def step(self):
+        if not self._to_come:
+            return NOTHING
+        self.state, self.left = b"\0", 1
+        return self._to_come.pop(0)
+
+
+def test_a_middle_that_was_just_left_has_its_number():
+    graph = explore(MeetingAgain(), 10)
+    assert len(graph.middles) == 1
+    assert graph.ticks(0) == [(0, 0)]

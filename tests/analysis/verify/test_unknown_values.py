@@ -1,0 +1,170 @@
+"""Keys that leaves write with values that are not known: one assumption of all that is said of runs."""
+
+import json
+
+import pytest
+
+from sar_compiler.analysis.verify.recorded_runs import TreeRuns
+from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, ProofStatus
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.events import ANSWERED, Event, with_end
+from tests.analysis.verify.stage import bound, outcome, simulated_tree, told, verdict, verified
+from tests.analysis.verify.test_composing import Case, guarded
+from tests.cli.running import run
+from tests.trees import document
+
+PROVED, BROKEN, UNDECIDED = ProofStatus
+MEASURES = '<M distance="{d}"/>'
+HINT = 'answers: {M: [{status: SUCCESS, then: "d := ..."}]}'
+
+
+def test_a_value_that_is_needed_and_not_known_leaves_open_what_depends_on_it():
+    found = verified(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>')
+    assert {each.outcome for each in found.verdicts} == {UNDECIDED}
+    raised = verdict(found, NO_ERROR)
+    assert raised.reason.endswith(HINT)
+    assert told(raised.trace) == ["M:SUCCESS"]
+    assert {verdict(found, each).reason for each in (EVERY_LEAF, AN_END, NO_LIVELOCK)} == {
+        "it depends on what 'M' writes to 'd'"
+    }
+
+
+def test_the_hint_decides():
+    properties = 'answers: {M: [{status: SUCCESS, then: "d := 2.5"}, FAILURE]}'
+    found = verified(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>', properties)
+    assert found.proved
+
+
+def test_a_key_that_is_only_handed_from_leaf_to_leaf_leaves_nothing_open():
+    copied = '<SetBlackboard value="{d}" output_key="e"/>'
+    assert verified(f"<Sequence>{MEASURES}{copied}<A/></Sequence>").proved
+
+
+@pytest.mark.parametrize(
+    "reads",
+    [
+        '<Script code="d += 1"/>',
+        '<Script code="e := 1 + d"/>',
+        '<A _skipIf="d == 2"/>',
+        '<CheckBlackboardVariableValue variable="d" operator="eq" value="2"/>',
+        '<SetBlackboard value="{d}" output_key="e"/><ScriptCondition code="e == 2"/>',
+    ],
+)
+def test_whatever_needs_the_value_leaves_it_open(reads):
+    found = verified(f"<Sequence>{MEASURES}{reads}</Sequence>")
+    assert outcome(found, NO_ERROR) is UNDECIDED
+    assert HINT in verdict(found, NO_ERROR).reason
+
+
+def test_a_value_from_before_is_not_what_the_leaf_has_written():
+    before = '<Script code="d := 5"/>'
+    found = verified(f'<Sequence>{before}{MEASURES}<ScriptCondition code="d == 5"/></Sequence>')
+    assert outcome(found, NO_ERROR) is UNDECIDED
+
+
+def test_a_value_that_is_written_afterwards_is_known():
+    after = '<Script code="d := 2"/><ScriptCondition code="d == 2"/>'
+    assert verified(f"<Sequence><ForceSuccess>{MEASURES}</ForceSuccess>{after}</Sequence>").proved
+
+
+def test_a_key_that_is_read_before_its_leaf_has_run_is_an_error_all_the_same():
+    found = verified(f'<Sequence><ScriptCondition code="d == 5"/>{MEASURES}</Sequence>')
+    assert outcome(found, NO_ERROR) is BROKEN
+
+
+@pytest.mark.parametrize("first", ["", "<A/>"])
+def test_an_error_that_depends_on_no_unknown_value_is_told_first(first):
+    # A tick earlier, the unknown value is needed.
+    unknown = f'<Sequence>{MEASURES}<ScriptCondition code="d == 5"/></Sequence>'
+    error = f'<Sequence>{first}<Script code="a = b"/></Sequence>'
+    found = verified(f"<Fallback><Sequence><P/>{unknown}</Sequence>{error}</Fallback>")
+    assert outcome(found, NO_ERROR) is BROKEN
+    assert "answers: {M:" not in verdict(found, NO_ERROR).reason
+
+
+def test_a_run_for_ever_that_needs_no_unknown_value_is_shown_all_the_same():
+    endless = "<RetryUntilSuccessful num_attempts='-1'><A/></RetryUntilSuccessful>"
+    found = verified(f'<Sequence>{endless}{MEASURES}<ScriptCondition code="d == 5"/></Sequence>')
+    assert outcome(found, NO_LIVELOCK) is BROKEN
+    assert outcome(found, AN_END) is UNDECIDED
+
+
+def test_an_end_that_only_an_unknown_value_may_lead_to_is_left_open():
+    body = f'<KeepRunningUntilFailure><Sequence>{MEASURES}<ScriptCondition code="d == 5"/></Sequence></KeepRunningUntilFailure>'
+    found = verified(body, "answers: {M: [{status: SUCCESS}]}")
+    assert outcome(found, AN_END) is UNDECIDED
+
+
+def test_a_property_that_is_violated_without_the_value_is_violated():
+    body = f'<Sequence><A/>{MEASURES}<ScriptCondition code="d == 5"/><B/></Sequence>'
+    found = verified(body, "properties: {no A: {never: A starts}, no B: {never: B starts}}")
+    assert outcome(found, "no A") is BROKEN
+    assert outcome(found, "no B") is UNDECIDED
+
+
+def test_a_file_can_say_that_a_value_is_not_known():
+    body = '<Sequence><A/><ScriptCondition code="n == 1"/></Sequence>'
+    found = verified(body, 'answers: {A: [{status: SUCCESS, then: "n := unknown"}]}')
+    assert outcome(found, NO_ERROR) is UNDECIDED
+    assert "'A' writes 'n' when it runs" in verdict(found, NO_ERROR).reason
+
+
+def test_branches_that_write_unknown_values_are_still_searched_apart():
+    branch = "<Sequence><A name='a{0}'/><M name='m{0}' distance='{{d{0}}}'/></Sequence>"
+    found = Case(guarded(3, branch), "properties: {p: {never: a1 FAILURE}}").verified(10, 100_000)
+    assert (found.branches, found.complete) == (3, True)
+    assert outcome(found, NO_ERROR) is PROVED
+
+
+@pytest.fixture
+def command(capsys, tmp_path):
+    """Run a command on a tree that needs what M writes to d."""
+    tree, scenario = tmp_path / "tree.xml", tmp_path / "s.yaml"
+    tree.write_text(
+        document(f'<Sequence><A/>{MEASURES}<ScriptCondition code="d &gt; 1"/></Sequence>'), "utf-8"
+    )
+    scenario.write_text("name: s\nexpect: {root: SUCCESS}\n", encoding="utf-8")
+
+    def command(name, *options):
+        more = [scenario if each == "SCENARIO" else each for each in options]
+        return run(capsys, name, tree, "--nodes", "tests.analysis.verify.leaves", *more)
+
+    return command
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["verify"], "no tick raises an error: not decided"),
+        (["simulate", "--scenario", "SCENARIO"], "s.yaml: 's' is not decided:"),
+        (
+            ["sweep", "--unusual", "0.1", "--runs", "20", "--jobs", "1"],
+            "nothing can be counted: the run with seed",
+        ),
+        (["predict"], "nothing can be predicted: a tick raises an error:"),
+    ],
+    ids=lambda words: words[0] if isinstance(words, list) else "",
+)
+def test_every_command_says_that_it_is_not_decided_and_what_decides_it(command, words, said):
+    status, out, err = command(*words)
+    assert status == 1
+    assert said in out + err
+    assert HINT in out + err
+
+
+def test_as_json_an_undecided_scenario_neither_holds_nor_fails(command):
+    status, out, _ = command("simulate", "--format", "json", "--scenario", "SCENARIO")
+    (scenario,) = json.loads(out)["scenarios"]
+    assert (status, scenario["holds"]) == (1, None)
+    assert HINT in scenario["failures"][0]["message"]
+
+
+def test_a_recorded_run_that_depends_on_the_value_is_not_decided():
+    tree = simulated_tree(bound(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>'))
+    runs = TreeRuns(tree, ["Sequence", "M", "ScriptCondition", "A"])
+    measured, acted = (
+        Event(("Sequence", name), number, ANSWERED, "SUCCESS") for number, name in ((1, "M"), (3, "A"))
+    )
+    with pytest.raises(UndecidableError, match="tick 1: ") as caught:
+        runs.found_again(with_end([measured, acted], "Sequence", "SUCCESS", 1, 0.0))
+    assert HINT in str(caught.value)

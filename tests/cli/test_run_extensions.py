@@ -1,0 +1,185 @@
+"""Who goes along with a run of `sar-run` cannot end it."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from py_trees.behaviours import Running
+from py_trees.common import Status
+
+from sar_compiler.cli.run_extensions import extensions_asked_for
+from sar_compiler.errors import SarError
+from sar_compiler.execution.extensions import Extensions
+from sar_compiler.execution.run_setup import RunSetup
+from sar_compiler.journal.journal import Journal
+from sar_compiler.missions.mission import MissionRun
+from sar_compiler.ros.run_extension import RunExtension
+from sar_compiler.terminal import RunOutput
+
+
+class Stage:
+    """A run, what its extensions have done, and what was logged."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.said: list[str] = []
+        logger = SimpleNamespace(error=self.said.append)
+        self.node: Any = SimpleNamespace(
+            get_logger=lambda: logger,
+            create_timer=lambda *_, **__: None,
+            get_clock=lambda: SimpleNamespace(
+                now=lambda: SimpleNamespace(nanoseconds=0), ros_time_is_active=False
+            ),
+        )
+        self.journal, self.output = Journal(), RunOutput()
+        no: Any = None
+        self.run = RunSetup(
+            no, no, self.node, self.journal, MissionRun(), no, no, {}, (), self.output, no, []
+        )
+
+    def extend(self, stack: ExitStack, *makes: Callable[[RunSetup], RunExtension]) -> Extensions:
+        """Extend the run beside its journal."""
+        journal: Any = Noting(self, "journal", fails=False)
+        return Extensions(self.run, journal, makes, stack)
+
+    def make(self, name: str, *, fails: bool = False) -> "Noting":
+        """Return a extension that notes what it does under its name; it may fail."""
+        return Noting(self, name, fails=fails)
+
+
+class Noting(RunExtension):
+    """Notes what it does, and may then fail."""
+
+    def __init__(self, stage: Stage, name: str, *, fails: bool) -> None:
+        self._stage, self._name, self._fails = stage, name, fails
+
+    def _do(self, what: str) -> None:
+        self._stage.done.append(f"{self._name} {what}")
+        if self._fails:
+            raise ValueError(what)
+
+    def on_entry(self, entry: Any) -> None:
+        self._do(entry.kind)
+
+    def on_begin(self) -> None:
+        self._stage.done.append(f"{self._name} began")
+
+    def on_end(self, *, has_begun: bool) -> None:
+        self._do("ended" if has_begun else "given up")
+
+
+@pytest.fixture
+def stage() -> Stage:
+    return Stage()
+
+
+def test_one_whose_end_fails_keeps_no_other_from_its_end(stage: Stage) -> None:
+    with ExitStack() as stack:
+        makes = [lambda _, name=name: stage.make(name, fails=name != "b") for name in "abc"]
+        stage.extend(stack, *makes).on_begin()
+    began = ["journal began", "a began", "b began", "c began"]
+    assert stage.done == [*began, "c ended", "b ended", "a ended", "journal ended"]
+    assert stage.said == ["Noting could not come to its end: ValueError('ended')."] * 2
+
+
+def test_one_that_fails_while_it_listens_takes_nothing_from_the_others(stage: Stage) -> None:
+    with ExitStack() as stack:
+        makes = [lambda _, name=name: stage.make(name, fails=name == "a") for name in "ab"]
+        stage.extend(stack, *makes)
+        assert stage.journal.is_wanted
+        stage.journal.note("zone_visited")
+        stage.journal.note("base_reached")
+    done = [did for did in stage.done if not did.startswith("journal")]
+    assert done[:3] == ["a zone_visited", "b zone_visited", "b base_reached"]
+
+
+def test_where_one_cannot_be_those_before_it_are_given_up(stage: Stage) -> None:
+    def refuse(_: RunSetup) -> RunExtension:
+        message = "no"
+        raise SarError(message)
+
+    with pytest.raises(SarError), ExitStack() as stack:
+        stage.extend(stack, lambda _: stage.make("a"), refuse)
+    assert stage.done == ["a given up", "journal given up"]
+
+
+def test_one_without_a_use_for_the_journal_does_not_make_it_wanted(stage: Stage) -> None:
+    class Silent(RunExtension):
+        pass
+
+    with ExitStack() as stack:
+        Extensions(stage.run, cast("Any", Silent()), [lambda _: Silent(), lambda _: None], stack)
+        assert not stage.journal.is_wanted
+
+
+@pytest.fixture
+def screen(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A screen that cannot draw, of a run that has begun."""
+    from sar_compiler.execution.run_view import RunScreen
+
+    def fail(*_: object) -> Any:
+        stage.done.append("drawn")
+        raise ValueError
+
+    monkeypatch.setattr(RunScreen, "_draw", fail)
+    made = RunScreen(stage.run, lambda *_: [])
+    stage.journal.listen(made.on_entry)
+    stage.journal.begin({"tree": []}, {})
+    return made
+
+
+@pytest.mark.ros
+def test_a_view_that_fails_is_told_of_and_not_drawn_again(stage: Stage, screen: Any) -> None:
+    screen.refresh()
+    screen.refresh()
+    stage.output.leave()
+    assert stage.done == ["drawn"]
+    assert stage.said == ["The view has failed, and shows no more: ValueError()."]
+
+
+@pytest.mark.ros
+def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> None:
+    stage.output.leave()
+    assert stage.said == ["The view has failed, and shows no more: ValueError()."]
+
+
+@pytest.mark.ros
+def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
+    stage: Stage, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from sar_compiler.commands import ADRIFT
+    from sar_compiler.ros.forced_end import ForcedEnd
+    from sar_compiler.ros.leaves.goals import goals_under_way
+
+    goals_under_way(stage.node).sending("01" * 16, "/drive")
+    leaf: Any = Running("drive")
+    leaf.status = Status.RUNNING
+    leaf.terminate = lambda _: stage.done.append("cancelled")
+    stage.output.leave = lambda: stage.done.append("closed")
+    signals: Any = SimpleNamespace()
+    end = ForcedEnd("sar-run", stage.node, leaf, signals, None, 1.0, before_message=stage.output.leave)
+    assert end.hurry() == ADRIFT
+    assert stage.done == ["cancelled", "closed"]
+    assert "what is under way was told to stop" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wanted", [None, True, False])
+@pytest.mark.parametrize("world", [None, "disaster_zone"])
+@pytest.mark.parametrize("is_kept", [True, False])
+def test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch, wanted: bool | None, world: str | None, is_kept: bool
+) -> None:
+    made: list[Any] = []
+    monkeypatch.setattr("sar_compiler.ros.guardian.Guardian", lambda *given: made.append(given))
+    options: Any = SimpleNamespace(
+        **dict.fromkeys(("properties", "view", "report", "record", "publish", "groot2"), None),
+        guardian=wanted, sim=world, ros=["--enclave", "/mission"], supervision=SimpleNamespace(signs=None),
+    )  # fmt: skip
+    run: Any = SimpleNamespace(options=options, journal=SimpleNamespace(is_kept=is_kept), node="the node")
+    for make in extensions_asked_for(options):
+        make(run)
+    is_usual = is_kept and world is None
+    expected = [("the node", ["--enclave", "/mission"], None)]
+    assert made == (expected if wanted or (wanted is None and is_usual) else [])
