@@ -108,7 +108,6 @@ class LoadedTree(ProjectTree):
         tree_id: str | None = None,
         max_states: int = 1_000_000,
         budget: "Budget | None" = None,
-        keep_states: bool = False,
     ) -> "Verification":
         """Check properties in all possible runs of the tree.
 
@@ -119,7 +118,6 @@ class LoadedTree(ProjectTree):
             tree_id: The tree in the file; by default the one that the file executes.
             max_states: The largest number of states to explore.
             budget: Limits time and memory, and is told the progress; by default there is no limit but that of states.
-            keep_states: Whether the result has all states, as `space`.
 
         Raises:
             TreeError: If there are errors, or a property makes no sense for the tree.
@@ -136,7 +134,6 @@ class LoadedTree(ProjectTree):
             tree_id=tree_id,
             max_states=max_states,
             budget=budget,
-            keep_states=keep_states,
         )
 
     def watch(

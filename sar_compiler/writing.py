@@ -2,7 +2,6 @@
 
 import errno
 import os
-from collections.abc import Iterable
 from pathlib import Path
 
 from sar_compiler.errors import SarError
@@ -26,39 +25,30 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def write_lines(path: Path, lines: Iterable[str]) -> None:
-    """Write a file in UTF-8 line by line, as `write_bytes` does; the lines come with their ends."""
-    _write(path, (line.encode() for line in lines))
-
-
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file atomically; its permissions are kept, and a link remains a link.
 
     Raises:
         WriteError: If that is not possible; the file is then unchanged.
     """
-    _write(path, [data])
-
-
-def _write(path: Path, data: Iterable[bytes]) -> None:
     target = real_path(path)
     try:
         if target.is_symlink():
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))  # noqa: TRY301 - told as the others are
         if target.exists() and not target.is_file():
             with target.open("wb") as stream:  # a device or a pipe cannot be replaced
-                stream.writelines(data)
+                stream.write(data)
         else:
             _replace(target, data)
     except OSError as error:
         raise WriteError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-def _replace(target: Path, data: Iterable[bytes]) -> None:
+def _replace(target: Path, data: bytes) -> None:
     new = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
         with new.open("xb") as stream:
-            stream.writelines(data)
+            stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
         if target.exists():

@@ -129,7 +129,6 @@ def verify_tree(
     tree_id: str | None = None,
     max_states: int = 1_000_000,
     budget: "Budget | None" = None,
-    keep_states: bool = False,
 ) -> "Verification":
     """Check properties in all possible runs of a tree; see `LoadedTree.verify`."""
     from sar_compiler.analysis.proofs import search_runs
@@ -137,7 +136,7 @@ def verify_tree(
 
     binding = tree.binding(tree_id)
     start = _start_values(tree, params, binding)
-    search = functools.partial(verify, max_states=max_states, budget=budget, keep_states=keep_states)
+    search = functools.partial(verify, max_states=max_states, budget=budget)
     return search_runs(tree, binding, properties, facts, start, search)
 
 

@@ -177,11 +177,8 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_schema(parser: argparse.ArgumentParser) -> None:
-    text = (
-        "for files in XML (default xsd), or for those in YAML: a JSON schema, or a grammar by which a language model writes "
-        "nothing else (llguidance's form of Lark)"
-    )
-    parser.add_argument("--format", choices=("xsd", "json", "grammar"), default="xsd", help=text)
+    text = "for files in XML (default xsd), or a JSON schema for those in YAML"
+    parser.add_argument("--format", choices=("xsd", "json"), default="xsd", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_schema, include_path=[])
 
@@ -359,10 +356,6 @@ def _schema(arguments: argparse.Namespace) -> int:
         from sar_compiler.tree.plain import as_json
 
         print(as_json(json_schema(registry)))
-    elif arguments.format == "grammar":
-        from sar_compiler.nodes.schemas.grammar import grammar
-
-        print(grammar(registry), end="")
     else:
         print(xml_schema(registry), end="")
     return OK

@@ -6,11 +6,9 @@ import functools
 import re
 import sys
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import (
-    FILE,
     TREE_INPUT,
     YAML_FILE,
     add_budget,
@@ -27,7 +25,7 @@ from sar_compiler.cli.loading import (
     load_checked,
 )
 from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error
-from sar_compiler.errors import SarError, UndecidableError
+from sar_compiler.errors import UndecidableError
 from sar_compiler.terminal import ProgressLine, painter
 
 if TYPE_CHECKING:
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.searching import Progress
 
 MAX_STATES = 1_000_000
-_MOST_CODES = 20
 _COLOURS = {"proved": "advice", "does not hold": "error", "not decided": "warning"}
 _ANSWER = re.compile(f"(?<= )({'|'.join(_COLOURS)})(?=$|[:;])", re.MULTILINE)
 
@@ -52,11 +49,6 @@ def add_options(parser: CommandParser) -> None:
     add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
     text = "a file of properties, which must hold in every run (default: what the mission brings)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    text = (
-        "write the states and ticks for PRISM and Storm, as the explicit files PREFIX.sta, .tra and .lab; in a "
-        "folder, they are named after the tree"
-    )
-    add("--export", type=FILE, metavar="PREFIX", help=text)
     text = f"explore at most N states, and leave open what would take more (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     add_search_options(parser, "verify")
@@ -95,8 +87,6 @@ def verify_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.compiler.simulated_tree import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
 
-    if arguments.against is not None and arguments.export is not None:
-        raise SarError("--export is for one tree: leave --against out")
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []
@@ -120,8 +110,6 @@ def verify_file(arguments: argparse.Namespace) -> int:
     if budget.is_interrupted or done[-1].stopped:
         print_error(f"sar-compile: {budget.reason}")
         status = budget.exit_status
-    if arguments.export is not None:
-        _export(done[0], arguments.export, Path(arguments.file).stem)
     return status
 
 
@@ -152,29 +140,10 @@ def _verify_into(
             tree_id=arguments.tree,
             max_states=arguments.max_states,
             budget=budget,
-            keep_states=arguments.export is not None,
         )
         done.append(budget.run(verify))
         if budget.is_interrupted or done[-1].stopped:
             return
-
-
-def _export(verification: "Verification", prefix: Path, name: str) -> None:
-    """Write the states of a tree as PRISM's files, and print what the numbers in them mean."""
-    from sar_compiler.analysis.verification_view import PrismModel
-    from sar_compiler.writing import write_lines
-
-    assert verification.space is not None  # noqa: S101 - that was asked for
-    prefix = prefix / name if prefix.is_dir() else prefix
-    model = PrismModel(verification.space)
-    for ending, lines in (("sta", model.states()), ("tra", model.transitions()), ("lab", model.labels())):
-        write_lines(Path(f"{prefix}.{ending}"), lines)
-    for variable in model.variables:
-        if variable.codes:
-            first = list(variable.codes.items())[:_MOST_CODES]
-            listed = ", ".join(f"{number} for {value}" for value, number in first)
-            listed += ", ..." if len(first) < len(variable.codes) else ""
-            print_error(f"sar-compile: in {prefix}.sta, {variable.name} is {listed}")
 
 
 def _print(done: "list[Verification]", files: "list[str]", seconds: float, form: str) -> int:

@@ -7,7 +7,6 @@ import pytest
 
 from sar_compiler.analysis.simulate.running import ScenarioPlayer
 from sar_compiler.analysis.simulate.scenario_files import Scenario
-from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
@@ -16,7 +15,7 @@ from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
 from tests.analysis.simulate.stage import played
-from tests.analysis.verify.stage import TAGS, simulated_tree, verdict, verified
+from tests.analysis.verify.stage import simulated_tree, verdict, verified
 from tests.analysis.verify.test_same_as_py_trees import trees
 from tests.chance import rounds
 
@@ -104,22 +103,6 @@ def test_a_simulated_run_a_live_one_and_the_proof_tell_of_the_same_answers_by_th
     proof = prove(binding)
     next(proof)
     assert all(proof.send(timeless(tick.events)) for tick in run.ticks)
-
-
-@pytest.mark.parametrize("binding", trees(range(500, 500 + rounds(10))))
-def test_what_happens_between_two_states_is_told_when_it_is_asked_for(binding):
-    space = verify(simulated_tree(binding), None, TAGS, 100, keep_states=True).space
-    assert space is not None
-    graph = space.graph
-    for state in range(graph.expanded):
-        transitions = list(space.transitions(state))
-        assert [each.target for each in transitions] == [target for target, _ in graph.ticks(state)]
-        for each in transitions:
-            *answers, end = each.events
-            assert end.what == TICKED
-            assert TICKED not in {event.what for event in answers}
-            changed = dict(change for event in answers for change in event.facts)
-            assert space.values(each.target).items() >= changed.items()
 
 
 def test_an_event_says_which_answer_it_was_where_when_and_what_it_has_changed():

@@ -362,41 +362,6 @@ def test_which_of_two_trees_cannot_be_verified_is_said(run):
     assert "before.xml:3:1: error[only-described]: <Recover> is only described" in err
 
 
-def test_the_states_are_written_as_explicit_files_of_prism(run, tmp_path):
-    status, out, err = run(FINE, "--export", "{folder}/fine", "--format", "json")
-    told = json.loads(out)
-    assert status == 0
-    assert err == f"sar-compile: in {tmp_path}/fine.sta, at is 0 for '', 1 for 'zone'\n"
-    states, ticks, labels = (
-        (tmp_path / f"fine.{end}").read_text().splitlines() for end in ("sta", "tra", "lab")
-    )
-    count = len(ticks) - 1
-    assert ticks[0] == f"{told['states']} {count} {count}"
-    assert len(states) == told["states"] + 1
-    assert states[:2] == [
-        "(state,at,found_by_DetectSurvivor,named_by_DetectSurvivor,navigation_lost,zones_left)",
-        "0:(0,0,false,false,false,3)",
-    ]
-    assert labels[:2] == ['0="init" 1="deadlock" 2="end" 3="unexplored" 4="error"', "0: 0"]
-
-
-def test_in_a_folder_the_files_are_called_as_the_tree(run, tmp_path):
-    assert run(FINE, "--export", "{folder}")[0] == 0
-    assert {path.name for path in tmp_path.iterdir()} == {"tree.xml", "tree.sta", "tree.tra", "tree.lab"}
-
-
-def test_what_was_found_is_told_even_if_the_states_cannot_be_written(run):
-    status, out, err = run(FINE, "--export", "{folder}/nowhere/fine")
-    assert status == 2
-    assert out.endswith("proved\n")
-    assert "nowhere/fine.sta: No such file or directory" in err
-
-
-def test_the_states_of_two_trees_are_not_written_together(run):
-    status, out, err = run(FINE, "--export", "fine", "--against", "search_and_rescue")
-    assert (status, out, err) == (2, "", "sar-compile: --export is for one tree: leave --against out\n")
-
-
 class Screen:
     """Standard error as a terminal is."""
 

@@ -13,5 +13,5 @@ PAGE = Path("docs/agents.md").resolve()
 def test_the_page_about_agents_does_what_it_says(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     typed, otherwise = follow(PAGE, tmp_path)
-    assert typed == 6
+    assert typed == 4
     assert otherwise == [], "\n".join(otherwise)

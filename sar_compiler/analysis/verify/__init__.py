@@ -39,7 +39,6 @@ def verify(
     budget: Budget | None = None,
     *,
     forgets: bool = True,
-    keep_states: bool = False,
     plainly: int = 10_000,
 ) -> Verification:
     """Search the states of a tree and answer every question.
@@ -53,7 +52,6 @@ def verify(
         max_states: How many states to find at most.
         budget: Is told now and then how far it is, and when a property is violated; ends the search. What is known by then is published in it.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
-        keep_states: Whether the result has the states that were found.
         plainly: With how many states a tree is searched as it is in any case.
 
     Raises:
@@ -75,8 +73,8 @@ def verify(
     verified = partial(
         _verified, asked=asked, prepared=prepared, properties=properties, report=report, budget=budget
     )
-    if keep_states or not forgets or max_states <= plainly or not has_parallels(stepper.flat):
-        return verified(stepper, max_states=max_states, keep_states=keep_states)
+    if not forgets or max_states <= plainly or not has_parallels(stepper.flat):
+        return verified(stepper, max_states=max_states)
     found = verified(stepper, max_states=plainly)
     if found.complete or found.stopped:
         return found
@@ -119,7 +117,6 @@ def _verified(
     max_states: int,
     report: Report,
     budget: Budget,
-    keep_states: bool = False,
 ) -> Verification:
     """Search the states of a tree as it is."""
     simulated = prepared.simulated
@@ -136,7 +133,6 @@ def _verified(
         () if graph.complete else stepper.states.growing(graph.states),
         simulated.leaves,
         graph.stopped,
-        space if keep_states else None,
         simulated.by_semantics,
     )
     for number, verdict in enumerate(_verdicts(questions, stepper, properties)):

@@ -1,10 +1,8 @@
 """The states of a tree and the ticks between them, of which runs are told: played again tick by tick."""
 
-import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import Event, TickRecord
@@ -34,23 +32,6 @@ class Trace:
         return (event for tick in self.ticks for event in tick.events)
 
 
-class Transition(NamedTuple):
-    """A tick from one state to another.
-
-    Attributes:
-        target: The state that it leads to.
-        play: Plays it again; where several ticks lead there and wait for the same, one of them.
-    """
-
-    target: int
-    play: Callable[[], TickRecord]
-
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """What happens in it, answer by answer, the end of the tick last."""
-        return self.play().events
-
-
 @dataclass(frozen=True, eq=False)
 class StateSpace:
     """The states that were found of a tree, and the ticks between them.
@@ -74,25 +55,6 @@ class StateSpace:
     rules: tuple[str, ...] = ()
     owing: tuple[int, ...] = ()
     unknown: Breach | None = None
-
-    def values(self, state: int) -> Mapping[str, object]:
-        """Return the keys of the tree and the facts in a state."""
-        return self.stepper.states.values_in(self.graph.states[state])
-
-    def transitions(self, state: int) -> Iterator[Transition]:
-        """Yield the ticks of a state; what happens in one is found out when it is asked for."""
-        for tick in self.graph.ticks(state):
-            yield Transition(tick[0], functools.partial(self._play, state, self._is(tick)))
-
-    def answers(self, state: int) -> list[tuple[Event, ...]]:
-        """Return what leaves answer in each of the ticks of a state; where several lead to the same and wait for the same, in one of them."""
-        ticks = self.graph.ticks(state)
-        targets = {self.graph.states[target]: target for target, _ in ticks}
-        found: dict[Edge, tuple[Event, ...]] = {}
-        for step in self.stepper.ticks(self.graph.states[state]) if ticks else ():
-            if step.state in targets:
-                found.setdefault((targets[step.state], step.waits[0]), self.stepper.answered())
-        return [found[tick] for tick in ticks]
 
     def to(self, state: int) -> Trace:
         """Return a shortest run to a state."""

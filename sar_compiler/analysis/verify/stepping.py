@@ -16,7 +16,7 @@ from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.outcome_sets import ALL, BITS, WORD_OF
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.answers import nominal
-from sar_compiler.runtime.events import ANSWERED, Event, TickRecord, changes_in, value_changes, with_end
+from sar_compiler.runtime.events import Event, TickRecord, changes_in, value_changes, with_end
 from sar_compiler.runtime.kernel.branch_nodes import BranchNode
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.chances import ChanceNode, Chances, WeighedSteps
@@ -232,11 +232,6 @@ class TreeStepper:
         """Have the entries hold what they held before an answer of the last tick, by its place among its answers."""
         answers = [past for event, past in self._happened() if self._alphabet.answers[event][1] is not None]
         self.ticker.entries.restore(vec[i32](answers[place]))
-
-    def answered(self) -> tuple[Event, ...]:
-        """Return what leaves have answered in the last tick."""
-        events = [self._alphabet.events[event] for event, _ in self._happened()]
-        return tuple(event for event in events if event.what == ANSWERED)
 
     def _happened(self) -> list[tuple[int, list[int]]]:
         """Return the events of the last tick, each with what entries held before it."""

@@ -69,7 +69,6 @@ class Verification:
         growing: What had most values where not every state was gone through, with their number.
         leaves: The leaves that the runs speak of.
         stopped: Whether somebody wanted the search to end before all was gone through.
-        space: The states that were found, and the ticks between them, if they were to be kept.
         by_semantics: The tags of the nodes that were taken to do what their `semantics` say, each with its class: they have a
             `tick` of their own, of which nothing is proved.
         searches: How many searches there were; with more than one, states and steps are those of all.
@@ -85,7 +84,6 @@ class Verification:
     growing: tuple[tuple[str, int], ...] = ()
     leaves: tuple[StubLeaf, ...] = ()
     stopped: bool = False
-    space: StateSpace | None = None
     by_semantics: tuple[tuple[str, str], ...] = ()
     searches: int = 1
     branches: int = 0

@@ -45,8 +45,8 @@ def values(board):
 class Explored:
     """The states of a tree in flat form, and what can be seen of each."""
 
-    def __init__(self, simulated, max_states):
-        self.stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, forgets=False)
+    def __init__(self, simulated, max_states, *, forgets=False):
+        self.stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, forgets=forgets)
         self.graph = explore(self.stepper.steps, max_states)
         self._simulated = simulated
         # As `iterate` of py_trees goes through a tree: children before parents.
