@@ -258,11 +258,17 @@ def _diff(arguments: argparse.Namespace) -> int:
         TreeError: If a file is malformed.
         UnreadableFileError: If a file does not exist or cannot be read.
     """
+    from sar_compiler.nodes.btcpp.port_types import is_same
+    from sar_compiler.nodes.cpp_names import normalized
     from sar_compiler.tree.difference import difference, difference_as_text, difference_data
     from sar_compiler.tree.gathering import find_tree, read_tree_file
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
-    differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new))
+
+    def is_same_type(before: str, after: str) -> bool:
+        return is_same(normalized(before), normalized(after))
+
+    differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new, is_same_type))
     if arguments.format == "json":
         from sar_compiler.tree.plain import as_json
 

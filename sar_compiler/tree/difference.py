@@ -1,6 +1,7 @@
 """The differences between two tree files of any form, as nodes instead of lines, and as text."""
 
-from collections.abc import Iterable, Iterator
+import operator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -43,17 +44,32 @@ class Difference:
     inner: int = 0
 
 
-def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
+def difference(
+    old: TreeFile, new: TreeFile, is_same_type: Callable[[str, str], bool] = operator.eq
+) -> list[Difference]:
     """Compare two tree files by what they say.
 
     Comments, the order of attributes, the form of the file and of its nodes (`<Say/>`, `<Action ID="Say"/>`)
     do not count, nor does the order of trees, includes and descriptions.
 
+    Args:
+        old: The older file.
+        new: The newer file.
+        is_same_type: Whether two names of a port's type in a `TreeNodesModel` mean one type.
+
     Returns:
         The differences, in the order of the newer file; what was removed, where it stood.
     """
     first, second = match(old, new)
-    return list(_within(first, second))
+    return [each for each in _within(first, second) if not _renames_type(each, is_same_type)]
+
+
+def _renames_type(one: Difference, is_same_type: Callable[[str, str], bool]) -> bool:
+    """Return whether a difference is another name for the type of a described port."""
+    is_type = one.what == "type" and one.new is not None and one.new.tag.endswith("_port")
+    return (
+        is_type and one.before is not None and one.after is not None and is_same_type(one.before, one.after)
+    )
 
 
 def _within(old: Node, new: Node) -> Iterator[Difference]:

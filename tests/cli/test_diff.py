@@ -50,6 +50,25 @@ def test_differences_are_data_for_scripts(capsys, changed):
     assert run(capsys, "diff", SHIPPED, SHIPPED, "--format", "json") == (0, "[]\n", "")
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "is_changed"),
+    [
+        ("uint32_t", "unsigned int", False),
+        ("std::string", "std::__cxx11::basic_string&lt;char&gt;", False),
+        ("Pose", "geometry_msgs::msg::Pose", False),
+        ("int", "unsigned int", True),
+        ("double", "float", True),
+    ],
+)
+def test_another_name_for_a_type_of_a_palette_is_no_difference(capsys, tmp_path, before, after, is_changed):
+    files = [tmp_path / "before.xml", tmp_path / "after.xml"]
+    for path, name in zip(files, (before, after), strict=True):
+        port = f'<input_port name="at" type="{name}"/>'
+        path.write_text(f'<root><TreeNodesModel><Action ID="Go">{port}</Action></TreeNodesModel></root>')
+    status, out, _ = run(capsys, "diff", *files)
+    assert (status, "type" in out) == (int(is_changed), is_changed)
+
+
 def test_a_file_that_is_not_there_has_status_2(capsys):
     assert run(capsys, "diff", SHIPPED, "nowhere.xml") == (
         2,
