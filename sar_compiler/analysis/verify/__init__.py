@@ -4,13 +4,13 @@ The tree is compiled with stub leaves and brought into flat form; every combinat
 every state that can be reached, those that fewest ticks lead to first.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 
 from sar_compiler.analysis.verify.branches import has_parallels
 from sar_compiler.analysis.verify.composing import proved_apart
-from sar_compiler.analysis.verify.properties import Properties, PropertyFile, properties_of
+from sar_compiler.analysis.verify.properties import ConditionError, Properties, PropertyFile, properties_of
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import StateSpace
 from sar_compiler.analysis.verify.stepping import TreeStepper
@@ -29,6 +29,7 @@ from sar_compiler.analysis.verify.verdicts import (
 from sar_compiler.budget import Budget
 from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.kernel.searching import Progress, Report
+from sar_compiler.runtime.variables import unknown_value_of
 
 
 def verify(
@@ -44,6 +45,7 @@ def verify(
     """Search the states of a tree and answer every question.
 
     A larger tree with parallel branches that share nothing is proved branch by branch (`composing`), if that leads to answers.
+    A property whose condition needs an unknown value is not decided; the others are, without it.
 
     Args:
         simulated: The tree with stub leaves; it is used up.
@@ -56,13 +58,53 @@ def verify(
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree has a node whose rules are not known, or keeps values that cannot be compared; or if a condition cannot be evaluated.
+        UndecidableError: If the tree has a node whose rules are not known, or keeps values that cannot be compared; or if a condition
+            cannot be evaluated, and no unknown value is the reason.
     """
     prepared = Prepared.of(simulated)
-    properties = properties_of(file, prepared, tags)
+    search = partial(
+        _searched,
+        prepared=prepared,
+        max_states=max_states,
+        budget=budget or Budget(),
+        forgets=forgets,
+        plainly=plainly,
+    )
+    return _decided(properties_of(file, prepared, tags), search)
+
+
+def _decided(properties: Properties, search: Callable[[Properties], Verification]) -> Verification:
+    """Return the result of a search, in which a property is not decided that needs an unknown value."""
+    try:
+        return search(properties)
+    except ConditionError as error:
+        if unknown_value_of(error) is None or error.owner not in properties.names:
+            raise
+        undecided = Verdict(error.owner, ProofStatus.UNDECIDED, error.reason)
+    found = _decided(properties.without(undecided.question), search)
+    verdicts = list(found.verdicts)
+    verdicts.insert(len(_asked_of_all(properties)) + properties.names.index(undecided.question), undecided)
+    return replace(found, verdicts=tuple(verdicts))
+
+
+def _asked_of_all(properties: Properties) -> list[str]:
+    """Return the questions that are asked of every tree."""
+    return [NO_ERROR, EVERY_LEAF, *([AN_END, NO_LIVELOCK] if properties.has_end else ())]
+
+
+def _searched(
+    properties: Properties,
+    *,
+    prepared: Prepared,
+    max_states: int,
+    budget: Budget,
+    forgets: bool,
+    plainly: int,
+) -> Verification:
+    """Search the states of a tree, branch by branch if that is needed; raises `ConditionError` as well."""
+    simulated = prepared.simulated
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
-    budget = budget or Budget()
-    asked = [NO_ERROR, EVERY_LEAF, *([AN_END, NO_LIVELOCK] if properties.has_end else ()), *properties.names]
+    asked = [*_asked_of_all(properties), *properties.names]
     asked += [OWN_RECORDS] if stepper.claims else []
 
     def report(progress: Progress) -> bool:

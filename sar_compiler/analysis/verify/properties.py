@@ -31,7 +31,16 @@ AFTER_A_TICK = (ROOT, IDLE)
 
 
 class ConditionError(UndecidableError):
-    """A condition of a property cannot be evaluated in a state that a run reaches."""
+    """A condition of a property cannot be evaluated in a state that a run reaches.
+
+    Args:
+        owner: The name of the property.
+        reason: The reason.
+    """
+
+    def __init__(self, owner: str, reason: str) -> None:
+        super().__init__(f"{owner}: {reason}")
+        self.owner, self.reason = owner, reason
 
 
 class IdleUnknownError(SarError):
@@ -123,8 +132,8 @@ class Condition:
             return self._program.holds(self._surroundings)
         except EvaluationError as error:
             hint = f"; {error.hint}" if error.hint else ""
-            message = f"{self._owner}: '{self._program.script.text}' cannot be evaluated in every state: {error}{hint}"
-            raise ConditionError(message) from error
+            reason = f"'{self._program.script.text}' cannot be evaluated in every state: {error}{hint}"
+            raise ConditionError(self._owner, reason) from error
 
 
 class PropertyPattern(Enum):
@@ -452,6 +461,10 @@ class Properties:
         heard = set(monitors[number].roles) if number < monitors.count else set()
         beside = {event for event, some in guarded.items() if heard & {each.number for each in some}}
         return (heard | beside).difference(each.number for some in guarded.values() for each in some)
+
+    def without(self, name: str) -> "Properties":
+        """Return the properties without one of them."""
+        return self.only([number for number, each in enumerate(self.names) if each != name])
 
     def only(self, numbers: Sequence[int]) -> "Properties":
         """Return some of the properties, by their numbers in ascending order."""

@@ -102,6 +102,45 @@ def test_a_property_that_is_violated_without_the_value_is_violated():
     assert outcome(found, "no B") is UNDECIDED
 
 
+CONDITIONED = {
+    "while": {"open": "{never: A starts, while: d > 1}"},
+    "at_end": {"open": "{at_end: d < 5}"},
+    "both": {"open": "{never: A starts, while: d > 1}", "open too": "{at_end: d < 5}"},
+}
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("kind", CONDITIONED)
+def test_only_a_property_whose_condition_needs_an_unknown_value_is_not_decided(kind, first):
+    known = {"kept": "{before: A starts, comes: M SUCCESS}", "violated": "{never: A FAILURE}"}
+    texts = {**CONDITIONED[kind], **known} if first else {**known, **CONDITIONED[kind]}
+    lines = "".join(f"\n  {name}: {text}" for name, text in texts.items())
+    found = verified(f"<Sequence>{MEASURES}<A/></Sequence>", f"properties:{lines}")
+    assert [each.question for each in found.verdicts[:4]] == [NO_ERROR, EVERY_LEAF, AN_END, NO_LIVELOCK]
+    assert {each.outcome for each in found.verdicts[:4]} == {PROVED}
+    assert (outcome(found, "kept"), outcome(found, "violated")) == (PROVED, BROKEN)
+    for name in CONDITIONED[kind]:
+        assert outcome(found, name) is UNDECIDED
+        assert verdict(found, name).reason.endswith(HINT)
+    # Those over events come first, as where all are decided.
+    events = [name for name in texts if "at_end" not in texts[name]]
+    ends = [name for name in texts if "at_end" in texts[name]]
+    assert [each.question for each in found.verdicts[4:]] == [*events, *ends]
+
+
+def test_a_condition_that_fails_for_another_reason_ends_the_search_all_the_same():
+    body = f'<Sequence>{MEASURES}<Fallback><A/><Script code="e := 1"/></Fallback></Sequence>'
+    with pytest.raises(UndecidableError, match=r"^open: "):
+        verified(body, "properties: {open: {at_end: e == 1}, kept: {never: A FAILURE}}")
+
+
+def test_an_end_that_needs_an_unknown_value_leaves_nothing_to_decide():
+    with pytest.raises(UndecidableError, match=r"^end: 'd > 1' cannot be evaluated"):
+        verified(
+            f"<Sequence>{MEASURES}<A/></Sequence>", "{end: d > 1, properties: {kept: {never: A FAILURE}}}"
+        )
+
+
 def test_a_file_can_say_that_a_value_is_not_known():
     body = '<Sequence><A/><ScriptCondition code="n == 1"/></Sequence>'
     found = verified(body, 'answers: {A: [{status: SUCCESS, then: "n := unknown"}]}')
