@@ -61,6 +61,7 @@ COMMON = {
     "commands",
     "console_command",
     "errors",
+    "helper_process",
     "lazy_exports",
     "opener",
     "parts",

@@ -24,6 +24,7 @@ from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.missions.choosing import mission_of
 from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.missions.tree_check import check_mission
+from sar_compiler.process_end import dependent_environment
 from sar_compiler.ros.arguments import parameter_files, split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
@@ -276,7 +277,8 @@ class ServedProcess:
     ) -> None:
         self._tell, self._end, self._hold = tell, end, hold
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
-            run_command(argv, ends_with_parent=True),
+            run_command(argv),
+            env=dependent_environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -2,12 +2,12 @@
 
 import json
 import os
-import signal
-import sys
 from collections.abc import MutableMapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
+
+from sar_compiler.helper_process import helper_command
 
 ALIVE, ENDING, JOURNAL, DEAF = b".", b"=", b"/", b"?"
 """The signs of a run, each the first letter of a line: it lives, it comes to its end, where its journal is, and that it hears nothing.
@@ -21,21 +21,9 @@ NOT_READY = 3
 """The exit status of a run: something that it needs did not appear in time."""
 
 
-# The program: its first statement keeps the current folder, from which `-c` would import, out of the way.
-_PROGRAM = "import sys; sys.path[:] = {path!r}; {first}from sar_compiler.cli.console import sar_run; sys.exit(sar_run())"
-# Linux's PR_SET_PDEATHSIG; who has died before that is the parent no more.
-_END_WITH_PARENT = f"import ctypes, os; ctypes.CDLL(None).prctl(1, {signal.SIGTERM:d}); os.getppid() == {{pid}} or sys.exit(1); "
-
-
-def run_command(argv: Sequence[str], *, ends_with_parent: bool = False) -> list[str]:
-    """Return the command of a run in another process, which imports what this one can.
-
-    Args:
-        argv: Its command line.
-        ends_with_parent: Whether it comes to its end in order when the thread that has begun it does, however that ends.
-    """
-    first = _END_WITH_PARENT.format(pid=os.getpid()) if ends_with_parent else ""
-    return [sys.executable, "-c", _PROGRAM.format(path=sys.path, first=first), *argv]
+def run_command(argv: Sequence[str]) -> list[str]:
+    """Return the command of a run in another process, which imports what this one can."""
+    return helper_command("sar_compiler.cli.console", "sar_run", *argv)
 
 
 class Supervision(NamedTuple):

@@ -22,6 +22,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import TYPE_CHECKING
 
+from sar_compiler.helper_process import helper_command
 from sar_compiler.process_end import is_of_program
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
 from sar_compiler.ros.leaves.goals import GoalNews, end_in_words, goals_under_way
@@ -50,8 +51,6 @@ _LOOK_SEC, _OWN_PAUSE_SEC = 0.25, 1.0
 _ENDING_SEC = 1.0
 # A guardian that has ended so many times, each within so many seconds of its beginning, cannot be had.
 _ATTEMPTS, _BRIEF_SEC = 3, 10.0
-# The program: its first statement keeps the current folder, from which `-c` would import, out of the way.
-_PROGRAM = "import sys; sys.path[:] = {path!r}; from sar_compiler.ros.guardian import main; main({signs}, sys.argv[1:])"
 
 
 class Guardian(RunExtension):
@@ -105,7 +104,7 @@ class Guardian(RunExtension):
     def _start(self) -> None:
         signs = () if self._signs is None else (self._signs,)
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and nothing from outside
-            [sys.executable, "-c", _PROGRAM.format(path=sys.path, signs=signs), *self._security],
+            helper_command(__name__, main.__name__, ",".join(map(str, signs)), *self._security),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             # Ctrl-C, and the end of a terminal, are for whole groups of processes.
@@ -144,13 +143,12 @@ class Guardian(RunExtension):
                 )
 
 
-def main(signs: Sequence[int], security: Sequence[str]) -> None:
+def main() -> None:
     """Run the guardian of the process at the other end of standard input, until that ends.
 
-    Args:
-        signs: The descriptor of the pipe to who supervises the mission, if anybody does.
-        security: ROS arguments.
+    Its arguments are the descriptor of the pipe to who supervises the mission, empty if nobody does, and ROS arguments.
     """
+    signs, *security = sys.argv[1:]
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     from sar_compiler.process_end import end_process
@@ -159,9 +157,8 @@ def main(signs: Sequence[int], security: Sequence[str]) -> None:
     node = Canceller(f"sar_guardian_{os.getpid()}", security).node
     wards = _Wards(node)
     wards.follow(sys.stdin)
-    if not wards.cancel(_GONE):
-        for descriptor in signs:
-            os.write(descriptor, ADRIFT_SIGN)
+    if not wards.cancel(_GONE) and signs:
+        os.write(int(signs), ADRIFT_SIGN)
     end_process(0, node.destroy_node)
 
 

@@ -4,7 +4,6 @@ import json
 import random
 import shlex
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
@@ -18,6 +17,7 @@ from sar_compiler.analysis.sweep import Played
 from sar_compiler.analysis.sweep.workers import Workers
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
+from sar_compiler.helper_process import helper_command
 from sar_compiler.process_end import dependent_environment
 
 # Ports of higher domains are among those that Linux gives to anybody.
@@ -31,8 +31,6 @@ _COMPANY = "must not mix with another one"
 _MOST_FLIGHTS = 50
 
 _over = threading.Event()
-# As the script does: nothing is imported from the current folder.
-_SAR_RUN = "import sys; del sys.path[0]; from sar_compiler.cli.console import sar_run_repeatedly; sys.exit(sar_run_repeatedly())"
 
 
 class FlightError(SarError):
@@ -106,7 +104,7 @@ class Pilot:
         self._left = _MOST_FLIGHTS
         with _free_domain() as (domain, lock):
             self._process = subprocess.Popen(  # noqa: S603 - the project's own command
-                [sys.executable, "-c", _SAR_RUN],
+                helper_command("sar_compiler.cli.console", "sar_run_repeatedly"),
                 env={**dependent_environment(), "ROS_DOMAIN_ID": str(domain)},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
