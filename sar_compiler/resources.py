@@ -22,12 +22,6 @@ def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
     return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler"
 
 
-def cache_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of what can be made anew for the user; as the XDG base directory specification says, no relative one."""
-    cache = Path(environment.get("XDG_CACHE_HOME", ""))
-    return (cache if cache.is_absolute() else Path.home() / ".cache") / "sar_compiler"
-
-
 def shipped_root(package: Path = _PACKAGE) -> Path:
     """Return the folder of the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
 

@@ -430,7 +430,6 @@ OPENED_ELSEWHERE = {
     "analysis/prediction_view.py": {"files(__package__).joinpath('prediction.css').read_text": OWN},
     "reports/report_html.py": {"files(__package__).joinpath('report.css').read_text": OWN},
     "web/page_server.py": {"path.read_bytes": OWN},
-    "web/replay.py": {"Path(file).read_bytes": OWN, "beside.open": WRITTEN},
 }
 """Where a file is opened otherwise than by the opener, with the reason."""
 

@@ -1,32 +1,19 @@
 """The recorded states of journals at any time, for a page of replay.
 
 The state at a time is folded from the nearest checkpoint before it: the state itself, packed, after every so many entries. Checkpoints are made when a journal is
-opened for the first time, and kept in the user's cache; the journal is only read. What is in the cache is not trusted: it can hold nothing but
-such states, and whatever is wrong with it, the checkpoints are made anew.
+opened, and kept in memory; the journal is only read.
 """
 
 import bisect
-import hashlib
-import io
-import json
-import math
-import os
 import pickle
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sar_compiler.errors import SarError
-from sar_compiler.journal import condition, mission_state, situation
 from sar_compiler.journal.database import JournalFile, StreamPlace, is_locked
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
-from sar_compiler.journal.reserve import SUFFIX
-from sar_compiler.opener import CHECKPOINTS, read_file
-from sar_compiler.resources import cache_folder
-from sar_compiler.web import page_state
 from sar_compiler.web.page_state import PageState, all_changes
 
 Explain = Callable[[Path], Mapping[str, Any] | None]
@@ -69,7 +56,7 @@ class Checkpoint(NamedTuple):
     """
 
     place: TrackPlace
-    packed: bytes | memoryview
+    packed: bytes
 
 
 class ReplayTrack:
@@ -94,15 +81,10 @@ class ReplayTrack:
         self._is_written = is_locked(path)
         self.shift = 0.0
         self.first: float | None = None
-        self.why: Mapping[str, Any] | None = None
         self._checkpoints: list[Checkpoint] = []
         self.last = TrackPlace()
-        cache = _CacheFile(path)
-        if not self._restore(cache.read()):
-            self._make()
-            self.why = None if self.first is None else explain(path)
-            known = {"first": self.first, "last": self.last, "why": self.why}
-            cache.write(known, self._checkpoints)
+        self._make()
+        self.why: Mapping[str, Any] | None = None if self.first is None else explain(path)
         self._state, self._place = PageState(), TrackPlace()
 
     def _make(self) -> None:
@@ -118,13 +100,6 @@ class ReplayTrack:
                 place = place.behind(entry)
                 state.take(entry)
         self.last = place
-
-    def _restore(self, cached: "tuple[Mapping[str, Any], list[Checkpoint]] | None") -> bool:
-        if cached is None:
-            return False
-        known, self._checkpoints = cached
-        self.first, self.last, self.why = known["first"], _place(known["last"]), known["why"]
-        return True
 
     def at(self, time: float, robot: int) -> PageState:
         """Return the state at a time, in seconds since the replay's beginning; it is changed by the next call.
@@ -149,11 +124,11 @@ class ReplayTrack:
         return self._state
 
     def _state_at(self, count: int) -> tuple[PageState, TrackPlace]:
-        """Return the last readable state among the first *count* checkpoints, and its place."""
-        for place, packed in reversed(self._checkpoints[:count]):
-            with suppress(Exception):  # whatever somebody else has put there
-                return _unpack(packed), place
-        return PageState(), TrackPlace()
+        """Return the state of the last of the first *count* checkpoints, and its place."""
+        if not count:
+            return PageState(), TrackPlace()
+        place, packed = self._checkpoints[count - 1]
+        return _unpack(packed), place
 
     def _go_on(self, until: float) -> None:
         with JournalFile.reading(self._path) as file:
@@ -213,100 +188,6 @@ def _pack(state: PageState) -> bytes:
     return zlib.compress(pickle.dumps(state, protocol=5), 1)
 
 
-def _unpack(packed: bytes | memoryview) -> PageState:
-    state = _StateReader(io.BytesIO(zlib.decompress(packed))).load()
-    if not isinstance(state, PageState):
-        raise TypeError(f"{type(state)} is no state of a page")
+def _unpack(packed: bytes) -> PageState:
+    state: PageState = pickle.loads(zlib.decompress(packed))  # noqa: S301 - of this process
     return state
-
-
-# What a packed state is made of.
-_MODULES = (page_state, mission_state, situation, condition)
-_CLASSES = {
-    (each.__module__, each.__qualname__): each
-    for module in _MODULES
-    for each in vars(module).values()
-    if isinstance(each, type) and each.__module__ == module.__name__
-}
-
-
-class _StateReader(pickle.Unpickler):
-    """Unpickles states of pages only: any other class is refused, so that no foreign code runs."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Return a class of which states are made.
-
-        Raises:
-            UnpicklingError: If it is none of them.
-        """
-        if (module, name) not in _CLASSES:
-            raise pickle.UnpicklingError(f"{module}.{name} has no place in a state")
-        return _CLASSES[module, name]
-
-
-class _CacheFile:
-    """The checkpoints of a journal in the user's cache: a line of JSON, and behind it the states.
-
-    Args:
-        path: The journal.
-    """
-
-    def __init__(self, path: Path) -> None:
-        whole = path.absolute()
-        name = hashlib.sha256(os.fsencode(whole)).hexdigest()[:32]
-        self._path = cache_folder() / "replay" / name
-        self._key = [str(whole), _code(), *(_stamp(f"{whole}{end}") for end in ("", "-wal", SUFFIX))]
-
-    def read(self) -> tuple[Mapping[str, Any], list[Checkpoint]] | None:
-        """Return the checkpoints of the journal as it is now; None if there are none, or the file is damaged."""
-        with suppress(SarError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            read = read_file(self._path, CHECKPOINTS).whole()
-            end = read.index(b"\n")
-            known, packed = json.loads(read[:end]), memoryview(read)[end + 1 :]
-            if known["key"] == self._key and known["digest"] == hashlib.sha256(packed).hexdigest():
-                return known, [*_checkpoints(known["places"], packed)]
-        return None
-
-    def write(self, known: Mapping[str, Any], checkpoints: Sequence[Checkpoint]) -> None:
-        """Write the checkpoints; where that fails, they are made again the next time."""
-        digest = hashlib.sha256()
-        for each in checkpoints:
-            digest.update(each.packed)
-        places = [[each.place, len(each.packed)] for each in checkpoints]
-        with suppress(OSError, ValueError, TypeError, RecursionError):
-            head = json.dumps({**known, "key": self._key, "digest": digest.hexdigest(), "places": places})
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            beside = self._path.with_suffix(f".{os.getpid()}")
-            with beside.open("wb") as file:
-                file.writelines([head.encode(), b"\n", *(each.packed for each in checkpoints)])
-            beside.replace(self._path)
-
-
-def _checkpoints(places: Sequence[Any], packed: memoryview) -> Iterator[Checkpoint]:
-    at = 0
-    for place, size in places:
-        yield Checkpoint(_place(place), packed[at : at + size])
-        at += size
-
-
-def _place(values: Any) -> TrackPlace:
-    entry, *times = values
-    run, number, time = entry
-    place = TrackPlace(StreamPlace(int(run), int(number), float(time)), *map(float, times))
-    if not all(map(math.isfinite, times)):
-        raise ValueError(f"{values} is no place")
-    return place
-
-
-def _stamp(path: str) -> list[int]:
-    """Return the size of a file and when it was written last; nothing if it is not there."""
-    with suppress(OSError):
-        known = os.stat(path)  # noqa: PTH116 - of a text
-        return [known.st_size, known.st_mtime_ns]
-    return []
-
-
-def _code() -> str:
-    """Return a digest of the code that makes and reads the states; states of another version are not read."""
-    files = (__file__, *(module.__file__ or "" for module in _MODULES))
-    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in files)).hexdigest()

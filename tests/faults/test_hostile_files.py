@@ -37,7 +37,6 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.placement import KeptPlaces
 from sar_compiler.sim.world import load_world
-from sar_compiler.web.replay import Replay
 from search_and_rescue.plugin import MISSION
 from tests.trees import document
 from tests.web.folding import fly
@@ -117,16 +116,6 @@ def journal_with(suffix: str) -> Callable[[str], int]:
         return under(f"good.journal{suffix}", lambda: journal_command(["show", "good.journal"]))(path)
 
     return read
-
-
-def cached(path: str) -> int:
-    """Replay a journal whose checkpoints in the cache are the file."""
-    journal_with("-unread")("tree.xml")
-    Replay([Path("good.journal")])
-    for each in (Path("cache") / "sar_compiler" / "replay").glob("*"):
-        under(str(each), lambda: 0)(path)
-    Replay([Path("good.journal")])
-    return 0
 
 
 def approved(path: str) -> int:
@@ -301,7 +290,6 @@ SURFACES = {
         ("journal/refused_start.py:read_refusal",),
         under("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,
     ),
-    "the cache of a replay": Surface(("web/replay.py:_CacheFile.read",), cached, "journal", is_sought=True),
     "an approval": Surface(("analysis/approval.py:_read", "analysis/approval.py:_records"), approved, "json"),
     "a module that is trusted": Surface(("project/trust.py:Content.of",), trusted, "python", is_sought=True),
     "a module of a package": Surface(("nodes/registry.py:_submodules_with_leaves",), package, "python", is_sought=True),
@@ -321,9 +309,7 @@ def folder(tmp_path, monkeypatch):
     work = tmp_path / "work"
     work.mkdir()
     monkeypatch.chdir(work)
-    for variable in ("XDG_STATE_HOME", "XDG_CACHE_HOME"):
-        monkeypatch.setenv(variable, str(work / variable.split("_")[1].lower()))
-    monkeypatch.setattr("sar_compiler.web.replay._LEAST", 9)
+    monkeypatch.setenv("XDG_STATE_HOME", str(work / "state"))
     monkeypatch.syspath_prepend(str(work / "site"))
     Path("tree.xml").write_text(TREE, encoding="utf-8")
     Path("lacking.xml").write_text(LACKING, encoding="utf-8")

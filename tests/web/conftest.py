@@ -167,12 +167,6 @@ class Live:
         self.server.close()
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    """Keep the checkpoints of a test's replays by themselves."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-
-
 @pytest.fixture
 def live():
     """Begin runs with a page each; they are ended after the test."""

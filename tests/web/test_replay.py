@@ -1,6 +1,5 @@
-"""Replays: every moment of them, in whatever order it is asked for, and the cache of their checkpoints."""
+"""Replays: every moment of them, in whatever order it is asked for."""
 
-import pickle
 import random
 from contextlib import closing
 from typing import Any
@@ -18,11 +17,9 @@ from tests.web.folding import fly, folded
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path, monkeypatch):
-    """Keep the cache of a test by itself, and have checkpoints in short journals."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def checkpoints(monkeypatch):
+    """Have checkpoints in short journals."""
     monkeypatch.setattr(replay_module, "_LEAST", 9)
-    return tmp_path / "cache" / "sar_compiler" / "replay"
 
 
 @pytest.fixture
@@ -117,22 +114,10 @@ def test_robots_whose_clocks_are_days_apart_begin_together(tmp_path):
     assert Replay(paths).end == max(steps(path)[-1][0] for path in paths)
 
 
-def test_a_journal_is_read_once_and_its_checkpoints_kept(journal, cache, monkeypatch):
-    asked = []
-
-    def explain(path):
-        asked.append(path)
-        return {"why": 1}
-
-    explained = Replay([journal], explain)
-    monkeypatch.setattr(replay_module.ReplayTrack, "_make", lambda *_: pytest.fail("made anew"))
-    again = Replay([journal], lambda _: pytest.fail("asked anew"))
-    assert asked == [journal]
-    for time in (again.end, 30.0, 7.0):
-        assert whole(again, time) == whole(explained, time)
-    assert whole(again, again.end)["why"] == {"why": 1}
-    assert whole(again, 7.0)["why"] is None
-    assert len([*cache.iterdir()]) == 1
+def test_why_the_run_has_failed_is_shown_at_its_end_alone(journal):
+    replay = Replay([journal], lambda path: {"why": path.name})
+    assert whole(replay, replay.end)["why"] == {"why": journal.name}
+    assert whole(replay, 7.0)["why"] is None
 
 
 def test_the_journal_s_folder_is_left_as_it_was(journal):
@@ -149,53 +134,6 @@ def test_a_journal_that_went_on_is_read_again(journal):
     assert Replay([journal]).end > before.end
     assert whole(Replay([journal]), 1e9)["run"]["number"] == 4
     assert whole(before, 1e9)["run"]["number"] == 3
-
-
-class Evil:
-    def __reduce__(self):
-        return print, ("carried out",)
-
-
-def broken(file, place):
-    """Break what is in a file of the cache."""
-    whole = file.read_bytes()
-    file.write_bytes(
-        {
-            "empty": b"",
-            "head": whole[1:],
-            "short": whole[:-5],
-            "flipped": whole[:-5] + bytes([whole[-5] ^ 1]) + whole[-4:],
-            "other": whole.replace(b'"key"', b'"yek"'),
-            "number": b"1\n",
-        }[place]
-    )
-
-
-@pytest.mark.parametrize("place", ["empty", "head", "short", "flipped", "other", "number"])
-def test_a_broken_cache_is_made_anew(journal, cache, place):
-    sound = whole(Replay([journal]), 40.0)
-    (file,) = cache.iterdir()
-    kept = file.read_bytes()
-    broken(file, place)
-    assert whole(Replay([journal]), 40.0) == sound
-    assert file.read_bytes() == kept
-
-
-def test_what_somebody_puts_into_the_cache_is_not_carried_out(journal, capsys, monkeypatch):
-    sound = whole(Replay([journal]), 40.0)
-    monkeypatch.setattr(replay_module.pickle, "dumps", lambda *_, **__: pickle._dumps(Evil()))  # type: ignore[attr-defined]
-    monkeypatch.setattr(replay_module, "_code", lambda: "another version")
-    evil = Replay([journal])
-    assert whole(evil, 40.0) == sound
-    assert whole(Replay([journal]), 40.0) == sound
-    assert "carried out" not in capsys.readouterr().out
-
-
-def test_without_a_place_for_the_cache_it_is_done_without(journal, tmp_path, monkeypatch):
-    sound = whole(Replay([journal]), 40.0)
-    (tmp_path / "file").write_text("no folder")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert whole(Replay([journal]), 40.0) == sound
 
 
 def test_an_empty_journal_has_a_moment(tmp_path):
