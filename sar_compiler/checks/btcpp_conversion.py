@@ -14,7 +14,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import TreeFile
 
-_WARNINGS = ("btcpp-version", "cpp-type-mismatch")
+_WARNINGS = ("btcpp-version", "cpp-type-mismatch", "ignored-attribute")
 """The warnings about what BehaviorTree.CPP refuses."""
 _MODELLED = ("unknown-node",)
 """The errors about nodes of which a model is written."""

@@ -28,6 +28,7 @@ _MARKUP = re.compile(
     r"|<(?P<ends>/?)(?P<tag>[^\s/>]+)(?:\"[^\"]*\"|'[^']*'|[^\"'>])*?(?P<is_empty>/?)>",
     re.DOTALL,
 )
+_ATTRIBUTE = re.compile(r"[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*')")
 
 
 def _same_but_case(written: str, suggestion: str) -> bool:
@@ -59,6 +60,11 @@ def _shape(written: str, suggestion: str) -> bool:
     return suggestion == f"'{written}'"
 
 
+def _left_out(_written: str, suggestion: str) -> bool:
+    """Outputs without a key."""
+    return not suggestion
+
+
 def _stand_alone(_written: str, _suggestion: str) -> bool:
     """Characters that XML has other signs for, where they can mean nothing but themselves."""
     return True
@@ -71,6 +77,7 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "btcpp-version": _script,
     "wrong-shape": _shape,
     "loose-xml": _stand_alone,
+    "ignored-attribute": _left_out,
 }
 """For each kind of finding of which some are mended: whether a text in a file may become what is suggested.
 
@@ -100,7 +107,7 @@ class Fix:
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
         written, suggestion = (
-            in_one_line(shortened(each)) for each in (_written(finding), finding.suggestion or "")
+            in_one_line(shortened(each)) for each in (_written(finding), finding.suggestion or "left out")
         )
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
@@ -219,6 +226,8 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     """Return a finding's suggestion as it is written there; None if it cannot be without more ado."""
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
+    if not text and finding.code == "ignored-attribute":
+        return _without_attribute(finding, start)
     value = values.around(finding) if finding.code != "loose-xml" else None
     if value is None and finding.code != "loose-xml" and finding.source.text.startswith("<", start):
         return _other_tag(finding, start + 1, end)
@@ -231,6 +240,13 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     # A plain text of YAML may need quotation marks afterwards.
     whole = source.text[value.start : start] + text + source.text[end : value.end]
     return None if "\n" in whole or "\r" in whole else Fix(finding, value.start, value.end, scalar(whole))
+
+
+def _without_attribute(finding: Diagnostic, start: int) -> Fix | None:
+    """Return the fix that leaves an attribute of XML out, with the blanks before it."""
+    text = finding.source.text
+    found = _ATTRIBUTE.match(text, start)
+    return None if found is None else Fix(finding, len(text[:start].rstrip()), found.end(), "")
 
 
 def _other_tag(finding: Diagnostic, start: int, end: int) -> Fix:

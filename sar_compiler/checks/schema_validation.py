@@ -32,7 +32,7 @@ _IGNORED = re.compile(
     rf"Element '({ROOT_TAG}|{INCLUDE_TAG}|{TREE_TAG})', attribute '.*': The attribute '.*' is not allowed"
 )
 """Its message about attributes that are passed over; the rules speak of them."""
-_PASSED_OVER = ("unknown-element", "wrong-format", "unknown-attribute")
+_PASSED_OVER = ("unknown-element", "wrong-format", "unknown-attribute", "ignored-attribute")
 """What the rules warn of in such a place."""
 
 

@@ -281,7 +281,7 @@ class _Validation:
     def _note_fixes(self, tree: "ProjectTree") -> None:
         """Keep how the findings of a file can be fixed, where the form tells it."""
         form = self.arguments.format
-        if form in (_TEXT, _SARIF) and any(finding.suggestion for finding in tree.findings):
+        if form in (_TEXT, _SARIF) and any(each.suggestion is not None for each in tree.findings):
             from sar_compiler.checks.fixing import each_fix, fixes
 
             file = tree.source, tree.tree_file, tree.findings

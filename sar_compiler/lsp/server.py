@@ -422,7 +422,7 @@ class TreeServer(LanguageServer):
         here = list(each_fix(tree.source, tree.tree_file, own, lambda _finding: True))
         found = [
             lsp.CodeAction(
-                f"Write {fix.finding.suggestion}",
+                f"Write {fix.finding.suggestion}" if fix.finding.suggestion else "Leave it out",
                 lsp.CodeActionKind.QuickFix,
                 [self._diagnostic(tree.source, Placed.of(fix.finding))],
                 edit=self._edit(uri, tree.source, [fix]),

@@ -9,7 +9,13 @@ from typing import NamedTuple
 
 from sar_compiler.checks import check_palettes
 from sar_compiler.nodes.installed import is_offered
-from sar_compiler.nodes.models import described_specs, enums_file, supplements, undescribed_tags
+from sar_compiler.nodes.models import (
+    described_specs,
+    enums_file,
+    supplements,
+    undeclared_names,
+    undescribed_tags,
+)
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, is_own_word, load_registry
 from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, is_there, read_file
@@ -176,7 +182,7 @@ class Project:
         return tuple(found)
 
     def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
-        """Return the palettes for a file: those that are named, and for nodes that nothing else describes the nearest ones around it.
+        """Return the palettes for a file: those that are named, and for nodes and enumerations that nothing else describes the nearest ones around it.
 
         Raises:
             TreeError, UnreadableFileError: As `palettes`.
@@ -185,12 +191,13 @@ class Project:
         named = tuple(each for each in self.palettes if _real_path(each) not in own)
         tags = undescribed_tags([*forest.files, *forest.others], named)
         wanted = {tag for tag in tags if tag not in self.registry or is_own_word(tag)}
-        if not wanted:
+        names = undeclared_names([*forest.files, *forest.others], named)
+        if not wanted and not names:
             return named
 
         around = [each for each in self._palettes_around if _real_path(each) not in own]
         nearest = sorted(around, key=lambda each: -len(os.path.commonpath([_real_path(each).parent, own[0]])))
-        found = list(supplements(nearest, wanted))
+        found = list(supplements(nearest, wanted, names))
         self.used_palettes |= dict.fromkeys(Path(each.source.path) for each in found)
         return (*named, *found)
 

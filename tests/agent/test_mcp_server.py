@@ -357,6 +357,17 @@ class TestACall:
         assert right["output"] == []
         assert ["lies outside" in each for each in outside] == [True, True]
 
+    @pytest.mark.parametrize(("folder", "codes"), [("trees", []), (".", ["unknown-node"])])
+    def test_describes_nodes_by_palettes_around_a_file_within_the_root_alone(self, work, folder, codes):
+        # The repository is larger than the folder that the tools may read.
+        (work / ".git").mkdir()
+        (work / "trees").mkdir()
+        model = '<root BTCPP_format="4"><TreeNodesModel><Action ID="Wave"/></TreeNodesModel></root>'
+        (work / folder / "palette.xml").write_text(model, encoding="utf-8")
+        (work / "trees" / "t.xml").write_text(document("<Wave/>"), encoding="utf-8")
+        (answer,) = call(("validate", {"file": "t.xml"}), options=["--root", "trees"])
+        assert [each["code"] for each in answer["output"] if each["severity"] == "error"] == codes
+
 
 # In the place of `sar-compile`: writes when it begins and ends, and then does what its last word says.
 IN_ITS_PLACE = """

@@ -201,7 +201,10 @@ NUMBER = re.compile(r"[-+]?(?:0[xX][0-9a-fA-F]+|(?:[\d_.,]+)(?:[eE][-+]?\d+)?)")
 OF_VERSIONS = {"wrong-format", "missing-format"}
 FORMAT = "BTCPP_format"
 # Of kinds that are mended in some cases, of which their page shows another one.
-MENDED = {"btcpp-version": """<ScriptCondition code='@a == "7 5"'/>"""}
+MENDED = {
+    "btcpp-version": """<ScriptCondition code='@a == "7 5"'/>""",
+    "ignored-attribute": '<LoopInt queue="1;2" value=""><AlwaysSuccess/></LoopInt>',
+}
 
 
 def readings(number):

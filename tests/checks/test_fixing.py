@@ -24,6 +24,10 @@ MENDED = {
         '<Retry NUM_failures="2"><NavigateToZone/></Retry>',
         '<Retry num_failures="2"><NavigateToZone/></Retry>',
     ),
+    "outputs without a key": (
+        """<LoopInt queue="1" value=''><LoopBool value = "{}" queue="true"><ZonesRemaining/></LoopBool></LoopInt>""",
+        '<LoopInt queue="1"><LoopBool queue="true"><ZonesRemaining/></LoopBool></LoopInt>',
+    ),
     "true with a slip": (
         '<Sequence memory="ture"><ZonesRemaining/><LogNoDetection/></Sequence>',
         '<Sequence memory="true"><ZonesRemaining/><LogNoDetection/></Sequence>',

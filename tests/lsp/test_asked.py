@@ -60,6 +60,17 @@ def offered_in(editor, path, before, behind=""):
 HEAD = '<root BTCPP_format="4">\n<BehaviorTree ID="Main">\n'
 
 
+def test_nodes_of_a_palette_around_the_file_are_offered_with_their_ports(editor, tmp_path):
+    model = '<Action ID="Wave"><input_port name="hand"/></Action>'
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "trees").mkdir()
+    write(tmp_path / "nodes.xml", f"<TreeNodesModel>{model}</TreeNodesModel>")
+    path = tmp_path / "trees" / "tree.xml"
+    assert "Wave" in offered_in(editor, path, f"{HEAD}<Wa")
+    editor.close_file(path)
+    assert "hand" in offered_in(editor, path, f"{HEAD}<Wave ")
+
+
 @pytest.mark.parametrize(
     ("typed", "wanted", "others"),
     [

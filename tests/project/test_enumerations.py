@@ -44,7 +44,15 @@ def declare_in_palette(folder: Path) -> None:
     (folder / "sar.toml").write_text('models = ["nodes.xml"]\n', encoding="utf-8")
 
 
-DECLARED = pytest.mark.parametrize("declare", [declare_in_settings, declare_in_palette])
+def declare_in_palette_around(folder: Path) -> None:
+    (folder / ".git").mkdir()
+    text = palette('<Enum ID="RED" value="1"/>', '<Enum ID="BLUE" value="2"/>')
+    (folder / "enums.xml").write_text(text, encoding="utf-8")
+
+
+DECLARED = pytest.mark.parametrize(
+    "declare", [declare_in_settings, declare_in_palette, declare_in_palette_around]
+)
 
 
 def status_of_a_run(tree: Path) -> str:
@@ -78,6 +86,12 @@ def test_verify_proves_that_no_tick_raises(tree: Path, declare) -> None:
 def test_validate_finds_nothing_in_declared_names(tree: Path, declare) -> None:
     declare(tree.parent)
     assert load(tree).check() == []
+
+
+def test_a_palette_of_other_enumerations_around_a_file_is_not_used(tree: Path, tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "enums.xml").write_text(palette('<Enum ID="GREEN" value="3"/>'), encoding="utf-8")
+    assert load(tree).palettes == ()
 
 
 def test_a_typo_in_a_name_is_found_with_the_declared_one(tree: Path) -> None:

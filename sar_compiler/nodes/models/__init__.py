@@ -1,5 +1,6 @@
 """Nodes that are only described: reading and writing of a `TreeNodesModel`."""
 
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -36,6 +37,8 @@ _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
 ENUM_TAG = "Enum"
+_SCRIPTS = ("code", "if")
+_CAPITALIZED = re.compile(r"(?<![\w'{@.])[A-Z]\w*(?![\w'}])")
 """An enumeration of the C++ program: the name, and its number if that is known; BehaviorTree.CPP does not read it."""
 FROM_USE = {"made": "from use"}
 """What is noted beside a description that was made from the use of a node, and guesses its types and directions."""
@@ -205,8 +208,28 @@ def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
     return tags - {SUBTREE_TAG, *map(_described_name, _descriptions(palettes))}
 
 
-def supplements(palettes: Iterable[TreeFile], tags: Collection[str]) -> Iterator[TreeFile]:
-    """Yield those of palettes that describe some nodes, with these descriptions and their enumerations.
+def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
+    """Return the names in scripts and cases that begin as enumerations do, and that neither a file nor a palette declares."""
+    files = tuple(files)
+    values = (
+        value
+        for tree_file in files
+        for element in tree_file.root.iterate()
+        for name, value in element.attributes.items()
+        if name in _SCRIPTS or name.startswith(("_", "case_"))
+    )
+    names = {name for value in values for name in _CAPITALIZED.findall(value)}
+    return names - {*map(_described_name, _enums([*files, *palettes]))}
+
+
+def _enums(files: Iterable[TreeFile]) -> Iterator[Element]:
+    return (each for each in _descriptions(files) if each.tag == ENUM_TAG)
+
+
+def supplements(
+    palettes: Iterable[TreeFile], tags: Collection[str], names: Collection[str] = ()
+) -> Iterator[TreeFile]:
+    """Yield those of palettes that describe some nodes or enumerations, with these descriptions and their enumerations.
 
     Of several the first one describes a node. What they say of subtrees is left out: it is of the trees of some file, and another
     may have one of that name.
@@ -215,9 +238,9 @@ def supplements(palettes: Iterable[TreeFile], tags: Collection[str]) -> Iterator
     for palette in palettes:
         new = [each for each in _descriptions([palette]) if _described_name(each) in wanted]
         wanted.difference_update(map(_described_name, new))
-        enums = [each for each in _descriptions([palette]) if each.tag == ENUM_TAG]
+        enums = [*_enums([palette])]
         section = replace(palette.root, tag=MODEL_TAG, attributes={}, children=(*new, *enums))
-        if new:
+        if new or any(_described_name(each) in names for each in enums):
             yield replace(palette, root=replace(palette.root, children=(section,)), is_named=False)
 
 
