@@ -21,7 +21,7 @@ from sar_compiler.nodes.btcpp import (
     Version,
 )
 from sar_compiler.nodes.btcpp.port_types import can_be_converted, is_loop_queue
-from sar_compiler.nodes.cpp_names import normalized
+from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
 from sar_compiler.nodes.spec import Direction, NodeSpec
 from sar_compiler.runtime.expressions import Literal, Operation, Script, parts
 from sar_compiler.runtime.tokens import TokenKind, tokenize
@@ -74,11 +74,13 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _readable_types(spec: NodeSpec) -> dict[str, str]:
     """Return the C++ types of the ports that a node reads, or the names of its queues' types."""
-    ports = (each for each in spec.ports if each.direction is not Direction.OUTPUT)
-    kinds = {each.name: each.value_type for each in ports}
-    return {
-        name: kind.name if is_loop_queue(kind.name) else normalized(kind.cpp) for name, kind in kinds.items()
-    }
+    found = {}
+    for port in spec.ports:
+        kind = port.value_type
+        cpp = kind.name if is_loop_queue(kind.name) else normalized(kind.cpp)
+        if port.direction is not Direction.OUTPUT and cpp not in ("", ANY, TEXT):
+            found[port.name] = cpp
+    return found
 
 
 def _report_tags(context: CheckContext, collector: Collector) -> None:

@@ -141,7 +141,7 @@ class KeyTypeRules:
         self._severity = severity_there(btcpp)
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
         # Kinds of ports that have one type, and need no comparison where they alone use an entry.
-        self._of_one_type: set[tuple[tuple[int, int], ...]] = set()
+        self._of_one_type: set[tuple[int, ...]] = set()
         # What may be in the entries that were asked for; a copy of a copy is asked for often.
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
@@ -154,8 +154,8 @@ class KeyTypeRules:
         if not others_write and tuple(kinds) in self._of_one_type:
             return
         ports = [port for use in kinds.values() if (port := self._port(use)) is not None]
-        is_script = any(port.parameter.value_type.python is Script for port in ports)
-        if not others_write and not is_script and len({port.cpp for port in ports}) <= 1:
+        scripts = [port for port in ports if port.parameter.value_type.python is Script]
+        if not others_write and not scripts and len({port.cpp for port in ports}) <= 1:
             self._of_one_type.add(tuple(kinds))
             return
         # Most entries without a type are passed over: whatever is written to them, each port takes it.
@@ -172,8 +172,8 @@ class KeyTypeRules:
             is_open = is_untyped(first.cpp) or first.cpp == TEXT
             readers = [port for port in ports if is_open or is_loop_queue(port.cpp)]
             yield from self._unreadable(writes, readers)
-            if not entry.given:
-                yield from self._late_scripts(writes, ports, first)
+            if scripts and writes and not entry.given:
+                yield from self._late_scripts(writes[0], scripts, first)
 
     def _port(self, use: EntryAccess) -> _TypedPort | None:
         bound, name = use.bound, use.access.attribute
@@ -310,10 +310,11 @@ class KeyTypeRules:
         shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
         # The types of constants, items and ports are compared where the tree is bound.
         is_compared = (is_given or write.is_item) and not is_loop_queue(port.cpp)
-        is_lost = port.writes and all(_is_lost(value, port.cpp) for value in values)
-        is_read = any(can_be_read(each, port.cpp, self._version) for each in types)
-        is_text_refused = first.cpp == ANY and types == [TEXT] and not is_given
-        if not is_compared and (is_text_refused or is_lost or not is_read):
+        if not is_compared and (
+            (first.cpp == ANY and types == [TEXT] and not is_given)
+            or (port.writes and all(_is_lost(value, port.cpp) for value in values))
+            or not any(can_be_read(each, port.cpp, self._version) for each in types)
+        ):
             is_new = is_given and types != [TEXT]
         elif any(self._is_converted(value, port, write) for value in values):
             return None
@@ -351,20 +352,20 @@ class KeyTypeRules:
                 return
 
     def _late_scripts(
-        self, writes: list[_KeyWrite], ports: list[_TypedPort], first: EntryType
+        self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
     ) -> Iterator[Diagnostic]:
         """Yield scripts in an entry that a node writes: BehaviorTree.CPP reads them when it creates the tree."""
-        for port in ports if writes else ():
+        for port in ports:
             spec, name, element = port.bound.spec, port.parameter.name, port.bound.element
-            if port.parameter.value_type.python is not Script or not spec.semantics.counterpart.built_in:
+            if not spec.semantics.counterpart.built_in:
                 continue
             if may_share(first.cpp, port.cpp) and (
                 first.parameter is None or agree(first.parameter, port.parameter)
             ):
-                line = f"line {writes[0].element.line}{file_of(writes[0].element, element)}"
+                line = f"line {write.element.line}{file_of(write.element, element)}"
                 message = (
                     f"{name}: BehaviorTree.CPP refuses the tree, because it needs the script in '{port.bound.keys[name]}' "
-                    f"before <{writes[0].element.tag}> writes it ({line}), although the tree runs here"
+                    f"before <{write.element.tag}> writes it ({line}), although the tree runs here"
                 )
                 hint = f'write the script in {name}="…", or give it to a subtree: <SubTree ID="…" {port.bound.keys[name]}="…"/>'
                 yield element.finding(
@@ -384,19 +385,21 @@ class KeyTypeRules:
         return element.finding(code, message, span, hint="use two keys", severity=self._severity)
 
 
-def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[tuple[int, int], EntryAccess], bool]:
+def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:
     """Return a use of an entry for each kind of port, and whether anything but a port with a type writes it.
 
     Of an entry with many uses, each port of a kind of node is compared once; one that counts children, once for each number of them.
     """
-    kinds: dict[tuple[int, int], EntryAccess] = {}
+    kinds: dict[int, EntryAccess] = {}
     others_write = bool(entry.given)
     for use in entry.uses:
         access = use.access
         bound, name = access.bound, access.attribute
         if access.place is None and name in bound.keys:
-            children = len(bound.children) if bound.spec.semantics.counts else 0
-            kinds.setdefault((id(bound.spec.parameters.get(name)), children), use)
+            kind = id(bound.spec.parameters.get(name))
+            if bound.spec.semantics.counts:
+                kind = hash((kind, len(bound.children)))
+            kinds.setdefault(kind, use)
         if not others_write and access.kind in _WRITING:
             is_typed = access.place is None and not bound.spec.semantics.copies
             others_write = not is_typed or _QUEUE in bound.values
