@@ -25,7 +25,7 @@ MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/lowest 3.10/2.6.0 3.11/2.6.0 3.12
 BIN := $(VENV)/bin
 # What the environment is made of: each version with the hashes of its files, of all that these extras and the interfaces need.
 LOCK := requirements.lock
-EXTRAS := ros sim search sweep view web report groot2 record lsp mcp dev
+EXTRAS := ros sim search view web report groot2 record lsp mcp dev
 KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py)
 # What ticks trees is tested compiled and as it is.
 KERNEL_TESTS := tests/runtime tests/conformance tests/analysis/verify tests/analysis/simulate

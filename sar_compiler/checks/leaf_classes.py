@@ -90,10 +90,10 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
     """Yield what is wrong with the class of a node.
 
     Args:
-        spec: The node; one of this package, or without a class, has no findings.
+        spec: The node; one that is declared by the import path of its class, or that has none, has no findings.
     """
-    # A class of this package need not be imported to know where it is.
-    if spec.is_foreign or spec.class_path.startswith(_LIBRARIES) or spec.cls is None:
+    # Checking imports no class that is declared by its path.
+    if spec.is_foreign or spec.is_by_path or spec.class_path.startswith(_LIBRARIES) or spec.cls is None:
         return
     parts = [part for base in spec.cls.__mro__ if (part := _part(base)) is not None]
     if not parts or parts[0].cls is not spec.cls:

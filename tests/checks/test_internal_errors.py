@@ -78,7 +78,7 @@ def test_a_file_that_cannot_even_be_read_because_of_us_does_not_silence_the_othe
             raise RuntimeError(message)
         return load_forest(path, *others)
 
-    monkeypatch.setattr("sar_compiler.project.load_forest", load_all_but_one)
+    monkeypatch.setattr("sar_compiler.project.project_tree.load_forest", load_all_but_one)
     for name in ("a.xml", "b.xml"):
         (tmp_path / name).write_text(NEEDLESS)
     assert main(["validate", str(tmp_path)]) == 3

@@ -18,7 +18,7 @@ ALL = [command for page in PAGES for command in commands(page)]
 OURS = {
     script.name
     for script in entry_points(group="console_scripts")
-    if script.value.startswith("sar_compiler.")
+    if script.value.startswith(("sar_compiler.", "search_and_rescue."))
 }
 FILE = re.compile(r"(?:.*:=)?([\w./-]+\.(?:xml|yaml|py|sh|txt|json|xsd|pgm|md))(?:::.*)?")
 _RULES = {

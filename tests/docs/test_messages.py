@@ -72,7 +72,11 @@ def piece_of(value, constants):
 @functools.cache
 def texts_of_the_source():
     """Return all the texts in the source, by file."""
-    texts = {str(path): list(texts_of(path)) for path in Path("sar_compiler").rglob("*.py")}
+    texts = {
+        str(path): list(texts_of(path))
+        for folder in ("sar_compiler", "search_and_rescue")
+        for path in Path(folder).rglob("*.py")
+    }
     return texts | {str(path): [path.read_text(encoding="utf-8")] for path in ELSEWHERE}
 
 

@@ -45,7 +45,7 @@ def test_a_port_that_is_taken_ends_the_run_before_it_begins(start, tree):
 
 @pytest.mark.parametrize("library", ["zmq", "msgpack"])
 def test_without_its_extra_groot2_names_it(library, tree):
-    status, said = run_without(library, "cli.run:main", str(tree), "--groot2", "1667")
+    status, said = run_without(library, "sar_compiler.cli.run:main", str(tree), "--groot2", "1667")
     assert (status, "Traceback" in said) == (2, False), said
     assert f"sar-run: --groot2 takes a library that is not here (import of {library}" in said
     assert "pip install 'sar_compiler[groot2]'" in said
@@ -65,7 +65,7 @@ def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):
 
 
 def test_a_recording_has_its_ending(tree):
-    status, said = run_without("nothing", "cli.run:main", str(tree), "--record", "out/run.bag")
+    status, said = run_without("nothing", "sar_compiler.cli.run:main", str(tree), "--record", "out/run.bag")
     assert status == 2
     assert "--record writes MCAP, which readers know by its ending: out/run.mcap" in said
 
