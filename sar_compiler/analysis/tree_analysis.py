@@ -1,84 +1,27 @@
 """What can be found out about the runs of a loaded tree: simulated, proved, watched, compared and predicted."""
 
 import functools
-import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.analysis.assumptions import StartValues
 from sar_compiler.documents.located import Document
-from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.binding.bound import Binding
-from sar_compiler.nodes.registry import Registry
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.answers import Fact
-from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
-from sar_compiler.tree.model import Element
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.conformance import Conformance
     from sar_compiler.analysis.predict import Prediction
     from sar_compiler.analysis.property_watch import PropertyWatch
     from sar_compiler.analysis.simulate.scenario_files import Stage
-    from sar_compiler.analysis.trying import TrialBudget
     from sar_compiler.analysis.verify.properties import PropertyFile
     from sar_compiler.analysis.verify.verdicts import Verification
     from sar_compiler.budget import Budget
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.runtime.events import Event
-
-
-def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:
-    """Return findings about ticks that raise, as far as a budget goes; none for a file with errors.
-
-    A tree whose ticks raise nothing, since it has neither keys nor scripts, is not even compiled.
-
-    Args:
-        tree: The tree file.
-        budget: Returns how much may be tried of the file; called only where there is something to try.
-    """
-    if tree.is_malformed or any(each.severity is Severity.ERROR for each in tree.findings_of_the_tree):
-        return []
-    forest, registry = tree.forest, tree.project.registry
-    executable = forest.executable
-    if not executable or not any(_may_raise(each, registry) for each in forest.iterate()):
-        return []
-    from sar_compiler.analysis.proofs import try_runs
-
-    limit, is_chosen = budget(), forest.main_tree() is None
-    # What a rule has found in the same place is the same mistake, and so is what another tree's run has.
-    told = {(each.source.path, each.span) for each in tree.findings if each.severity is not Severity.INFO}
-    raised = []
-    for number, element in enumerate(executable):
-        limit.allot(len(executable) - number)
-        tree_id = element.attributes.get("ID") if is_chosen else None
-        chosen = "" if tree_id is None else f" --tree {shlex.quote(tree_id)}"
-        try:
-            binding = tree.binding(tree_id)
-        except TreeError:
-            continue
-        for finding in try_runs(tree, binding, limit, f"sar-compile verify{chosen}"):
-            place = finding.source.path, finding.span
-            raised += [finding] if place not in told else []
-            told.add(place)
-    return tree.project.configuration.decide(raised)
-
-
-def _may_raise(tree: Element, registry: Registry) -> bool:
-    """Return whether a tree has keys or scripts, which have values only in a run."""
-    return any(
-        "{" in text or name in CONDITIONS or _is_script(element.tag, name, registry)
-        for element in tree.iterate()
-        for name, text in element.attributes.items()
-    )
-
-
-def _is_script(tag: str, name: str, registry: Registry) -> bool:
-    parameters = (spec.parameters.get(name) for spec in registry.variants(tag))
-    return any(each is not None and each.value_type.python is Script for each in parameters)
 
 
 def _start_values(

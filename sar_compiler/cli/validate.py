@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler import resources
 from sar_compiler.budget import BudgetSpentError
 from sar_compiler.cli.arguments import TREE_INPUT, add_budget, budget_of, seconds
 from sar_compiler.cli.loading import (
@@ -20,7 +21,7 @@ from sar_compiler.cli.loading import (
 )
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text, tell_note
 from sar_compiler.errors import SarError
-from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, is_folder, read_file
+from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, is_file, is_folder, read_file
 from sar_compiler.parts import is_here
 from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.content import bytes_of, real_path
@@ -148,8 +149,9 @@ class _Validation:
     def _find_files(self, name: str) -> Iterator[Path]:
         """Yield the files that an argument names."""
         try:
-            if name and is_folder(name):
-                files = tree_files_in(Path(name))
+            files = tree_files_in(Path(name)) if name and is_folder(name) else []
+            # A package of leaves can have the name of a shipped tree.
+            if name and is_folder(name) and (files or not is_file(resources.find("trees", name, ".xml"))):
                 if not files:
                     self._tell(f"there is no tree file in {name}")
                 self._found_in_folders.update(files)
@@ -248,7 +250,7 @@ class _Validation:
         deep = self.arguments.deep
         if self.arguments.no_deep or not is_here("analysis"):
             return []
-        from sar_compiler.analysis.tree_analysis import try_tree
+        from sar_compiler.analysis.trial import try_tree
 
         budgets: list[TrialBudget] = []
 

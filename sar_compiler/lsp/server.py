@@ -515,7 +515,7 @@ def _depends(file: OpenText, path: Path) -> bool:
 
 
 def _raised(tree: ProjectTree, interrupted: threading.Event) -> list[Diagnostic]:
-    from sar_compiler.analysis.tree_analysis import try_tree
+    from sar_compiler.analysis.trial import try_tree
 
     try:
         return try_tree(tree, lambda: _IdleBudget(interrupted))

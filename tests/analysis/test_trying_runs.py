@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from sar_compiler import load
-from sar_compiler.analysis.tree_analysis import try_tree
+from sar_compiler.analysis.trial import try_tree
 from sar_compiler.analysis.trying import WORK, TrialBudget
 from sar_compiler.cli.compile import main
 from tests.trees import document
@@ -54,7 +54,7 @@ def test_what_every_run_raises_is_an_error_at_its_place(tmp_path, body, line, co
     ],
 )
 def test_what_a_node_raises_itself_has_its_place_there(tmp_path, node):
-    body = f"<Script code=\"x := 'a'; n := 0; many := 7\"/>\n{node}"
+    body = f"<Script code=\"x := 'a'; n := 0; many := n + 7\"/>\n{node}"
     assert [each[0] for each in found(tmp_path, body)] == ["failing-tick"]
     assert [each[2] for each in found(tmp_path, body)] == [5]
 
@@ -257,7 +257,7 @@ def test_checking_alone_tries_no_runs(tmp_path):
     file = tmp_path / "tree.xml"
     file.write_text(document(ALWAYS))
     program = (
-        f"import sys; from sar_compiler import load; from sar_compiler.analysis.tree_analysis import try_tree; tree = load({str(file)!r}); trying = 'sar_compiler.analysis.trying'\n"
+        f"import sys; from sar_compiler import load; from sar_compiler.analysis.trial import try_tree; tree = load({str(file)!r}); trying = 'sar_compiler.analysis.trying'\n"
         "tree.check(); print(trying in sys.modules)\n"
         "def budget(): from sar_compiler.analysis.trying import TrialBudget; return TrialBudget(1)\n"
         "try_tree(tree, budget); print(trying in sys.modules)"

@@ -254,3 +254,10 @@ def test_a_finding_without_colours_is_the_same_text(capsys, monkeypatch):
     for number in ("1", "1;31", "2", "32", "0"):
         coloured = coloured.replace(f"\x1b[{number}m", "")
     assert (coloured, len(plain.splitlines()[1])) == (plain, 128)
+
+
+def test_a_folder_without_trees_does_not_hide_the_shipped_tree_of_its_name(capsys):
+    Path("search_and_rescue").mkdir()
+    status, out, err = run(capsys, "search_and_rescue")
+    assert (status, err) == (0, "")
+    assert out.endswith("search_and_rescue.xml: no findings\n")
