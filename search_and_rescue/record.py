@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from sar_compiler.missions import (
     RUN_BEGAN,
     RUN_ENDED,
-    FactTime,
+    EventTime,
     Journal,
     JournalEntry,
     mission_context,
@@ -62,9 +62,9 @@ class FoundSurvivor:
     kept: bool = False
     possibly: str | None = None
     standing: Standing = Standing.CANDIDATE
-    found_at: FactTime | None = field(default=None, compare=False)
-    sent_at: FactTime | None = field(default=None, compare=False)
-    acknowledged_at: FactTime | None = field(default=None, compare=False)
+    found_at: EventTime | None = field(default=None, compare=False)
+    sent_at: EventTime | None = field(default=None, compare=False)
+    acknowledged_at: EventTime | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         name = self.survivor_id or "a survivor without a name"
@@ -102,9 +102,9 @@ class ZoneRecord:
     """
 
     attempts: int = 0
-    started: FactTime | None = None
-    searched: FactTime | None = None
-    left: FactTime | None = None
+    started: EventTime | None = None
+    searched: EventTime | None = None
+    left: EventTime | None = None
     unplaced: str = ""
     given_up: str = ""
 
@@ -278,7 +278,7 @@ class MissionRecord:
         self._duplicate_radius_m = duplicate_radius_m
         self._zones: dict[str, ZoneRecord] = {}
         self._survivors: list[FoundSurvivor] = []
-        self._began: FactTime | None = None
+        self._began: EventTime | None = None
         self.zones_visited: tuple[str, ...] = ()
         self.alarms: tuple[str, ...] = ()
         self.zone = self.homing_for = self.homing_to = self.charging_at = self.navigation_lost = ""
@@ -291,7 +291,7 @@ class MissionRecord:
             ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
         """
         if (handle := self._HANDLERS.get(fact.kind)) is not None:
-            handle(self, FactTime(fact.run, fact.time, fact.wall), **fact.data)
+            handle(self, EventTime(fact.run, fact.time, fact.wall), **fact.data)
 
     @property
     def is_searched(self) -> bool:
@@ -449,12 +449,12 @@ class MissionRecord:
             lacking.append("The robot did not return to the base station.")
         return lacking
 
-    def _on_zone_started(self, at: FactTime, zone: str) -> None:
+    def _on_zone_started(self, at: EventTime, zone: str) -> None:
         known = self.of_zone(zone)
         self._zones[zone] = replace(known, attempts=known.attempts + 1, started=at)
         self.zone, self.home, self.before.home, self.charging_at = zone, False, False, ""
 
-    def _on_zone_searched(self, at: FactTime, zone: str, survivor: Any) -> None:
+    def _on_zone_searched(self, at: EventTime, zone: str, survivor: Any) -> None:
         found = None if survivor is None else FoundSurvivor(zone, *position(*survivor), found_at=at)
         self._zones[zone] = replace(self.of_zone(zone), searched=at, unplaced="")
         if found is not None and not any(
@@ -462,23 +462,23 @@ class MissionRecord:
         ):
             self._survivors.append(found)
 
-    def _on_survivor_unplaced(self, _: FactTime, zone: str, reason: str) -> None:
+    def _on_survivor_unplaced(self, _: EventTime, zone: str, reason: str) -> None:
         self._zones[zone] = replace(self.of_zone(zone), unplaced=str(reason))
 
-    def _on_zone_visited(self, at: FactTime, zone: str) -> None:
+    def _on_zone_visited(self, at: EventTime, zone: str) -> None:
         self.zones_visited = (*self.zones_visited, zone)
         self._on_zone_postponed(at, zone)
 
-    def _on_zone_postponed(self, at: FactTime, zone: str, given_up: str = "") -> None:
+    def _on_zone_postponed(self, at: EventTime, zone: str, given_up: str = "") -> None:
         # What is given up stands in the order in which it was.
         self._zones[zone] = replace(self._zones.pop(zone, ZoneRecord()), left=at, given_up=given_up)
         self.zone = ""
 
-    def _on_zone_abandoned(self, at: FactTime, zone: str, attempts: int, reason: str) -> None:
+    def _on_zone_abandoned(self, at: EventTime, zone: str, attempts: int, reason: str) -> None:
         self._on_zone_postponed(at, zone, how_given_up(int(attempts), reason))
 
     def _on_survivor_named(
-        self, at: FactTime, survivor: str, x: Any, y: Any, possibly: str | None = None
+        self, at: EventTime, survivor: str, x: Any, y: Any, possibly: str | None = None
     ) -> None:
         x, y = position(x, y)
         index = self._place_of(x, y)
@@ -486,38 +486,38 @@ class MissionRecord:
             self._survivors.append(FoundSurvivor("", x, y, found_at=at))
         self._survivors[index] = replace(self._survivors[index], survivor_id=survivor, possibly=possibly)
 
-    def _on_survivor_judged(self, _: FactTime, survivor: str, standing: str, same_as: str | None) -> None:
+    def _on_survivor_judged(self, _: EventTime, survivor: str, standing: str, same_as: str | None) -> None:
         said = {"possibly": same_as} if same_as else {}
         self._set(survivor, standing=Standing(standing), **said)
 
-    def _on_report_sent(self, at: FactTime, survivor: str) -> None:
+    def _on_report_sent(self, at: EventTime, survivor: str) -> None:
         self._set(survivor, sent_at=at)
 
-    def _on_report_kept(self, _: FactTime, survivor: str, **_place: object) -> None:
+    def _on_report_kept(self, _: EventTime, survivor: str, **_place: object) -> None:
         self._set(survivor, acknowledged=False, kept=True)
 
-    def _on_report_acknowledged(self, at: FactTime, survivor: str) -> None:
+    def _on_report_acknowledged(self, at: EventTime, survivor: str) -> None:
         self._set(survivor, acknowledged=True, kept=False, acknowledged_at=at)
 
-    def _on_base_reached(self, _: FactTime) -> None:
+    def _on_base_reached(self, _: EventTime) -> None:
         self.home, self.zone, self.charging_at = True, "", ""
 
-    def _on_run_began(self, at: FactTime, **_run: object) -> None:
+    def _on_run_began(self, at: EventTime, **_run: object) -> None:
         self._began, self.zone = self._began or at, ""
 
-    def _on_run_ended(self, _: FactTime, **_run: object) -> None:
+    def _on_run_ended(self, _: EventTime, **_run: object) -> None:
         self.zone = ""
 
-    def _on_home_first(self, _: FactTime, reason: str, to: str = "", **_figures: object) -> None:
+    def _on_home_first(self, _: EventTime, reason: str, to: str = "", **_figures: object) -> None:
         self.homing_for, self.homing_to = str(reason), str(to)
 
-    def _on_charging_reached(self, _: FactTime, place: str) -> None:
+    def _on_charging_reached(self, _: EventTime, place: str) -> None:
         self.charging_at, self.home, self.zone = str(place), False, ""
 
-    def _on_charged(self, _: FactTime, share: float) -> None:  # noqa: ARG002 - as the fact has it
+    def _on_charged(self, _: EventTime, share: float) -> None:  # noqa: ARG002 - as the fact has it
         self.homing_for = ""
 
-    def _on_alarmed(self, _: FactTime, reason: str) -> None:
+    def _on_alarmed(self, _: EventTime, reason: str) -> None:
         self.alarms, self.homing_for = (*self.alarms, str(reason)), ""
 
     # Other kinds do not change the record.

@@ -509,7 +509,7 @@ def test_no_text_outside_its_home_names_a_node():
 OF_A_MISSION = re.compile(r"\w*(?:zone|survivor|rescue|base_station)\w*|\bhome\b", re.IGNORECASE)
 """Words of the mission that ships, which no room that shows, keeps or runs any mission knows."""
 SAID_ELSEWHERE = {
-    "journal/mission_state.py": {"timezone"},
+    "journal/situation.py": {"timezone"},
     "reports/report_exchange.py": {"timezone", "RESCUE"},  # a category of the Common Alerting Protocol
     "reports/report_html.py": {"astimezone"},
     "web/static/tree_view.js": {"Home"},  # a key of the keyboard

@@ -8,14 +8,13 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 from sar_compiler.journal.situation import (
-    FactTime,
+    EventTime,
     Gauge,
     Level,
     MissionPhase,
@@ -39,28 +38,6 @@ _OF_PHASE = (
 )
 
 
-class Instant(NamedTuple):
-    """When something was.
-
-    Attributes:
-        run: The number of the run, from 1.
-        time: Seconds of the mission's clock since the run's beginning.
-        wall: Seconds since 1970.
-    """
-
-    run: int
-    time: float
-    wall: float
-
-    @property
-    def utc(self) -> str | None:
-        """The time of the system's clock in ISO 8601; None if there is no such day."""
-        try:
-            return datetime.fromtimestamp(self.wall, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
-        except (OSError, OverflowError, ValueError):
-            return None
-
-
 class RunProcess(NamedTuple):
     """What is known of the process that runs a mission, beside what it has written.
 
@@ -76,7 +53,7 @@ class RunProcess(NamedTuple):
 class RobotPose(NamedTuple):
     """Where the robot was: the moment, x and y in metres and yaw in radians, frame `map`."""
 
-    at: Instant
+    at: EventTime
     x: float
     y: float
     yaw: float
@@ -99,7 +76,7 @@ class DriveLeft(NamedTuple):
 class Told(NamedTuple):
     """A line of the log: when, from whom, and the text."""
 
-    at: Instant
+    at: EventTime
     text: str
     by: str = ""
     level: int = 0
@@ -115,7 +92,7 @@ class KnownFact(NamedTuple):
         text: The fact as a sentence.
     """
 
-    at: Instant
+    at: EventTime
     kind: str
     data: Mapping[str, Any]
     text: str
@@ -135,7 +112,7 @@ class WatchedProperty(NamedTuple):
     name: str
     if_broken: str = "tell"
     is_owed: bool = False
-    broken: Instant | None = None
+    broken: EventTime | None = None
     event: str = ""
 
 
@@ -243,7 +220,7 @@ class NodeState:
     status: str = ""
     message: str = ""
     label: str | None = None
-    since: Instant | None = None
+    since: EventTime | None = None
     tick: int = 0
     last: LastStatus = LastStatus()  # noqa: RUF009 - cannot be changed
 
@@ -279,9 +256,9 @@ class RunState:
     """
 
     number: int
-    began: Instant
+    began: EventTime
     about: Mapping[str, Any]
-    ended: Instant | None = None
+    ended: EventTime | None = None
     ending: str = ""
     status: int | None = None
     reason: str = ""
@@ -327,10 +304,11 @@ class MissionState:
         self.place: Georeference | None = None
         self.runs: list[RunState] = []
         self.nodes: list[NodeState] = []
-        self.situation = Situation()
+        self._starts: dict[int, float] = {}
+        self.situation = Situation(self._starts)
         self.is_told = False
-        self.since: dict[str, Instant] = {}
-        self.courses: dict[str, list[tuple[Instant, float]]] = {}
+        self.since: dict[str, EventTime] = {}
+        self.courses: dict[str, list[tuple[EventTime, float]]] = {}
         self.facts: list[KnownFact] = []
         self.pose: RobotPose | None = None
         self.trail: list[RobotPose] = []
@@ -342,11 +320,10 @@ class MissionState:
         self.warnings: list[Told] = []
         self.goals: dict[str, str] = {}
         self.tick = 0
-        self.now = self.since_phase = Instant(1, 0.0, 0.0)
-        self.finished: dict[tuple[str, str], Instant] = {}
+        self.now = self.since_phase = EventTime(1, 0.0, 0.0)
+        self.finished: dict[tuple[str, str], EventTime] = {}
         self.properties: dict[str, WatchedProperty] = {}
-        self.doubted: Instant | None = None
-        self._starts: dict[int, float] = {}
+        self.doubted: EventTime | None = None
         self._phase, self._told_drive = "", 0.0
         # Why the phase is so, as the mission says it, and by whom that was ordered.
         self._why_ordered = "", CommandAuthor()
@@ -363,7 +340,7 @@ class MissionState:
         """Apply an entry to the state."""
         if entry.kind == events.RUN_BEGAN:
             self._starts[entry.run] = entry.time
-        self.now = self.instant(FactTime(entry.run, entry.time, entry.wall))
+        self.now = EventTime(entry.run, entry.time - self._starts.get(entry.run, 0.0), entry.wall)
         handle = self._HANDLERS.get(entry.kind)
         if handle is not None:
             try:
@@ -388,10 +365,6 @@ class MissionState:
     def look_at_process(self, *, is_gone: bool) -> None:
         """Take what the system says of the process that runs the mission: whether it is there, and how long it is silent by now."""
         self.process = RunProcess(is_gone, max(0.0, time.time() - self.now.wall))
-
-    def instant(self, at: FactTime) -> Instant:
-        """Return a moment of the mission's clock as one of its run."""
-        return Instant(at.run, at.time - self._starts.get(at.run, 0.0), at.wall)
 
     @property
     def title(self) -> str:
@@ -579,7 +552,7 @@ class MissionState:
     ) -> None:
         situation = self.situation
         if kinds is not None:
-            self.situation = situation = Situation()
+            self.situation = situation = Situation(self._starts)
             situation.take(kinds)
             self.is_told = True
         situation.take(**data)

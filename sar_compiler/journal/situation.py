@@ -8,6 +8,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import datetime, timezone
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -52,18 +53,26 @@ class LandmarkKind(NamedTuple):
     shaded_by: str = ""
 
 
-class FactTime(NamedTuple):
-    """When something was.
+class EventTime(NamedTuple):
+    """When something happened.
 
     Attributes:
         run: The number of the run, from 1.
-        time: The mission's clock, seconds.
+        time: Seconds of the mission's clock: in a journal as it is, in a mission's state since the run's beginning.
         wall: Seconds since 1970.
     """
 
     run: int
     time: float
     wall: float
+
+    @property
+    def utc(self) -> str | None:
+        """The time of the system's clock in ISO 8601; None if there is no such day."""
+        try:
+            return datetime.fromtimestamp(self.wall, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+        except (OSError, OverflowError, ValueError):
+            return None
 
 
 class Landmark(NamedTuple):
@@ -269,7 +278,7 @@ def _plain(value: Any) -> dict[str, Any]:
     fields = {key: each for key, each in value._asdict().items() if key not in usual or each != usual[key]}
     if details := fields.get("details"):
         fields["details"] = {
-            key: each._asdict() if isinstance(each, FactTime) else each
+            key: each._asdict() if isinstance(each, EventTime) else each
             for key, each in details.items()
             if each not in (None, "")
         }
@@ -278,6 +287,9 @@ def _plain(value: Any) -> dict[str, Any]:
 
 class Situation:
     """What a mission shows, folded from the `changed` entries of its journal.
+
+    Args:
+        starts: When each run began, by its number, in seconds of the mission's clock; the times of details are since then.
 
     Attributes:
         kinds: The kinds of its landmarks, by name.
@@ -289,7 +301,8 @@ class Situation:
         phase: What it is at.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, starts: Mapping[int, float] | None = None) -> None:
+        self._starts = starts if starts is not None else {}
         self.kinds: dict[str, LandmarkKind] = {}
         self.landmarks: dict[tuple[str, str], Landmark] = {}
         self.figures: dict[str, Figure] = {}
@@ -297,6 +310,12 @@ class Situation:
         self.rasters: dict[str, RasterLayer] = {}
         self.alarms: dict[str, Alarm] = {}
         self.phase = MissionPhase()
+
+    def _detail(self, value: Any) -> Any:
+        if not isinstance(value, Mapping):
+            return value
+        at = EventTime(**value)
+        return at._replace(time=at.time - self._starts.get(at.run, 0.0))
 
     def take(
         self,
@@ -320,6 +339,8 @@ class Situation:
             self.kinds[kind.name] = kind
         for each in landmarks:
             landmark = _landmark(**each)
+            details = {name: self._detail(value) for name, value in landmark.details.items()}
+            landmark = landmark._replace(details=details)
             self.landmarks[landmark.kind, landmark.name] = landmark
         for name, of in gone:
             self.landmarks.pop((name, of), None)
@@ -369,7 +390,7 @@ def _landmark(
         name,
         *position(x, y),
         level=Level(level),
-        details={key: _detail(each) for key, each in (details or {}).items()},
+        details=details or {},
         corners=tuple(position(*each) for each in corners),
         shade=shade,
         **more,
@@ -393,10 +414,6 @@ def _check_numbers(*values: object) -> None:
     for value in values:
         if not isinstance(value, int | float | None):
             raise TypeError(f"{value!r} is no number")
-
-
-def _detail(value: Any) -> Any:
-    return FactTime(**value) if isinstance(value, Mapping) else value
 
 
 def fact_words(kind: str, data: Mapping[str, Any]) -> str:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import JournalEntry as JournalEntry
     from sar_compiler.journal.situation import Alarm as Alarm
     from sar_compiler.journal.situation import Display as Display
-    from sar_compiler.journal.situation import FactTime as FactTime
+    from sar_compiler.journal.situation import EventTime as EventTime
     from sar_compiler.journal.situation import Figure as Figure
     from sar_compiler.journal.situation import Gauge as Gauge
     from sar_compiler.journal.situation import Landmark as Landmark

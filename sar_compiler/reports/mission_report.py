@@ -11,8 +11,8 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, JournalEntry
-from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, tree_nodes
-from sar_compiler.journal.situation import FactTime, Landmark, Level
+from sar_compiler.journal.mission_state import MissionState, NodeState, tree_nodes
+from sar_compiler.journal.situation import EventTime, Landmark, Level
 from sar_compiler.nodes.spec import load
 from sar_compiler.reports.report_forms import FORMS
 from sar_compiler.reports.why import Why, why_data
@@ -77,7 +77,7 @@ def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
             for run in state.runs
         ],
         "landmarks": {
-            kind.plural: [_landmark(state, each, reference) for each in situation.of_kind(kind.name)]
+            kind.plural: [_landmark(each, reference) for each in situation.of_kind(kind.name)]
             for kind in situation.kinds.values()
         },
         "figures": [each._asdict() for each in situation.figures.values()],
@@ -116,13 +116,13 @@ def _place(reference: Georeference | None, x: float, y: float) -> dict[str, floa
     return {"x": x, "y": y, "lat": round(lat, 8), "lon": round(lon, 8)}
 
 
-def _at(instant: Instant | None) -> dict[str, Any]:
+def _at(instant: EventTime | None) -> dict[str, Any]:
     if instant is None:
         return {"run": None, "time": None, "utc": None}
     return {"run": instant.run, "time": round(instant.time, 3), "utc": instant.utc}
 
 
-def _landmark(state: MissionState, landmark: Landmark, reference: Georeference | None) -> dict[str, Any]:
+def _landmark(landmark: Landmark, reference: Georeference | None) -> dict[str, Any]:
     corners = [_place(reference, *corner) for corner in landmark.corners]
     fixed = {
         "name": landmark.name,
@@ -135,8 +135,7 @@ def _landmark(state: MissionState, landmark: Landmark, reference: Georeference |
         "certain": landmark.is_certain,
     }
     details = {
-        name: _at(state.instant(each)) if isinstance(each, FactTime) else each
-        for name, each in landmark.details.items()
+        name: _at(each) if isinstance(each, EventTime) else each for name, each in landmark.details.items()
     }
     return {**fixed, **details, **fixed}
 

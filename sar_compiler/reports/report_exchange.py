@@ -15,8 +15,8 @@ from lxml.builder import ElementMaker
 
 from sar_compiler.journal.condition import condition_text
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.mission_state import Instant, MissionState
-from sar_compiler.journal.situation import FactTime, Landmark
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.situation import EventTime, Landmark
 from sar_compiler.reports.mission_report import ReportError, georeference, report_data, to_visit
 from sar_compiler.style import TAK_CERTAIN, TAK_LIKELY, colour_of, rgb
 from sar_compiler.tree.plain import as_json, speakable
@@ -233,7 +233,7 @@ def _event(state: MissionState, find: Landmark, number: int, reference: Georefer
     colour = str(TAK_CERTAIN if find.is_certain else TAK_LIKELY)
     uid = f"{_mission_id(state)}.{number}"
     event = etree.Element("event", version="2.0", uid=uid, type=_SPOT, how="m-g")
-    times = (state.instant(each).utc for each in find.details.values() if isinstance(each, FactTime))
+    times = (each.utc for each in find.details.values() if isinstance(each, EventTime))
     found = next(times, None)
     event.set("time", now.strftime(stamp))
     event.set("start", found.replace("Z", ".000Z") if found else now.strftime(stamp))
@@ -271,7 +271,7 @@ def _details(landmark: Landmark) -> list[str]:
     return [
         f"{name} {each}"
         for name, each in landmark.details.items()
-        if each not in ("", None) and not isinstance(each, FactTime)
+        if each not in ("", None) and not isinstance(each, EventTime)
     ]
 
 
@@ -296,7 +296,7 @@ def _mission_id(state: MissionState) -> str:
     return f"{re.sub(r'[^a-zA-Z0-9_-]', '.', node)}.{began:{_STAMP}}"
 
 
-def _moment(instant: Instant | None) -> datetime:
+def _moment(instant: EventTime | None) -> datetime:
     return datetime.fromisoformat(
         ((instant and instant.utc) or "1970-01-01T00:00:00Z").replace("Z", "+00:00")
     )

@@ -13,8 +13,8 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.condition import GOOD, condition
-from sar_compiler.journal.mission_state import Instant, MissionState, NodeState, RobotPose
-from sar_compiler.journal.situation import FactTime, Landmark, Level
+from sar_compiler.journal.mission_state import MissionState, NodeState, RobotPose
+from sar_compiler.journal.situation import EventTime, Landmark, Level
 from sar_compiler.reports.mission_report import georeference, not_done, to_visit
 from sar_compiler.reports.why import Why, first_to_look_at
 from sar_compiler.runtime.clock import clock_text
@@ -136,7 +136,7 @@ def _landmark(
 def _detail(state: MissionState, value: Any) -> str:
     if value is None:
         return _NONE
-    return _when(state, state.instant(value)) if isinstance(value, FactTime) else _value(value)
+    return _when(state, value) if isinstance(value, EventTime) else _value(value)
 
 
 def _map(state: MissionState) -> Iterator[str]:
@@ -268,7 +268,7 @@ def _position(state: MissionState, x: float, y: float) -> list[str]:
     return cells
 
 
-def _when(state: MissionState, instant: Instant | None) -> str:
+def _when(state: MissionState, instant: EventTime | None) -> str:
     """Return the local time, and the mission's clock; with the run if there are several, and another day than at the top."""
     if instant is None:
         return _NONE
@@ -278,7 +278,7 @@ def _when(state: MissionState, instant: Instant | None) -> str:
     return f"{run}{'' if is_first else f'{day} '}{_day(instant, _CLOCK)} ({clock_text(instant.time)})"
 
 
-def _day(instant: Instant, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
+def _day(instant: EventTime, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
     """Return the local time, and its offset from UTC; the mission's clock if there is no such day."""
     try:
         return datetime.fromtimestamp(instant.wall).astimezone().strftime(form)
@@ -286,7 +286,7 @@ def _day(instant: Instant, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
         return clock_text(instant.time)
 
 
-def _duration(began: Instant, ended: Instant | None) -> str:
+def _duration(began: EventTime, ended: EventTime | None) -> str:
     if ended is None:
         return f"{_day(began)}; no end is known"
     return f"{_day(began)} to {_day(ended)}, {clock_text(ended.time)} of the mission's clock"
@@ -363,7 +363,7 @@ def _courses(state: MissionState) -> Iterator[str]:
             yield f'<h2>{_text(name[:1].upper() + name[1:])}</h2><div class="scroll">{_plot(state, name, course)}</div>'
 
 
-def _plot(state: MissionState, name: str, course: Sequence[tuple[Instant, float]]) -> str:
+def _plot(state: MissionState, name: str, course: Sequence[tuple[EventTime, float]]) -> str:
     began, (width, height, left, low) = course[0][0].wall, _PLOT
     whole = max(state.now.wall - began, 1e-9)
 

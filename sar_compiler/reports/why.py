@@ -20,14 +20,13 @@ from sar_compiler.journal.mission_state import (
     FAILURE,
     RUNNING,
     SUCCESS,
-    Instant,
     MissionState,
     NodeState,
     answer_words,
 )
 from sar_compiler.journal.node_ends import OTHER_END, NodeEnds
 from sar_compiler.journal.recorded_events import is_status
-from sar_compiler.journal.situation import Level
+from sar_compiler.journal.situation import EventTime, Level
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.runtime.events import Event
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -41,7 +40,7 @@ _MOST_OF_IT = 0.5
 _SIGNAL_STATUS = 128
 # So many of what had failed before are told.
 _MOST = 12
-_START = Instant(1, 0.0, 0.0)
+_START = EventTime(1, 0.0, 0.0)
 
 
 class NodeStatus(NamedTuple):
@@ -65,7 +64,7 @@ class NodeStatus(NamedTuple):
     status: str
     label: str | None
     message: str
-    since: Instant | None
+    since: EventTime | None
 
 
 class FormerFailure(NamedTuple):
@@ -87,7 +86,7 @@ class FormerFailure(NamedTuple):
     is_of_second_way: bool
     has_led_elsewhere: bool
     times: int
-    last: Instant
+    last: EventTime
 
 
 class Why(NamedTuple):
@@ -110,7 +109,7 @@ class Why(NamedTuple):
     outcome: str
     reason: str
     said: str
-    ended: Instant | None
+    ended: EventTime | None
     went_on: bool = False
 
     @property
@@ -493,7 +492,7 @@ def _answer(node: NodeState) -> NodeStatus:
     )
 
 
-def _of_run(status: str, message: str, since: Instant | None) -> NodeStatus:
+def _of_run(status: str, message: str, since: EventTime | None) -> NodeStatus:
     """Return what has become of a run."""
     return NodeStatus(None, "run", "", 0, status, None, message, since)
 
@@ -783,5 +782,5 @@ def answer_data(answer: NodeStatus) -> dict[str, Any]:
     return {**answer._asdict(), "since": answer.since and _instant(answer.since)}
 
 
-def _instant(instant: Instant) -> Mapping[str, object]:
+def _instant(instant: EventTime) -> Mapping[str, object]:
     return {"time": instant.time, "utc": instant.utc}

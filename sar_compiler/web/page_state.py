@@ -9,7 +9,7 @@ from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 from sar_compiler.journal.mission_state import IDLE, MissionState, RunProcess
-from sar_compiler.journal.situation import FactTime, Landmark, with_author
+from sar_compiler.journal.situation import EventTime, Landmark, with_author
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
 # A longer log keeps its last lines, and of those before them facts and warnings; a longer trail loses every second point.
@@ -273,17 +273,15 @@ class PageState:
         known: Landmark | None = self._mission.situation.landmarks.get(key)
         if known is None:
             return None
-        details = {name: self._moment(each) for name, each in known.details.items() if each not in (None, "")}
+        details = {
+            name: {"run": each.run, "time": each.time} if isinstance(each, EventTime) else each
+            for name, each in known.details.items()
+            if each not in (None, "")
+        }
         return {**known._asdict(), "level": int(known.level), "details": details}
 
     def _raster(self, name: str) -> PageChange:
         return self._mission.situation.rasters[name]._asdict()
-
-    def _moment(self, value: Any) -> Any:
-        if not isinstance(value, FactTime):
-            return value
-        moment = self._mission.instant(value)
-        return {"run": moment.run, "time": moment.time}
 
     def _north(self) -> float | None:
         """Return where north is: an angle in the frame `map`, radians from its x axis; None if nobody knows."""

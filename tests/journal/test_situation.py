@@ -15,7 +15,7 @@ from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import (
     Alarm,
     Display,
-    FactTime,
+    EventTime,
     Figure,
     Gauge,
     Landmark,
@@ -34,7 +34,7 @@ from sar_compiler.tree.json_values import json_text, json_value
 
 WORDS = st.sampled_from(["", "a", "b", "c"])
 NUMBERS = st.floats(-1e6, 1e6)
-MOMENTS = st.builds(FactTime, st.integers(1, 3), NUMBERS, NUMBERS)
+MOMENTS = st.builds(EventTime, st.integers(1, 3), NUMBERS, NUMBERS)
 LANDMARKS = st.builds(
     Landmark,
     st.sampled_from(["zone", "survivor"]),

@@ -15,7 +15,7 @@ from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.situation import (
     Alarm,
     Display,
-    FactTime,
+    EventTime,
     Figure,
     Gauge,
     Landmark,
@@ -83,7 +83,7 @@ class Patrol:
         elif fact.kind == "point_added":
             self.points[data["point"]] = Landmark("point", data["point"], data["x"], data["y"], "open")
         elif fact.kind == "found":
-            at = FactTime(fact.run, fact.time, fact.wall)
+            at = EventTime(fact.run, fact.time, fact.wall)
             self.finds[data["name"]] = Landmark(
                 "find", data["name"], data["x"], data["y"], "seen", within="north", details={"found": at}
             )
