@@ -160,9 +160,11 @@ def _constants() -> Iterator[Tree]:
             yield Tree("set", row, column, f'<SetBlackboard value={value} output_key="k"/>{read(column)}')
         for column, taker in TAKERS.items():
             yield Tree("constant taken", row, column, f'<SubTree ID="P" k={value}/>', (("P", taker),))
+            yield Tree("set taken", row, column, f'<SetBlackboard value={value} output_key="k"/>{taker}')
         for column in LOOPS:
             loop = f'<{column} queue="{{k}}" value="{{v}}"><AlwaysSuccess/></{column}>'
             yield Tree("constant looped over", row, column, f'<SubTree ID="P" k={value}/>', (("P", loop),))
+            yield Tree("set looped over", row, column, f'<SetBlackboard value={value} output_key="k"/>{loop}')
 
 
 def _scripts() -> Iterator[Tree]:

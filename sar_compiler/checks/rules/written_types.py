@@ -14,7 +14,7 @@ from sar_compiler.nodes.binding.key_types import (
     port_label,
     severity_there,
 )
-from sar_compiler.nodes.btcpp import NEWEST, NUMBERS, Version
+from sar_compiler.nodes.btcpp import LISTS, NEWEST, NUMBERS, Version
 from sar_compiler.nodes.btcpp.port_types import (
     can_be_converted,
     can_be_copied,
@@ -312,6 +312,7 @@ class KeyTypeRules:
         is_compared = (is_given or write.is_item) and not is_loop_queue(port.cpp)
         if not is_compared and (
             (first.cpp == ANY and types == [TEXT] and not is_given)
+            or self._is_text_lost(port, write, types, first)
             or (port.writes and all(_is_lost(value, port.cpp) for value in values))
             or not any(can_be_read(each, port.cpp, self._version) for each in types)
         ):
@@ -323,6 +324,12 @@ class KeyTypeRules:
         whose = port_label(port.parameter.name, port.bound, write.element)
         what = f"{write.attribute}: '{write.key}' is {shown} here, and {port.shown} for {whose}"
         return self._refused(what, write.element, write.span, port, is_new=is_new)
+
+    def _is_text_lost(self, port: _TypedPort, write: _KeyWrite, types: list[str], first: EntryType) -> bool:
+        """Return whether a loop finds an entry empty to which `SetBlackboard` has copied a text: its port there has no type."""
+        is_named_first = first.parameter is not None and not first.cpp
+        is_loop = is_loop_queue(port.cpp) and self._version >= LISTS.since
+        return is_loop and is_named_first and write.is_copy and types == [TEXT]
 
     def _is_converted(self, value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
         """Return whether BehaviorTree.CPP can convert a value that the file shows to the type of a port."""
