@@ -31,8 +31,11 @@ FORBIDDEN: dict[str, set[str]] = {
 # Scripts, clocks and keys are handed over to nodes like the objects of a mission.
 TREE = '<Sequence><Script code="a := 1"/><Timeout msec="5000"><Sleep msec="5"/></Timeout><A name="Drive"/></Sequence>'
 NODES = ("--nodes", "tests.analysis.verify.leaves")
+SHIPPED = "search_and_rescue"
+"""A tree of a mission, whose leaves are declared by the paths of their classes."""
 COMMANDS = [
     ("sar_compiler.cli.compile", "validate", "tree.xml"),
+    ("sar_compiler.cli.compile", "validate", SHIPPED),
     ("sar_compiler.cli.compile", "verify", "tree.xml"),
     ("sar_compiler.cli.compile", "show", "tree.xml"),
     ("sar_compiler.cli.journal_command", "why", "run.journal"),
@@ -47,15 +50,18 @@ sys.exit(status)
 """
 
 
-@pytest.mark.parametrize(("module", "command", "file"), COMMANDS, ids=[each[1] for each in COMMANDS])
+@pytest.mark.parametrize(
+    ("module", "command", "file"), COMMANDS, ids=[" ".join(each[1:]) for each in COMMANDS]
+)
 def test_a_command_of_a_checker_loads_no_part_of_a_robot(module, command, file, tmp_path):
     tree = tmp_path / "tree.xml"
     tree.write_text(document(TREE), encoding="utf-8")
     if command == "why":
         with closing(open_journal(tmp_path / file)) as journal:
             flown(simulated(tree), Said(Drive=["FAILURE"]), journal, tree_file=str(tree), tree_id="Main")
+    name = file if file == SHIPPED else str(tmp_path / file)
     done = subprocess.run(
-        [sys.executable, "-c", _PROGRAM.format(module=module), command, str(tmp_path / file), *NODES],
+        [sys.executable, "-c", _PROGRAM.format(module=module), command, name, *NODES],
         capture_output=True,
         text=True,
         check=False,

@@ -6,12 +6,14 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from sar_compiler.budget import MAX_MEMORY_MB, MAX_SEC, Budget
 from sar_compiler.commands import CommandParser
 from sar_compiler.errors import SarError
-from sar_compiler.journal.georeference import Georeference
+
+if TYPE_CHECKING:
+    from sar_compiler.journal.georeference import Georeference
 
 
 class ArgumentKind:
@@ -86,12 +88,14 @@ def telling(read: Callable[[str], T]) -> Callable[[str], T]:
     return parse
 
 
-def georeference(text: str) -> Georeference:
+def georeference(text: str) -> "Georeference":
     """Return where the frame `map` lies on the earth, of `LAT,LON,HEADING` in degrees.
 
     Raises:
         ArgumentTypeError: If that is no place on the earth.
     """
+    from sar_compiler.journal.georeference import Georeference
+
     try:
         place = Georeference(*(float(number) for number in text.split(",")))
     except (TypeError, ValueError):

@@ -256,8 +256,10 @@ def test_a_finding_without_colours_is_the_same_text(capsys, monkeypatch):
     assert (coloured, len(plain.splitlines()[1])) == (plain, 128)
 
 
-def test_a_folder_without_trees_does_not_hide_the_shipped_tree_of_its_name(capsys):
+def test_a_folder_hides_the_shipped_tree_of_its_name_only_if_it_has_trees(capsys):
     Path("search_and_rescue").mkdir()
     status, out, err = run(capsys, "search_and_rescue")
     assert (status, err) == (0, "")
     assert out.endswith("search_and_rescue.xml: no findings\n")
+    write("search_and_rescue/mine.xml", WRONG)
+    assert "search_and_rescue/mine.xml" in run(capsys, "search_and_rescue")[1]
