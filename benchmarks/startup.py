@@ -44,7 +44,8 @@ _SHORT: Mapping[str, str] = {
     "python, nothing else": "pass",
     "import py_trees": "import py_trees",
     "sar-compile --help": f"{_MAIN}main(['--help'])",
-    VALIDATE: f"{_MAIN}sys.exit(main({_ARGUMENTS}))",
+    VALIDATE: f"import sys; sys.argv = ['sar-compile', *{_ARGUMENTS}]; "
+    "from sar_compiler.cli.console import sar_compile; sar_compile()",
 }
 _BARE_NODE = """
 import rclpy

@@ -4,6 +4,7 @@ The import of a command takes a moment, in which Python would answer Ctrl-C with
 imports nothing that takes time, and handles Ctrl-C before it imports a command, which then does it in its own way.
 """
 
+import gc
 import importlib
 import os
 import signal
@@ -38,7 +39,10 @@ def console_command(module: str, function: str = "main", *, is_server: bool = Fa
 def _status_of(module: str, function: str) -> int:
     """Return the exit status of a command, however it ends."""
     try:
-        return int(getattr(importlib.import_module(module), function)())
+        gc.disable()  # in what is imported there is nothing to collect
+        command = getattr(importlib.import_module(module), function)
+        gc.enable()
+        return int(command())
     except SystemExit as end:
         if isinstance(end.code, str):
             sys.stderr.write(f"{end.code}\n")

@@ -13,7 +13,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TextIO, TypeVar
@@ -124,8 +123,7 @@ class FileIdentity(NamedTuple):
     mode: int
 
 
-@dataclass(frozen=True)
-class FileContent:
+class FileContent(NamedTuple):
     """The content of a file, as it was read.
 
     Attributes:
@@ -138,9 +136,12 @@ class FileContent:
 
     path: Path
     real_path: Path
-    data: bytes = field(repr=False)
+    data: bytes
     identity: FileIdentity | None
     kind: FileKind
+
+    def __repr__(self) -> str:
+        return f"<content of {self.path}>"
 
     def whole(self) -> bytes:
         """Return the bytes of the whole file.

@@ -29,7 +29,6 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import find_tree, tree_files_in
 from sar_compiler.tree.plain import count_text
 from sar_compiler.tree.showing import visible
-from sar_compiler.writing import WriteError, write_bytes
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.trying import TrialBudget
@@ -350,6 +349,7 @@ class _Validation:
 def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
     """Apply fixes to a file; all other bytes are unchanged."""
     from sar_compiler.checks.fixing import apply_fixes
+    from sar_compiler.writing import WriteError, write_bytes
 
     path, source = tree.path, tree.source
     if bytes_of(source, source.text) != read_file(path, TREE).data:

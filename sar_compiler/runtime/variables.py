@@ -3,8 +3,9 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple, Protocol
 
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.context import mission_context
@@ -24,15 +25,14 @@ _BITS = 64
 
 
 @mission_context
-@dataclass(frozen=True)
-class Enums:
+class Enums(NamedTuple):
     """The names of enumerations that scripts and Switch may use.
 
     Attributes:
         numbers: The number that each name stands for.
     """
 
-    numbers: Mapping[str, int] = field(default_factory=dict)
+    numbers: Mapping[str, int] = MappingProxyType({})
 
 
 class VariableError(SarError):

@@ -14,7 +14,7 @@ from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, s
 from sar_compiler.tree.diagnostic import AttributePlaces, Diagnostic, Severity, Source, Spans, TreeError
 from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile, text_of_xml
-from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, mistake_at, recover
+from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 # What stands for one character of a value.
@@ -213,6 +213,8 @@ class _XmlReader:
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
         """Return a finding in the reader's words for an error that expat's own words do not explain."""
+        from sar_compiler.tree.xml_mistakes import mistake_at
+
         start = self._source.offset(error.lineno, error.offset + 1)
         words = expat.errors.messages.get(error.code, str(error))
         hint = _HINTS.get(words)

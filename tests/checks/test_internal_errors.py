@@ -155,7 +155,7 @@ def test_a_file_that_cannot_be_written_does_not_keep_the_others_from_being_mende
             raise WriteError(message)
         path.write_bytes(data)
 
-    monkeypatch.setattr("sar_compiler.cli.validate.write_bytes", write_all_but_one)
+    monkeypatch.setattr("sar_compiler.writing.write_bytes", write_all_but_one)
     files = [tmp_path / name for name in ("a.xml", "b.xml")]
     for file in files:
         file.write_text(SLIP)

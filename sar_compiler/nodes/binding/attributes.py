@@ -54,9 +54,7 @@ _TEXT_NOTES = frozenset(
     {*NOTES, "_comment", "_note", "_notes", "_todo", "_doc", "_label", "_title", "_color", "_style"}
 )
 """Notes that hold any text; in others, a condition is looked for."""
-_LIKE_CONDITION = re.compile(
-    r"_(?:(?:skip|fail|failure|success|while|on|post)[A-Z]\w*|(?:(?:only|run|do)_?)?[iI]f|unless|when|(?:pre|post)?_?[cC]onditions?)"
-)
+_LIKE_CONDITION = r"_(?:(?:skip|fail|failure|success|while|on|post)[A-Z]\w*|(?:(?:only|run|do)_?)?[iI]f|unless|when|(?:pre|post)?_?[cC]onditions?)"
 """Notes that read as conditions, though none is near: `_skipWhen`, not `_skip_list`."""
 _DECORATORS = {
     "timeout": "<Timeout>",
@@ -72,10 +70,7 @@ _DECORATORS = {
     "forcefailure": "<ForceFailure>",
 }
 """Beginnings of notes that read as decorators, and the decorators."""
-_LIKE_DECORATOR = re.compile(
-    r"_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))",
-    re.IGNORECASE,
-)
+_LIKE_DECORATOR = r"(?i)_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))"
 _NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf", "_do_if", "_when"})
 """Notes that say when a node runs, where `_skipIf` says when it does not."""
 
@@ -142,7 +137,7 @@ class AttributeBinder:
     def _check_note(self, element: Element, name: str) -> None:
         """Report a note that reads as a condition or as a decorator, and has no effect."""
         text = element.attributes[name]
-        decorator = _LIKE_DECORATOR.match(name)
+        decorator = re.match(_LIKE_DECORATOR, name)
         if decorator:
             word = decorator[1].lower().replace("_", "")
             hint = f"put the node into a decorator: {_DECORATORS[word]}"
@@ -150,7 +145,7 @@ class AttributeBinder:
             hint = f'write _skipIf="!({text})"'
         elif name == "_unless" and _read_condition(text):
             hint = f'write _skipIf="{text}"'
-        elif _LIKE_CONDITION.fullmatch(name) or self._has_condition(text):
+        elif re.fullmatch(_LIKE_CONDITION, name) or self._has_condition(text):
             hint = f"the conditions are {join_words(CONDITIONS)}"
         else:
             return

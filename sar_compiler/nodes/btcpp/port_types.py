@@ -15,14 +15,14 @@ _INT_RANGE = range(-(2**31), 2**31)
 _UNTYPED = ("", ANY)
 _INTEGERS = ("int8_t", "uint8_t", "int16_t", "uint16_t", INT, UNSIGNED_INT, LONG, "uint64_t")
 _NUMBERS = frozenset((*_INTEGERS, "float", REAL, "bool", "long long", "unsigned long long"))
-_QUEUE = re.compile(r"std::(?:vector|shared_ptr<std::deque)<([^<>]*)>>?")
+_QUEUE = r"std::(?:vector|shared_ptr<std::deque)<([^<>]*)>>?"
 _ITEMS = {"LoopInt": INT, "LoopDouble": REAL, "LoopBool": "bool", "LoopString": TEXT}
 _QUEUE_NAME = "queue."
-_LIST = re.compile(r"std::vector<(.*)>")
+_LIST = r"std::vector<(.*)>"
 _POINTER, _POINTER_TO_TEXT = "std::shared_ptr<", "std::shared_ptr<std::deque<"
 # As std::from_chars and std::stod read them.
-_NUMBER = re.compile(r"-?(\.?\d|inf|nan)", re.IGNORECASE)
-_OLD_REAL = re.compile(r"\s*[+-]?(\.?\d|inf|nan)", re.IGNORECASE)
+_NUMBER = r"(?i)-?(\.?\d|inf|nan)"
+_OLD_REAL = r"(?i)\s*[+-]?(\.?\d|inf|nan)"
 
 
 def may_share(first: str, later: str) -> bool:
@@ -73,7 +73,7 @@ def can_be_read(written: str, port: str, version: Version) -> bool:
     """
     if is_loop_queue(port):
         item = _ITEMS[port.removeprefix(_QUEUE_NAME)]
-        match = _QUEUE.fullmatch(written)
+        match = re.fullmatch(_QUEUE, written)
         is_list = match is not None and match[1] == item
         if version < LISTS.since:
             return is_untyped(written) or (is_list and written.startswith("std::shared_ptr"))
@@ -99,7 +99,7 @@ def can_be_converted(value: object, port: str, version: Version) -> bool:
     item, items = port, [value]
     if is_loop_queue(port):
         item, items = _ITEMS[port.removeprefix(_QUEUE_NAME)], value.split(";") if value else []
-    elif match := _LIST.fullmatch(port):
+    elif match := re.fullmatch(_LIST, port):
         if value.startswith(JSON):
             return version >= LISTS.since
         item, items = match[1], value.split(";") if value else []
@@ -109,7 +109,7 @@ def can_be_converted(value: object, port: str, version: Version) -> bool:
     if item in _NUMBERS:
         is_old_real = item not in _INTEGERS and version < LISTS.since
         number = _OLD_REAL if is_old_real else _NUMBER
-        return all(number.match(each) and _is_in_range(literal_value(each), item) for each in items)
+        return all(re.match(number, each) and _is_in_range(literal_value(each), item) for each in items)
     return not _is_pointer(item)
 
 

@@ -1,0 +1,169 @@
+"""What is wrong with a file that is not well-formed XML, at the place where expat gives up. Imported for such files alone."""
+
+import re
+from typing import NamedTuple
+from xml.parsers import expat
+
+from sar_compiler.tree.xml_recovery import NAME, attributes_end
+
+_AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
+_UNSEEN = re.compile(r"[\u00ad\u180e\u200b-\u200f\u2060\ufeff]|[^\S \t\r\n]")
+"""A character that nobody sees, or that looks like a blank and is none."""
+_NEAR = 200
+"""How far before a place an ampersand is looked for."""
+_ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
+_BUILT_IN = frozenset(("amp", "lt", "gt", "apos", "quot"))
+_ATTRIBUTE_NAME = re.compile(r"[^\s=/>\"'<]+")
+_VALUELESS = re.compile(rf"\s+({_ATTRIBUTE_NAME.pattern})\s*")
+_OPENED = re.compile(rf"\s*{_ATTRIBUTE_NAME.pattern}\s*=\s*([\"'])")
+_OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
+
+
+class XmlMistake(NamedTuple):
+    """A mistake in a file that is not well-formed.
+
+    Attributes:
+        message: What is wrong.
+        start: The offset of the first character that is.
+        end: The offset after the last one.
+        suggestion: What to write there.
+        hint: What to do, where there is no such text.
+    """
+
+    message: str
+    start: int
+    end: int
+    suggestion: str | None = None
+    hint: str | None = None
+
+
+def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
+    """Return the probable mistake at the place where expat gave up.
+
+    Returns:
+        None if expat's words are all there is to say.
+    """
+    by_words = {
+        expat.errors.XML_ERROR_UNDEFINED_ENTITY: _undefined,
+        expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE: _twice,
+        expat.errors.XML_ERROR_UNCLOSED_TOKEN: _unclosed,
+        expat.errors.XML_ERROR_INVALID_TOKEN: _invalid,
+    }
+    return by_words[words](text, place) if words in by_words else None
+
+
+def _invalid(text: str, place: int) -> XmlMistake | None:
+    if place < len(text) and text[place] < " " and not text[place].isspace():
+        message = f"the character U+{ord(text[place]):04X} is not allowed in XML"
+        return XmlMistake(message, place, place + 1, hint="delete it")
+    if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
+        return _in_comment(text, place)
+    if _UNSEEN.match(text, place):
+        return _unseen(text, place)
+    return _out_of_place(text, place) or _in_tag(text, place)
+
+
+def _unseen(text: str, place: int) -> XmlMistake:
+    what = "looks like a blank and is none for XML" if text[place].isspace() else "is here, which nobody sees"
+    hint = "write a blank in its place" if text[place].isspace() else "delete it"
+    import unicodedata
+
+    name = unicodedata.name(text[place], "").lower()
+    return XmlMistake(f"the character U+{ord(text[place]):04X} ({name}) {what}", place, place + 1, hint=hint)
+
+
+def _in_comment(text: str, place: int) -> XmlMistake:
+    start = text.rfind("--", 0, place)
+    return XmlMistake("-- is not allowed in a comment of XML", start, start + len("--"), "- -")
+
+
+def _out_of_place(text: str, place: int) -> XmlMistake | None:
+    before = text[max(text.rfind("<", 0, place), 0) : place]
+    if before.startswith("</") and ">" in before:
+        hint = "put it in a comment, or delete it"
+        return XmlMistake("text is not allowed behind the root", place, place + 1, hint=hint)
+    if text[place : place + 1] in (",", ";"):
+        message = f"no {text[place]} stands between the attributes of a tag"
+        return XmlMistake(message, place, place + 1, hint="write a blank in its place")
+    return None
+
+
+def _in_tag(text: str, place: int) -> XmlMistake | None:
+    tag = max(text.rfind("<", 0, place), 0)
+    before = text[tag:place]
+    near = max(tag, place - _NEAR)
+    ampersands = _AMPERSANDS.search(text[near:place])
+    if ampersands is not None:
+        start = near + ampersands.start()
+        end = start + len(ampersands[1])
+        end += text[end : end + 1] == "&"
+        return XmlMistake("an & is written &amp; in XML", start, end, "&amp;" * (end - start))
+    value = _OPEN_VALUE.search(before)
+    if text[place : place + 1] == "<" and value is not None:
+        return _in_value(text, place, tag + value.start(1))
+    if before.rstrip().endswith("="):
+        return XmlMistake("the value of an attribute must be in quotes", place, place + 1)
+    if text.startswith("<!--", place):
+        hint = "put it before or behind the tag"
+        return XmlMistake("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
+    return _in_attributes(text, tag, place)
+
+
+def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
+    """Return the mistake behind the last attribute that is complete."""
+    name = NAME.match(text, tag)
+    if name is None:
+        message = "a tag's name follows its < directly, and a < in a text is written &lt;"
+        return XmlMistake(message, tag, place + 1) if text.startswith("<", tag) else None
+    end = attributes_end(text, name.end(), place)
+    valueless = _VALUELESS.fullmatch(text, end, place)
+    if valueless is not None:
+        message, written = f"the attribute '{valueless[1]}' has no value", valueless[1]
+        return XmlMistake(message, *valueless.span(1), hint=f'write {written}="..."')
+    if text.startswith("<", place):
+        return XmlMistake("the tag that begins here has no >", tag, name.end())
+    if end == place and text[place - 1] in "\"'":
+        message = "a blank is missing before this, or there is a quotation mark too many before it"
+        return XmlMistake(message, place, place + 1)
+    return None
+
+
+def _twice(text: str, place: int) -> XmlMistake | None:
+    name = _ATTRIBUTE_NAME.match(text, place)
+    if name is None:
+        return None
+    message = f"the attribute '{name[0]}' is given twice in this tag"
+    return XmlMistake(message, *name.span(), hint="delete one of the two")
+
+
+def _unclosed(text: str, place: int) -> XmlMistake | None:
+    """Return what has no end in the whole file."""
+    if text.startswith("<!--", place):
+        return XmlMistake(
+            "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> behind it"
+        )
+    name = NAME.match(text, place)
+    if name is None:
+        return None
+    quote = _OPENED.match(text, attributes_end(text, name.end()))
+    if quote is not None:
+        return XmlMistake("the value that begins here has no closing quotation mark", *quote.span(1))
+    return XmlMistake("the tag that begins here has no >", place, name.end())
+
+
+def _in_value(text: str, place: int, quote: int) -> XmlMistake:
+    """Return the mistake of a < in a value: unescaped, or after a missing closing quote."""
+    value = text[quote:place].rstrip(" \t")
+    if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):
+        return XmlMistake("the value that begins here has no closing quotation mark", quote, quote + 1)
+    return XmlMistake("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
+
+
+def _undefined(text: str, place: int) -> XmlMistake | None:
+    for entity in _ENTITY.finditer(text, place):
+        if entity[1] not in _BUILT_IN:
+            message = (
+                f"XML does not know '{entity[0]}'; an & is written &amp;, other characters as themselves"
+            )
+            return XmlMistake(message, entity.start(), entity.end())
+    return None
