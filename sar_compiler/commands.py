@@ -40,7 +40,11 @@ _OF_OPTIONS = {
     "lsp": (("pygls", "lsprotocol", "cattrs", "attr", "attrs"), "the language server", ""),
     "mcp": (("mcp", "mcp_types", "anyio"), "the server of tools for agents", ""),
     "record": (("mcap", "lz4", "zstandard"), "--record", ""),
-    "report": (("cap_tools", "geojson", "pyproj", "xsdata"), "a report in coordinates of the world", ""),
+    "report": (
+        ("cap_tools", "geojson", "jinja2", "pyproj", "xsdata"),
+        "a report as a page or in coordinates of the world",
+        ", for a page apt's python3-jinja2 on a robot",
+    ),
     "search": (("shapely",), "an area with an outline", ", apt's python3-shapely on a robot"),
     "view": (
         ("rich",),

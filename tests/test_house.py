@@ -428,7 +428,10 @@ OPENED_ELSEWHERE = {
     "views/drawing.py": {"files(__package__).joinpath('drawing.css').read_text": OWN},
     "views/findings.py": {"shipped('docs/findings', f'{code}.md').read_text": OWN},
     "analysis/prediction_view.py": {"files(__package__).joinpath('prediction.css').read_text": OWN},
-    "reports/report_html.py": {"files(__package__).joinpath('report.css').read_text": OWN},
+    "reports/report_html.py": {
+        "files(__package__).joinpath('report.css').read_text": OWN,
+        "files(__package__).joinpath('report.html.jinja').read_text": OWN,
+    },
     "web/page_server.py": {"path.read_bytes": OWN},
 }
 """Where a file is opened otherwise than by the opener, with the reason."""

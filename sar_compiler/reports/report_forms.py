@@ -22,7 +22,9 @@ class ReportForm(NamedTuple):
 
 _EXCHANGE = "sar_compiler.reports.report_exchange"
 FORMS: Mapping[str, ReportForm] = {
-    ".html": ReportForm("sar_compiler.reports.report_html:html_report", use="to print and hand on"),
+    ".html": ReportForm(
+        "sar_compiler.reports.report_html:html_report", libraries=["jinja2"], use="to print and hand on"
+    ),
     ".json": ReportForm("sar_compiler.reports.mission_report:json_report"),
     ".geojson": ReportForm(f"{_EXCHANGE}:geojson_report", is_of_the_world=True, libraries=["geojson"]),
     ".kml": ReportForm(f"{_EXCHANGE}:kml_report", is_of_the_world=True),

@@ -3,17 +3,17 @@
 Its map, in SVG, shows what the mission shows, and the way of the robot.
 """
 
+import functools
 import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
-from html import escape
 from importlib.resources import files
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.condition import GOOD, condition
-from sar_compiler.journal.mission_state import MissionState, NodeState, RobotPose
+from sar_compiler.journal.mission_state import MissionState, RobotPose
 from sar_compiler.journal.situation import EventTime, Landmark, Level
 from sar_compiler.reports.mission_report import georeference, not_done, to_visit
 from sar_compiler.reports.why import Why, first_to_look_at
@@ -28,68 +28,83 @@ _SHARES = (0, 50, 100)
 _CLOCK = "%H:%M:%S"
 _NONE = "-"
 _POSITION = ("x, y in map (m)", "latitude, longitude")
-# Of the log's warnings so many are told, and of the facts.
-_MOST_WARNINGS, _MOST_FACTS = 200, 1000
-# As in rcl_interfaces/msg/Log.
-_ERROR = 40
 
-# It shows; whatever has got into it, nothing of it runs or is fetched from anywhere.
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+
+@functools.cache
+def _macros() -> Any:
+    """Return the macros of the template, by which all text is escaped.
+
+    Raises:
+        ImportError: If Jinja2 is not installed.
+    """
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    def shown(value: object) -> object:
+        return value if isinstance(value, Markup) else visible(str(value))
+
+    source = files(__package__).joinpath("report.html.jinja").read_text("utf-8")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, finalize=shown)
+    environment.globals |= {"is_number": _is_number, "value": _value, "sign": sign}
+    return environment.from_string("".join(map(str.strip, source.splitlines()))).module
 
 
 def html_report(state: MissionState, why: Why | None = None) -> str:
     """Return the report of a mission, and why it has failed, as an HTML page; all text from outside is escaped.
 
     Raises:
-        ImportError: If pyproj is not installed, and the map's place on the earth is known.
+        ImportError: If Jinja2 is not installed; or pyproj, and the map's place on the earth is known.
     """
-    title = f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}"
-    found, others = (_landmarks(state, is_found=each) for each in (True, False))
-    parts = (
-        _head(state),
-        found,
-        _courses(state),
-        _map(state),
-        others,
-        _alarms(state),
-        _properties(state),
-        _next_steps(state),
-        _annex(state, why),
-    )
-    body = "".join(itertools.chain(*parts))
-    css = style() + files(__package__).joinpath("report.css").read_text("utf-8")
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{_text(title)}</title><style>\n{css}</style></head>\n<body><main>{body}</main></body></html>\n"
-    )
+    from markupsafe import Markup
+
+    now, drawing = condition(state), _drawing(state)
+    seeks = any(kind.is_found for kind in state.situation.kinds.values())
+    simulated = f"Simulated{': nobody was searched for, nobody was found' if seeks else ''}"
+    about = state.runs[-1].about if state.runs else {}
+    software = f"sar_compiler {about.get('version') or ''}, node {about.get('node') or _NONE}"
+    if head := state.head:
+        software += f", head of the journal {head}"
+    report = {
+        "title": f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}",
+        "css": Markup(style() + files(__package__).joinpath("report.css").read_text("utf-8")),  # noqa: S704 - ours
+        "mission": state.title,
+        "simulated": simulated if state.about.get("simulated") else "",
+        "is_good": now.level == GOOD,
+        "outcome": now.text(state.now.time),
+        "facts": [*_head(state)],
+        "found": [*_landmarks(state, is_found=True)],
+        "courses": [
+            (f"{name[:1].upper()}{name[1:]}", _course(state, name, course))
+            for name, course in state.courses.items()
+            if len({value for _, value in course}) > 1
+        ],
+        "map": drawing,
+        "legend": _legend(state) if drawing else (),
+        "others": [*_landmarks(state, is_found=False)],
+        "next_steps": [*next_steps(state)],
+        "first": first_to_look_at(why) if why is not None else "",
+        "software": software,
+    }
+    return f"{_macros().page(report, state, functools.partial(_when, state))}\n"
 
 
-def _head(state: MissionState) -> Iterator[str]:
-    now = condition(state)
-    yield f"<header><h1>{_text(state.title)}</h1>"
-    if state.about.get("simulated"):
-        seeks = any(kind.is_found for kind in state.situation.kinds.values())
-        yield f'<p class="simulated">Simulated{": nobody was searched for, nobody was found" if seeks else ""}</p>'
-    yield f'<p class="outcome{"" if now.level == GOOD else " bad"}">{_text(now.text(state.now.time))}</p>'
-    facts: list[tuple[str, str]] = [
-        (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
-        for run in state.runs
-    ]
+def _head(state: MissionState) -> Iterator[tuple[str, str]]:
+    """Yield what stands at the top: a word, and what is so."""
+    for run in state.runs:
+        yield (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
     if state.runs and not state.runs[-1].ending:
-        facts.append(("as of", _day(state.now)))
-    figures = state.situation.figures.values()
-    facts += [(each.name, each.text.removeprefix(each.name).strip()) for each in figures]
-    facts += [(word, ", ".join(places)) for word, places in not_done(state).items()]
+        yield "as of", _day(state.now)
+    for figure in state.situation.figures.values():
+        yield figure.name, figure.text.removeprefix(figure.name).strip()
+    for word, places in not_done(state).items():
+        yield word, ", ".join(places)
     if state.is_told:
-        facts.append(("robot", _robot(state)))
-    place = georeference(state)
-    if place is not None:
-        where = f"origin of the map at {place.lat:.7f}, {place.lon:.7f} (WGS 84), its x axis {place.heading:g}° from north"
-        facts.append(("place", where))
-    items = "".join(f"<dt>{_text(key)}</dt><dd>{_text(value)}</dd>" for key, value in facts)
-    yield f"<dl>{items}</dl></header>"
+        yield "robot", _robot(state)
+    if (place := georeference(state)) is not None:
+        yield (
+            "place",
+            f"origin of the map at {place.lat:.7f}, {place.lon:.7f} (WGS 84), its x axis {place.heading:g}° from north",
+        )
 
 
 def _robot(state: MissionState) -> str:
@@ -99,7 +114,7 @@ def _robot(state: MissionState) -> str:
     return f"last seen at ({state.pose.x:.2f}, {state.pose.y:.2f})" if state.pose is not None else "not known"
 
 
-def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[str]:
+def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[Mapping[str, object]]:
     """Yield a table for each kind of landmarks of which there is more to say than where they are."""
     situation = state.situation
     for kind in situation.kinds.values():
@@ -109,10 +124,9 @@ def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[str]:
         names = [*dict.fromkeys(name for each in listed for name in each.details)]
         within = ["in"] if any(each.within for each in listed) else []
         heads = ("name", "state", *within, *_POSITION[: 1 + (georeference(state) is not None)], *names)
-        rows = ((_level(state, each), _landmark(state, each, within, names)) for each in listed)
-        yield _table(
-            kind.plural.capitalize(), heads, rows, "None is known." if situation.alarms else "None was found."
-        )
+        rows = [(_level(state, each), _landmark(state, each, within, names)) for each in listed]
+        empty = "None is known." if situation.alarms else "None was found."
+        yield {"title": kind.plural.capitalize(), "heads": heads, "rows": rows, "empty": empty}
 
 
 def _level(state: MissionState, landmark: Landmark) -> str:
@@ -139,44 +153,6 @@ def _detail(state: MissionState, value: Any) -> str:
     return _when(state, value) if isinstance(value, EventTime) else _value(value)
 
 
-def _map(state: MissionState) -> Iterator[str]:
-    drawing = report_map(state)
-    if drawing:
-        items = "".join(
-            f'<li><svg class="key" viewBox="-14 -14 28 28" aria-hidden="true">{drawn}</svg>{_text(text)}</li>'
-            for drawn, text in legend(state)
-        )
-        yield f'<h2>Map</h2>{drawing}<ul class="legend">{items}</ul>'
-
-
-def _alarms(state: MissionState) -> Iterator[str]:
-    rows = (
-        (
-            "" if each.is_over else "alarm",
-            [_when(state, state.since[text]), text, "over" if each.is_over else _NONE],
-        )
-        for text, each in state.situation.alarms.items()
-    )
-    yield _table("Alarms", ("since", "what", "now"), rows)
-
-
-def _properties(state: MissionState) -> Iterator[str]:
-    rows = (
-        (
-            "alarm" if each.broken else "",
-            [each.name, state.word_of(each), _when(state, each.broken), each.event],
-        )
-        for each in state.properties.values()
-    )
-    yield _table("Properties", ("property", "verdict", "broken", "by"), rows)
-
-
-def _next_steps(state: MissionState) -> Iterator[str]:
-    yield "<h2>What to do next</h2>"
-    items = "".join(f"<li>{_text(step)}</li>" for step in next_steps(state))
-    yield f"<ul>{items}</ul>" if items else "<p>The mission has left nothing to do.</p>"
-
-
 def next_steps(state: MissionState) -> Iterator[str]:
     """Yield what a mission leaves to those who read its report: finds to go to, places to look at, what to ask for."""
     finds = to_visit(state)
@@ -195,69 +171,9 @@ def next_steps(state: MissionState) -> Iterator[str]:
         yield f"Ask for a later report: this one is of {_day(state.now)}"
 
 
-def _facts(state: MissionState) -> Iterator[str]:
-    rows = (("", [_when(state, each.at), each.text]) for each in state.facts[:_MOST_FACTS])
-    yield _table("What has happened", ("when", "what"), rows)
-    yield _more(len(state.facts) - _MOST_FACTS)
-
-
-def _faults(state: MissionState) -> Iterator[str]:
-    rows = (
-        ("", [_when(state, each.at), "error" if each.level >= _ERROR else "warning", each.by, each.text])
-        for each in state.warnings[:_MOST_WARNINGS]
-    )
-    empty = "The log has no warnings and no errors."
-    yield _table("Faults met", ("when", "kind", "of", "what"), rows, empty)
-    yield _more(len(state.warnings) - _MOST_WARNINGS)
-
-
-def _more(count: int) -> str:
-    return f"<p class='quiet'>{count} more are in the journal.</p>" if count > 0 else ""
-
-
-def _annex(state: MissionState, why: Why | None) -> Iterator[str]:
-    yield '<section class="annex"><p class="quiet">From here on for engineers.</p>'
-    if why is not None and (first := first_to_look_at(why)):
-        yield f'<p class="first">{_text(first)}</p>'
-    yield from _facts(state)
-    yield from _faults(state)
-    rows = (("", [name, _value(value)]) for name, value in sorted(state.parameters.items()))
-    yield _table("Parameters", ("name", "value"), rows, "None were kept.")
-    yield "<h2>Tree</h2><p class='quiet'>The last status of each node, and what it said then.</p><div class='wide'>"
-    yield f'<table class="tree"><tbody>{"".join(map(_node, state.nodes))}</tbody></table></div></section>'
-    about = state.runs[-1].about if state.runs else {}
-    told = f"sar_compiler {about.get('version') or ''}, node {about.get('node') or _NONE}"
-    if head := state.head:
-        told += f", head of the journal {head}"
-    yield f"<footer>{_text(told)}</footer>"
-
-
-def _node(node: NodeState) -> str:
-    name = f"{'  ' * node.depth}{sign(node.status)} {node.name}".replace("  ", "\u00a0\u00a0")
-    cells = (name, node.message, node.place)
-    return f'<tr class="{_text(node.status)}">{"".join(f"<td>{_text(cell)}</td>" for cell in cells)}</tr>'
-
-
-def _table(
-    title: str, heads: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], empty: str = ""
-) -> str:
-    """Return a table with its heading; each row has a class, and its cells.
-
-    Without rows, there is what *empty* says instead; without that as well, nothing at all.
-    """
-    body = "".join(
-        f'<tr class="{_text(kind)}">{"".join(map(_cell, heads, cells))}</tr>' for kind, cells in rows
-    )
-    if not body:
-        return f"<h2>{_text(title)}</h2><p>{_text(empty)}</p>" if empty else ""
-    head = f"<thead><tr>{''.join(f'<th>{_text(each)}</th>' for each in heads)}</tr></thead>"
-    table = f'<table class="rows">{head}<tbody>{body}</tbody></table>'
-    return f'<h2>{_text(title)}</h2><div class="wide">{table}</div>'
-
-
-def _cell(head: str, text: str) -> str:
-    is_number = text[:1] in "-0123456789" and len(text) < 26  # noqa: PLR2004 - a time, or a coordinate
-    return f'<td class="{"number" if is_number else "text"}" data-head="{_text(head)}">{_text(text)}</td>'
+def _is_number(text: str) -> bool:
+    """Return whether a cell is a time, a coordinate or another number."""
+    return text[:1] in "-0123456789" and len(text) < 26  # noqa: PLR2004
 
 
 def _position(state: MissionState, x: float, y: float) -> list[str]:
@@ -298,10 +214,6 @@ def _value(value: Any) -> str:
     return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-def _text(text: str) -> str:
-    return escape(visible(text))
-
-
 # A picture that is not as a journal has it is left out.
 _BASE64 = re.compile(r"[A-Za-z0-9+/]+=*", re.ASCII)
 # Symbols are this part of the longer edge.
@@ -320,31 +232,40 @@ _JUMP_M = 5.0
 # A map that is turned by less is drawn as if it were not.
 _TURNED_RAD = 1e-3
 
-# As SVG around the origin, as large as a mark.
-_AREA, _WAY = '<path class="{}" d="M-13 0 H13"/>', '<path class="trail" d="M-13 0 H13"/>'
+
+class _Symbol(NamedTuple):
+    """The mark of a landmark, or of an area a part of its line.
+
+    Attributes:
+        is_area: Whether it is that of an area.
+        level: Its classes.
+        path: Its outline as SVG, around the origin.
+        sign: What stands in it.
+    """
+
+    is_area: bool
+    level: str
+    path: str = ""
+    sign: str = ""
 
 
-def legend(state: MissionState) -> Iterator[tuple[str, str]]:
-    """Yield each kind of symbol on the map once: its drawing, in units of a symbol around the origin, and its words."""
+def _legend(state: MissionState) -> Sequence[tuple[_Symbol | None, str]]:
+    """Return each kind of symbol on the map once, with its words; None is the way of the robot."""
     drawn = {(_symbol(state, each), _words(state, each)): None for each in state.situation.landmarks.values()}
-    yield from drawn
-    if len(state.trail) > 1:
-        yield _WAY, "way of the robot"
+    return [*drawn, *([(None, "way of the robot")] if len(state.trail) > 1 else [])]
 
 
-def _symbol(state: MissionState, landmark: Landmark) -> str:
-    """Return the mark of a landmark as SVG around the origin; of an area, a part of its line."""
+def _symbol(state: MissionState, landmark: Landmark) -> _Symbol:
     kind, level = state.situation.kind_of(landmark), _level(state, landmark)
     if landmark.corners:
-        return _AREA.format(f"area {level}")
+        return _Symbol(is_area=True, level=level)
     told = sign_of(landmark.level, is_found=kind.is_found)
-    text = f'<text class="sign" y="5">{told}</text>' if told else ""
-    return f'<g class="mark {level}"><path d="{MARKS.get(kind.shape, MARKS["circle"])}"/>{text}</g>'
+    return _Symbol(False, level, MARKS.get(kind.shape, MARKS["circle"]), told or "")  # noqa: FBT003
 
 
 def _words(state: MissionState, landmark: Landmark) -> str:
     kind = state.situation.kind_of(landmark)
-    return visible(f"{kind.name}, {landmark.state}" if landmark.state else kind.name)
+    return f"{kind.name}, {landmark.state}" if landmark.state else kind.name
 
 
 class MapBox(NamedTuple):
@@ -356,14 +277,10 @@ class MapBox(NamedTuple):
     high: float
 
 
-def _courses(state: MissionState) -> Iterator[str]:
-    """Yield a plot of each figure in percent that has risen or fallen: over the wall's time, from 0 to 100 %."""
-    for name, course in state.courses.items():
-        if len({value for _, value in course}) > 1:
-            yield f'<h2>{_text(name[:1].upper() + name[1:])}</h2><div class="scroll">{_plot(state, name, course)}</div>'
-
-
-def _plot(state: MissionState, name: str, course: Sequence[tuple[EventTime, float]]) -> str:
+def _course(
+    state: MissionState, name: str, course: Sequence[tuple[EventTime, float]]
+) -> Mapping[str, object]:
+    """Return the plot of a figure in percent: over the wall's time, from 0 to 100 %."""
     began, (width, height, left, low) = course[0][0].wall, _PLOT
     whole = max(state.now.wall - began, 1e-9)
 
@@ -377,53 +294,58 @@ def _plot(state: MissionState, name: str, course: Sequence[tuple[EventTime, floa
         for (moment, value), end in zip(course, ends, strict=True)
         for wall in (moment.wall, end)
     ]
-    lines = [
-        f'<polyline class="axis" points="{at(began, share)} {at(began + whole, share)}"/>'
+    shares = [
+        {
+            "share": share,
+            "points": f"{at(began, share)} {at(began + whole, share)}",
+            "y": f"{9 + height * (1 - share / 100):.0f}",
+        }
         for share in _SHARES
     ]
-    marks = [
-        f'<text text-anchor="end" x="{left - 6}" y="{9 + height * (1 - share / 100):.0f}">{share} %</text>'
-        for share in _SHARES
-    ]
-    times = [
-        f'<text x="{left}" y="{height + low - 8}">{_day(course[0][0], _CLOCK)}</text>',
-        f'<text text-anchor="end" x="{left + width}" y="{height + low - 8}">{_day(state.now, _CLOCK)}</text>',
-    ]
-    label = escape(visible(f"{name}: {course[0][1]:g} % at first, {course[-1][1]:g} % at last"))
-    return (
-        f'<svg class="course" viewBox="0 0 {left + width + 5} {height + low}" role="img" aria-label="{label}">'
-        f'{"".join((*lines, *marks, *times))}<polyline class="course" points="{" ".join(steps)}"/></svg>'
-    )
+    return {
+        "width": left + width + 5,
+        "height": height + low,
+        "left": left,
+        "right": left + width,
+        "shares": shares,
+        "began": _day(course[0][0], _CLOCK),
+        "ended": _day(state.now, _CLOCK),
+        "points": " ".join(steps),
+        "label": f"{name}: {course[0][1]:g} % at first, {course[-1][1]:g} % at last",
+    }
 
 
 def report_map(state: MissionState) -> str:
     """Return the map as an SVG element; empty if no position is known."""
+    drawing = _drawing(state)
+    return str(_macros().map(drawing)) if drawing is not None else ""
+
+
+def _drawing(state: MissionState) -> Mapping[str, object] | None:
+    """Return what is on the map; None if no position is known."""
     extent = _extent(state)
     if extent is None:
-        return ""
+        return None
     left, low, right, high = extent
     size = max(right - left, high - low) * _SYMBOL
-    areas = (each for each in state.situation.landmarks.values() if each.corners)
-    parts = [
-        *_image(state),
-        *_grid(extent, size),
-        *(
-            f'<polygon class="area {_level(state, each)}" points="{_points(each.corners)}"/>'
-            for each in areas
-        ),
-        *(
-            f'<polyline class="trail" points="{_points((pose.x, pose.y) for pose in way)}"/>'
-            for way in _ways(state.trail)
-        ),
-        *_places(state, extent, size),
-    ]
-    box = f"{left:.3f} {-high:.3f} {right - left:.3f} {high - low:.3f}"
+    landmarks = state.situation.landmarks.values()
+    places = [each for each in landmarks if not each.corners]
     plurals = ", ".join(kind.plural for kind in state.situation.kinds.values())
-    label = escape(visible(f"Map: the way of the robot{', ' if plurals else ''}{plurals}"))
-    return (
-        f'<svg class="map" viewBox="{box}" role="img" aria-label="{label}" '
-        f'style="stroke-width:{size / 4:.4f};font-size:{size * _LETTER:.4f}px">{"".join(parts)}</svg>'
-    )
+    step = _grid_step(extent)
+    return {
+        "box": f"{left:.3f} {-high:.3f} {right - left:.3f} {high - low:.3f}",
+        "label": f"Map: the way of the robot{', ' if plurals else ''}{plurals}",
+        "stroke": f"{size / 4:.4f}",
+        "letters": f"{size * _LETTER:.4f}",
+        "image": _image(state),
+        "grid": [*_grid(extent, step)],
+        "scale": {"x": f"{left + size:.3f}", "y": f"{-low - size:.3f}", "step": f"{step:g}"},
+        "areas": [(_level(state, each), _points(each.corners)) for each in landmarks if each.corners],
+        "ways": [_points((pose.x, pose.y) for pose in way) for way in _ways(state.trail)],
+        "marks": [(f"{each.x:.3f}", f"{-each.y:.3f}", _symbol(state, each)) for each in places],
+        "mark_scale": f"{size * _MARK:.5f}",
+        "labels": [*_labels(state, places, extent, size)],
+    }
 
 
 def _extent(state: MissionState) -> MapBox | None:
@@ -455,27 +377,29 @@ def _map_corners(state: MissionState) -> list[tuple[float, float]]:
     return corners if drawable and all(map(math.isfinite, itertools.chain(*corners))) else []
 
 
-def _image(state: MissionState) -> Iterator[str]:
+def _image(state: MissionState) -> Mapping[str, str] | None:
     corners, png = _map_corners(state), str(state.map.get("png"))
-    if corners and _BASE64.fullmatch(png):
-        (left, low), (right, high) = corners
-        yield (
-            f'<image x="{left:g}" y="{-high:g}" width="{right - left:g}" height="{high - low:g}" '
-            f'preserveAspectRatio="none" href="data:image/png;base64,{png}"/>'
-        )
+    if not corners or not _BASE64.fullmatch(png):
+        return None
+    (left, low), (right, high) = corners
+    size = {"width": f"{right - left:g}", "height": f"{high - low:g}"}
+    return {"x": f"{left:g}", "y": f"{-high:g}", **size, "png": png}
 
 
-def _grid(extent: MapBox, size: float) -> Iterator[str]:
-    """Yield lines in the distance of a round number of metres, which is said in a corner."""
+def _grid_step(extent: MapBox) -> float:
+    """Return a round number of metres between the lines of the grid."""
+    longer = max(extent.right - extent.left, extent.high - extent.low)
+    step: float = 10.0 ** math.floor(math.log10(longer))
+    return step / 5.0 if longer / step < 3 else step  # noqa: PLR2004 - so that there are some
+
+
+def _grid(extent: MapBox, step: float) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the ends of each line."""
     left, low, right, high = extent
-    step = 10.0 ** math.floor(math.log10(max(right - left, high - low)))
-    if max(right - left, high - low) / step < 3:  # noqa: PLR2004 - so that there are some
-        step /= 5.0
     for x in _multiples(left, right, step):
-        yield f'<line class="grid" x1="{x:g}" y1="{-high:.3f}" x2="{x:g}" y2="{-low:.3f}"/>'
+        yield f"{x:g}", f"{-high:.3f}", f"{x:g}", f"{-low:.3f}"
     for y in _multiples(low, high, step):
-        yield f'<line class="grid" x1="{left:.3f}" y1="{-y:g}" x2="{right:.3f}" y2="{-y:g}"/>'
-    yield f'<text class="label scale" x="{left + size:.3f}" y="{-low - size:.3f}">grid {step:g} m</text>'
+        yield f"{left:.3f}", f"{-y:g}", f"{right:.3f}", f"{-y:g}"
 
 
 def _multiples(first: float, last: float, step: float) -> Iterable[float]:
@@ -494,10 +418,10 @@ def _ways(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
     yield way
 
 
-def _places(state: MissionState, extent: MapBox, size: float) -> Iterator[str]:
-    places = [each for each in state.situation.landmarks.values() if not each.corners]
-    for each in places:
-        yield f'<g transform="translate({each.x:.3f} {-each.y:.3f}) scale({size * _MARK:.5f})">{_symbol(state, each)}</g>'
+def _labels(
+    state: MissionState, places: Sequence[Landmark], extent: MapBox, size: float
+) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yield the lines of the labels: text, class, by which end it is held, and where."""
     taken = [_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
     for each in places:
         found = state.situation.kind_of(each).is_found
@@ -516,10 +440,9 @@ class _Label(NamedTuple):
     x: float
     anchor: str
 
-    def line(self, text: str, kind: str, down: float) -> str:
-        """Return a line of it as SVG, so far below its upper edge, metres."""
-        at = f'text-anchor="{self.anchor}" x="{self.x:.3f}" y="{down - self.box.high:.3f}"'
-        return f'<text class="label {kind}" {at}>{escape(visible(text))}</text>'
+    def line(self, text: str, kind: str, down: float) -> tuple[str, str, str, str, str]:
+        """Return a line of it, so far below its upper edge, metres."""
+        return text, kind, self.anchor, f"{self.x:.3f}", f"{down - self.box.high:.3f}"
 
 
 def _label(landmark: Landmark, said: str, size: float, taken: Sequence[MapBox], extent: MapBox) -> _Label:

@@ -100,12 +100,18 @@ def test_of_a_journal_each_form_that_can_be_written_is_and_the_others_are_told(j
     assert told[1].endswith("r.pdf does not")
 
 
-def test_of_a_journal_a_form_whose_library_is_missing_is_told(journal_of, tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "geojson", None)
-    out = [str(tmp_path / "r.geojson"), str(tmp_path / "r.json")]
+@pytest.mark.parametrize(("form", "library"), [("geojson", "geojson"), ("html", "jinja2")])
+def test_of_a_journal_a_form_whose_library_is_missing_is_told(
+    journal_of, tmp_path, capsys, monkeypatch, form, library
+):
+    monkeypatch.setitem(sys.modules, library, None)
+    out = [str(tmp_path / f"r.{form}"), str(tmp_path / "r.json")]
     assert main(["report", journal_of(**PLACE), "-o", *out]) == 1
     assert written(tmp_path) == {"r.json"}
-    assert f"sar-journal: {out[0]}: a report in coordinates of the world takes" in capsys.readouterr().err
+    assert (
+        f"sar-journal: {out[0]}: a report as a page or in coordinates of the world takes"
+        in capsys.readouterr().err
+    )
 
 
 def place_in(file):

@@ -31,7 +31,8 @@ NEVER_RUN |= {"tomli", "tomllib"}
 NEVER_RUN |= {"librt", "mypy_extensions"}
 # Extras, which say what to install where they are missing.
 NEVER_RUN |= {
-    "distributed",
+    "jinja2",
+    "markupsafe",
     "mcap",
     "msgpack",
     "zmq",
