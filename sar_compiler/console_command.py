@@ -48,6 +48,17 @@ def _status_of(module: str, function: str) -> int:
             sys.stderr.write(f"{end.code}\n")
             return 1
         return end.code or 0
+    except ImportError as error:
+        from sar_compiler.parts import missing_part
+
+        if (part := missing_part(error)) is None:
+            sys.excepthook(*sys.exc_info())
+            return 1
+        name = os.path.basename(sys.argv[0])  # noqa: PTH119 - as below
+        sys.stderr.write(
+            f"{name}: this takes a part of sar_compiler that is not installed: sar_compiler.{part}\n"
+        )
+        return 2
     except BaseException:  # noqa: BLE001 - the interpreter would do the same, and then wait for others' threads
         sys.excepthook(*sys.exc_info())
         return 1

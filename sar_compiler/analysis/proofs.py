@@ -26,6 +26,7 @@ from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.opener import admit
+from sar_compiler.parts import is_here
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -117,6 +118,8 @@ def try_runs(tree: ProjectTree, binding: Binding, budget: TrialBudget, how_to_se
 
 def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
     """Return the file of the properties that the mission of a bound tree brings along; None for none."""
+    if not is_here("missions"):
+        return None
     from sar_compiler.missions.choosing import mission_of
 
     mission = mission_of(tree, binding)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 from sar_compiler.budget import MAX_MEMORY_MB, MAX_SEC, Budget
 from sar_compiler.commands import CommandParser
 from sar_compiler.errors import SarError
+from sar_compiler.parts import is_here
 
 if TYPE_CHECKING:
     from sar_compiler.journal.georeference import Georeference
@@ -86,6 +87,15 @@ def telling(read: Callable[[str], T]) -> Callable[[str], T]:
             raise argparse.ArgumentTypeError(str(error)) from error
 
     return parse
+
+
+def report_forms() -> str:
+    """Return in words which reports there are, for the help of options."""
+    if not is_here("reports"):
+        return "which takes sar_compiler.reports"
+    from sar_compiler.reports.report_forms import forms_in_words
+
+    return forms_in_words()
 
 
 def georeference(text: str) -> "Georeference":

@@ -5,14 +5,13 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-from sar_compiler.cli.arguments import FILE, Parser, add_page_options, georeference
+from sar_compiler.cli.arguments import FILE, Parser, add_page_options, georeference, report_forms
 from sar_compiler.cli.journal_check import add_check
 from sar_compiler.cli.journal_stats import add_stats
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.commands import OK, add_version, interruptible, run
 from sar_compiler.journal.journal_entries import OF_ROBOT
-from sar_compiler.reports.report_forms import forms_in_words
 
 _JOURNAL_HELP = "the journal; a mission may be writing to it"
 
@@ -49,7 +48,7 @@ def _parser() -> Parser:
     text = "Write a report of a mission, to be printed and handed on, or for maps and emergency services."
     report = commands.add_parser("report", help=text, description=text)
     report.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
-    text = f"the files, each {forms_in_words()}"
+    text = f"the files, each {report_forms()}"
     report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
     text = "where the origin of the frame map lies, and where its x axis points, clockwise from north, in degrees (default: as the run knew it)"
     report.add_argument("--georeference", type=georeference, metavar="LAT,LON,HEADING", help=text)

@@ -9,7 +9,6 @@ from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
 from sar_compiler.commands import OK, print_text
 from sar_compiler.journal.refused_start import read_refusal
 from sar_compiler.opener import is_file
-from sar_compiler.reports.explanation import Explanation, tree_entries
 from sar_compiler.tree.plain import as_json
 
 if TYPE_CHECKING:
@@ -40,6 +39,7 @@ def tell_why(options: argparse.Namespace) -> int:
         JournalError: If a journal cannot be read.
     """
     from sar_compiler.journal.database import JournalFile
+    from sar_compiler.reports.explanation import Explanation
     from sar_compiler.reports.why import difference_data, difference_text
 
     refused = read_refusal(options.journal)
@@ -72,6 +72,7 @@ def tell_why(options: argparse.Namespace) -> int:
 
 def _difference(place: Path, other_place: Path) -> "RunDifference | None":
     from sar_compiler.journal.database import JournalFile
+    from sar_compiler.reports.explanation import tree_entries
     from sar_compiler.reports.why import first_difference
 
     with JournalFile.reading(place) as file, JournalFile.reading(other_place) as other:

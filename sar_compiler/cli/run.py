@@ -16,6 +16,7 @@ from sar_compiler.cli.arguments import (
     Parser,
     add_page_options,
     pair_of_ports,
+    report_forms,
     restarts,
     seed,
     speed,
@@ -26,7 +27,6 @@ from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.execution.supervision import Supervision, own_supervision
 from sar_compiler.opener import is_file
 from sar_compiler.process_end import end_process, shut_down
-from sar_compiler.reports.report_forms import forms_in_words
 from sar_compiler.resources import find
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware
@@ -279,7 +279,7 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
     web_port = add_page_options(group, "with --view web: ")
-    text = f"write a report when the run has ended, {forms_in_words()}; may be repeated"
+    text = f"write a report when the run has ended, {report_forms()}; may be repeated"
     add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
     text = "record the mission in a new MCAP file: its topics, the tree's log, the mission's log"
     add("--record", type=FILE, metavar="FILE.mcap", help=text)

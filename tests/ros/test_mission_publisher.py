@@ -99,7 +99,7 @@ def test_the_log_has_the_changes_of_each_tick_as_nav2_writes_them(publish, witne
     assert log[0].timestamp.sec > 0
     runner.tick()
     runner.shutdown()
-    publisher.end(has_begun=True)
+    publisher.on_end(has_begun=True)
     ros.spin_until(lambda: len(log) == 2, "the end")
     assert changes(log[1]) == [
         (1, "both", "RUNNING", "IDLE"),
@@ -140,7 +140,7 @@ def test_diagnostics_say_what_is_done_and_whether_the_tree_has_failed(
 
     seen = witness.listen(DiagnosticArray, "/diagnostics")
     runner, publisher = publish(f'<Queue name="one" answers="{answers}"/>')
-    publisher.take(entry("changed", figures=[{"name": "zones visited", "value": 2, "of": 3}]))
+    publisher.on_entry(entry("changed", figures=[{"name": "zones visited", "value": 2, "of": 3}]))
     ros.spin_until(publisher._diagnostics.get_subscription_count, "the witness")
     runner.root.feedback_message = "under way"
     runner.tick()
@@ -163,7 +163,7 @@ def test_diagnostics_warn_of_alarms_until_they_are_over(publish, witness, ros):
     seen = witness.listen(DiagnosticArray, "/diagnostics")
     runner, publisher = publish('<Queue answers="RRRR"/>')
     alarms = [{"text": "the battery is low"}, {"text": "no link", "is_over": True}]
-    publisher.take(entry("changed", alarms=alarms))
+    publisher.on_entry(entry("changed", alarms=alarms))
     ros.spin_until(publisher._diagnostics.get_subscription_count, "the witness")
     runner.tick()
     ros.spin_until(lambda: seen, "diagnostics")
@@ -178,8 +178,8 @@ def test_markers_show_landmarks_and_the_plan(publish, witness):
     from visualization_msgs.msg import Marker, MarkerArray
 
     runner, publisher = publish('<Queue answers="R"/>')
-    publisher.take(entry("changed", landmarks=[ZONE]))
-    publisher.take(entry("plan", frame="map", points=[[0.0, 0.0], [1.0, 2.0], [float("nan"), 0.0]]))
+    publisher.on_entry(entry("changed", landmarks=[ZONE]))
+    publisher.on_entry(entry("plan", frame="map", points=[[0.0, 0.0], [1.0, 2.0], [float("nan"), 0.0]]))
     runner.tick()
     clear, form, text, plan = witness.latched(MarkerArray, "/robot1/mission/markers").markers
     assert clear.action == Marker.DELETEALL
@@ -201,7 +201,7 @@ def test_a_plan_that_is_no_line_has_no_marker(points, publish, witness):
     from visualization_msgs.msg import MarkerArray
 
     runner, publisher = publish('<Queue answers="R"/>')
-    publisher.take(entry("plan", frame="map", points=points))
+    publisher.on_entry(entry("plan", frame="map", points=points))
     runner.tick()
     assert len(witness.latched(MarkerArray, "/robot1/mission/markers").markers) == 1
 
@@ -212,7 +212,7 @@ def test_an_area_is_shown_by_its_outline(publish, witness):
     runner, publisher = publish('<Queue answers="R"/>')
     corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]
     fence = {"kind": "geofence", "name": "geofence", "x": 0.0, "y": 0.0, "corners": corners}
-    publisher.take(entry("changed", landmarks=[fence]))
+    publisher.on_entry(entry("changed", landmarks=[fence]))
     runner.tick()
     _, outline = witness.latched(MarkerArray, "/robot1/mission/markers").markers
     assert (outline.ns, outline.type) == ("geofence", Marker.LINE_STRIP)
@@ -224,7 +224,7 @@ def test_markers_are_published_again_when_what_they_show_has_changed(publish, mo
     published: list[object] = []
     monkeypatch.setattr(publisher, "_markers", SimpleNamespace(publish=published.append))
     for kind, times in (("pose", 1), ("status", 1), ("map", 1), ("changed", 2), ("log", 2), ("plan", 3)):
-        publisher.take(entry(kind))
+        publisher.on_entry(entry(kind))
         runner.tick()
         runner.tick()
         assert len(published) == times, kind
@@ -242,7 +242,7 @@ def test_the_end_waits_for_the_readers_of_the_last_messages_no_longer_than_a_sec
     runner, publisher = publish("<Success/>")
     runner.tick()
     monkeypatch.setattr(Publisher, "wait_for_all_acked", hanging)
-    publisher.end(has_begun=True)
+    publisher.on_end(has_begun=True)
     topics = {name.rpartition("/")[2] for name in waited}
     assert topics == {"behavior_tree_log", "tree_state", "markers"}
     assert all(0.0 <= seconds <= 1.0 for seconds in waited.values())

@@ -61,9 +61,9 @@ def record(ros, tree, tmp_path):
 def test_the_trees_log_and_the_missions_are_read_back(record, tmp_path):
     recording, runner, _ = record
     runner.tick()
-    recording.take(JournalEntry(1, 1, 1e9 + 0.5, 0.0, "zone_visited", {"zone": "zone_a"}))
+    recording.on_entry(JournalEntry(1, 1, 1e9 + 0.5, 0.0, "zone_visited", {"zone": "zone_a"}))
     for kind in ("status", "pose", "plan", "map", "log"):
-        recording.take(JournalEntry(1, 1, 1e9, 0.0, kind, {"x": 1.0}))
+        recording.on_entry(JournalEntry(1, 1, 1e9, 0.0, kind, {"x": 1.0}))
     recording.on_end(has_begun=True)
     found = read(tmp_path / "run.mcap")
     (tree,), (log,), (said,) = (
@@ -126,7 +126,7 @@ def test_topics_are_played_as_they_were_published(record, ros, tmp_path):
     scans = node.create_publisher(LaserScan, "scan", 10)
     ros.spin_until(scans.get_subscription_count, "the recorder")
     scans.publish(LaserScan())
-    recording.take(JournalEntry(1, 1, 1e9, 0.0, "zone_visited", {}))
+    recording.on_entry(JournalEntry(1, 1, 1e9, 0.0, "zone_visited", {}))
     ros.spin_until(lambda: len(recording._recorder._channels) == 4, "the messages")
     recording.on_end(has_begun=True)
     with AnyReader([tmp_path / "run.mcap"]) as reader:

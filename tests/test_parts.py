@@ -1,0 +1,130 @@
+"""Each part of the package can be taken away: what does not need it works, and what needs it says which part is missing."""
+
+import json
+import shutil
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.cli.compile import main
+from sar_compiler.journal.opening import open_journal
+from tests.test_house import PARTS
+from tests.trees import document
+from tests.views.flown import Said, flown, simulated
+
+TREE = '<Sequence><Script code="a := 1"/><Sleep msec="5"/><ScriptCondition code="a == 1"/></Sequence>'
+OURS = Path("sar_compiler")
+# With which modules of the command line, and with which parts, each command works: its words, and the parts that it takes.
+COMPILE, JOURNAL = "sar_compiler.cli.compile", "sar_compiler.cli.journal_command"
+COMMANDS = {
+    "validate tree.xml": (COMPILE, set()),
+    "show tree.xml": (COMPILE, set()),
+    "show --format json tree.xml": (COMPILE, set()),
+    "format --check tree.xml": (COMPILE, set()),
+    "convert tree.xml --to yaml": (COMPILE, set()),
+    "diff tree.xml tree.xml": (COMPILE, set()),
+    "schema --format json": (COMPILE, set()),
+    "--help": (COMPILE, set()),
+    "validate --format sarif tree.xml": (COMPILE, {"views"}),
+    "show --format svg tree.xml": (COMPILE, {"views"}),
+    "nodes": (COMPILE, {"views"}),
+    "explain unread-key": (COMPILE, {"views"}),
+    "simulate tree.xml --scenario empty.yaml": (COMPILE, {"analysis"}),
+    "verify tree.xml": (COMPILE, {"analysis"}),
+    "predict tree.xml": (COMPILE, {"analysis"}),
+    "check run.journal": (JOURNAL, {"journal"}),
+    "show run.journal": (JOURNAL, {"journal", "reports", "views"}),
+    "stats run.journal": (JOURNAL, {"analysis", "journal", "reports"}),
+    "why run.journal": (JOURNAL, {"journal", "reports", "views"}),
+}
+# What a command says without a part that it takes.
+MISSING = "sar_compiler.{}"
+_PROGRAM = """
+import importlib, json, os, re, sys
+
+# What is not ours is imported once for all commands.
+import jsonschema, lxml.etree, numpy, py_trees, scipy.sparse.linalg, yaml
+
+sys.meta_path[:] = [finder for finder in sys.meta_path if "__editable__" not in getattr(finder, "__module__", "")]
+sys.path.insert(0, sys.argv[1])
+results = {}
+for command, module in json.loads(sys.argv[2]).items():
+    child = os.fork()
+    if not child:
+        output = os.open("output", os.O_CREAT | os.O_TRUNC | os.O_WRONLY)
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        from sar_compiler.console_command import console_command
+
+        sys.argv = [module, *command.split()]
+        console_command(module)
+    _, ended = os.waitpid(child, 0)
+    results[command] = (os.waitstatus_to_exitcode(ended), re.sub(r"[0-9.]+ m?s\\b", "TIME", open("output").read()))
+print(json.dumps(results))
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A folder with a tree, a scenario, and the journal of a run of the tree."""
+    folder = tmp_path_factory.mktemp("parts")
+    tree = folder / "tree.xml"
+    tree.write_text(document(TREE), encoding="utf-8")
+    assert main(["format", str(tree)]) == 0
+    (folder / "empty.yaml").write_text("leaves: {}\n", encoding="utf-8")
+    with closing(open_journal(folder / "run.journal")) as journal:
+        flown(simulated(tree), Said(), journal, tree_file=str(tree), tree_id="Main")
+    return folder
+
+
+def without(part, folder):
+    """Copy the package, and take a part away; return the folder in which the copy is."""
+    place = folder / (part or "whole")
+    ignored = shutil.ignore_patterns("__pycache__", *([part] if part else []))
+    shutil.copytree(OURS, place / OURS.name, ignore=ignored, dirs_exist_ok=True)
+    for path in (
+        *map(Path, ("package.xml", "trees", "schemas", "config", "docs", "search_and_rescue")),
+        *Path().glob("*.so"),
+    ):
+        (place / path).symlink_to(path.resolve())
+    return place
+
+
+def results_of(part, folder):
+    """Run all commands without a part; return the status and the output of each."""
+    modules = {command: module for command, (module, _) in COMMANDS.items()}
+    done = subprocess.run(
+        [sys.executable, "-c", _PROGRAM, str(without(part, folder)), json.dumps(modules)],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        timeout=300.0,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def whole(files):
+    """The results of all commands with the whole package."""
+    return results_of("", files)
+
+
+def test_every_command_works_with_the_whole_package(whole):
+    assert {command: said for command, (status, said) in whole.items() if status} == {}
+
+
+@pytest.mark.parametrize("part", sorted(PARTS))
+def test_without_a_part_the_other_commands_work_and_its_own_say_what_is_missing(part, whole, files):
+    for command, (status, said) in results_of(part, files).items():
+        _, takes = COMMANDS[command]
+        if part in takes:
+            assert status == 2, (command, said)
+            assert MISSING.format(part) in said
+            assert "Traceback" not in said
+        else:
+            assert (command, status, said) == (command, *whole[command])
