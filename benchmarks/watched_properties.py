@@ -4,6 +4,7 @@ import statistics
 from collections.abc import Iterator
 
 from benchmarks.figures import Effort, Result, plain, timed
+from sar_compiler.analysis.tree_analysis import watch_tree
 from sar_compiler.loaded_tree import load
 
 SUBJECT = "an event and property, the resilient mission"
@@ -18,7 +19,7 @@ def measure(effort: Effort) -> Iterator[Result]:
     events = [event for tick in run.ticks for event in tick.events]
     taken = []
     for _ in range(effort.rounds):
-        watch = tree.watch(run.simulated.compiled, facts={"zones_left": zones})
+        watch = watch_tree(tree, run.simulated.compiled, facts={"zones_left": zones})
         seconds = timed(lambda: [*map(watch.take, events)])  # noqa: B023 - called at once
         if watch.alarms:
             message = f"the run is none that keeps the properties: {watch.alarms[0].text}"

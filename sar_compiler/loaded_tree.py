@@ -1,7 +1,7 @@
 """What a tree file is to who writes Python: checked, compiled, simulated, proved, watched and predicted."""
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,23 +10,18 @@ from sar_compiler.nodes.registry import Named, Registry
 from sar_compiler.project.project import Additions
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.project.workspace import Workspace
-from sar_compiler.runtime.answers import Fact
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gathering import find_tree
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler.analysis.assumptions import StartValues
-    from sar_compiler.analysis.conformance import Conformance
     from sar_compiler.analysis.predict import Prediction
-    from sar_compiler.analysis.property_watch import PropertyWatch
     from sar_compiler.analysis.simulated import Simulated
     from sar_compiler.analysis.verify.verdicts import Verification
     from sar_compiler.budget import Budget
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.documents.located import Document
-    from sar_compiler.runtime.events import Event
 
 
 class LoadedTree(ProjectTree):
@@ -134,77 +129,6 @@ class LoadedTree(ProjectTree):
             tree_id=tree_id,
             max_states=max_states,
             budget=budget,
-        )
-
-    def watch(
-        self,
-        watched: "CompiledTree",
-        properties: str | Path | None = None,
-        *,
-        facts: Mapping[str, Fact] | None = None,
-        parameters: Mapping[str, object] | None = None,
-        tree_id: str | None = None,
-        clock: Callable[[], float] = lambda: 0.0,
-    ) -> "PropertyWatch":
-        """Return what watches a run of the tree for properties.
-
-        Args:
-            watched: The tree that is ticked.
-            properties: As for `verify`.
-            facts: The facts as they are when the run begins; they override what the file says.
-            parameters: The keys of the root blackboard.
-            tree_id: As for `verify`.
-            clock: Returns the time, seconds since the run began.
-
-        Raises:
-            TreeError, UndecidableError: As `verify`.
-        """
-        from sar_compiler.analysis.tree_analysis import watch_tree
-
-        return watch_tree(
-            self, watched, properties, facts=facts, parameters=parameters, tree_id=tree_id, clock=clock
-        )
-
-    def conform(
-        self,
-        record: "Iterable[Event]",
-        names: Sequence[str],
-        properties: str | Path | None = None,
-        *,
-        is_over: bool,
-        start: "StartValues",
-        facts: "Mapping[str, object] | Document | None" = None,
-        params: str | Path | None = None,
-        tree_id: str | None = None,
-    ) -> "Conformance":
-        """Compare a recorded run with all possible runs of the tree.
-
-        Args:
-            record: What its leaves did.
-            names: The names of the nodes that ran, in pre-order.
-            properties: As for `verify`.
-            is_over: Whether it is over by its own condition.
-            start: The parameters and facts with which it began; *facts* override them, and they override what files say of facts.
-            facts: As for `verify`.
-            params: As for `verify`.
-            tree_id: As for `verify`.
-
-        Raises:
-            TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
-            OtherTreeError: If the tree has nodes other than those that ran.
-        """
-        from sar_compiler.analysis.tree_analysis import conform_tree
-
-        return conform_tree(
-            self,
-            record,
-            names,
-            properties,
-            is_over=is_over,
-            start=start,
-            facts=facts,
-            params=params,
-            tree_id=tree_id,
         )
 
     def predict(

@@ -15,11 +15,8 @@ from sar_compiler.analysis.assumptions import (
     take_controls,
 )
 from sar_compiler.analysis.leaf_words import LeafWords
-from sar_compiler.analysis.property_watch import PropertyWatch
 from sar_compiler.analysis.trying import TrialBudget, can_prepare, findings_of_runs, mark
-from sar_compiler.analysis.verify.limits import limits_of
 from sar_compiler.analysis.verify.properties import PropertyFile, read_property_file
-from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
@@ -33,7 +30,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 SearchResult = TypeVar("SearchResult")
 TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
-"""Searches the runs of a tree, as `checks.verify.verify` does, given what else that takes."""
+"""Searches the runs of a tree, as `analysis.verify.verify` does, given what else that takes."""
 
 
 def search_runs(
@@ -79,24 +76,6 @@ def begin_with(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
     """Have facts be at the start what they are in one run; a file of properties says how those of proofs begin."""
     for name in facts.keys() & simulated.fact_values().keys():
         simulated.facts.resolve(name).write(facts[name])
-
-
-def watch_runs(
-    tree: ProjectTree,
-    binding: Binding,
-    properties: str | Path | None,
-    watched: CompiledTree,
-    facts: Mapping[str, Fact],
-    parameters: Mapping[str, object],
-    clock: Callable[[], float],
-) -> PropertyWatch:
-    """Return what watches a run of a bound tree for properties; see `tree_analysis.watch_tree`."""
-
-    def watch(simulated: SimulatedTree, file: PropertyFile | None, tags: Collection[str]) -> PropertyWatch:
-        begin_with(simulated, facts)
-        return PropertyWatch(simulated, file, tags, watched, clock, limits_of(simulated, facts))
-
-    return search_runs(tree, binding, properties, None, StartValues(parameters, facts), watch)
 
 
 def try_runs(tree: ProjectTree, binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:

@@ -93,13 +93,37 @@ def watch_tree(
     tree_id: str | None = None,
     clock: Callable[[], float] = lambda: 0.0,
 ) -> "PropertyWatch":
-    """Return what watches a run of a tree for properties; see `LoadedTree.watch`."""
-    from sar_compiler.analysis.proofs import watch_runs
+    """Return what watches a run of a tree for properties.
 
-    return watch_runs(tree, tree.binding(tree_id), properties, watched, facts or {}, parameters or {}, clock)
+    Args:
+        tree: The tree file.
+        watched: The tree that is ticked.
+        properties: As for `LoadedTree.verify`.
+        facts: The facts as they are when the run begins; they override what the file says.
+        parameters: The keys of the root blackboard.
+        tree_id: As for `LoadedTree.verify`.
+        clock: Returns the time, seconds since the run began.
+
+    Raises:
+        TreeError, UndecidableError: As `LoadedTree.verify`.
+    """
+    from sar_compiler.analysis.proofs import begin_with, search_runs
+    from sar_compiler.analysis.property_watch import PropertyWatch
+    from sar_compiler.analysis.verify.limits import limits_of
+
+    known = facts or {}
+
+    def watch(
+        simulated: "SimulatedTree", file: "PropertyFile | None", tags: Collection[str]
+    ) -> PropertyWatch:
+        begin_with(simulated, known)
+        return PropertyWatch(simulated, file, tags, watched, clock, limits_of(simulated, known))
+
+    start = StartValues(parameters or {}, known)
+    return search_runs(tree, tree.binding(tree_id), properties, None, start, watch)
 
 
-def conform_tree(  # noqa: PLR0913 - as `LoadedTree.conform`
+def conform_tree(  # noqa: PLR0913 - each has its default
     tree: ProjectTree,
     record: "Iterable[Event]",
     names: Sequence[str],
@@ -111,7 +135,23 @@ def conform_tree(  # noqa: PLR0913 - as `LoadedTree.conform`
     params: str | Path | None = None,
     tree_id: str | None = None,
 ) -> "Conformance":
-    """Compare a recorded run with all possible runs of a tree; see `LoadedTree.conform`."""
+    """Compare a recorded run with all possible runs of a tree.
+
+    Args:
+        tree: The tree file.
+        record: The events of the run.
+        names: The names of the nodes that ran, in pre-order.
+        properties: As for `LoadedTree.verify`.
+        is_over: Whether the run was over by its own condition.
+        start: The parameters and facts with which it began; *facts* override them, and they override what files say of facts.
+        facts: As for `LoadedTree.verify`.
+        params: As for `LoadedTree.verify`.
+        tree_id: As for `LoadedTree.verify`.
+
+    Raises:
+        TreeError, UndecidableError, ParameterFileError, ParameterError: As `LoadedTree.verify`.
+        OtherTreeError: If the tree has nodes other than those that ran.
+    """
     from sar_compiler.analysis.conformance import conform
     from sar_compiler.analysis.proofs import begin_with, search_runs
 

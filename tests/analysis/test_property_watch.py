@@ -8,7 +8,7 @@ from py_trees.common import Status
 
 from sar_compiler import load
 from sar_compiler.analysis.property_watch import AlarmCause, PropertyWatch
-from sar_compiler.analysis.tree_analysis import stage_of
+from sar_compiler.analysis.tree_analysis import stage_of, watch_tree
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import parse_property_file
 from sar_compiler.runtime.events import ANSWERED
@@ -173,7 +173,7 @@ def test_runs_by_chance_of_a_tree_whose_properties_are_proved_raise_no_alarm():
     tree, ended = load("search_and_rescue_resilient"), 0
     for seed in range(rounds(100)):
         robot = stage_of(tree).play().simulated
-        watch = tree.watch(robot.compiled)
+        watch = watch_tree(tree, robot.compiled)
         watch_robot(watch, robot)
         for leaf in robot.leaves:
             leaf.policy = ByChance(seed + leaf.number)

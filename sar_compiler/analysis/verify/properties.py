@@ -367,12 +367,6 @@ class PropertyFile:
     controls: Value | None = None
     if_broken: Mapping[str, Value] = field(default_factory=dict)
 
-    @property
-    def has_chances(self) -> bool:
-        """Whether it says of any answer how likely it is, or how long it takes."""
-        leaves = () if self.answers is None else self.answers.mapping.values()
-        return any({"p", "sec"} & answer.mapping.keys() for leaf in leaves for answer in leaf.listed)
-
 
 def read_property_file(path: str | Path) -> PropertyFile:
     """Read a file of properties.
