@@ -65,7 +65,7 @@ class CheckedJournal(NamedTuple):
 
     Attributes:
         file: Where it is.
-        state: `whole`, `open` (whole, and without an end), `altered`, `other head` or `no chain`.
+        state: `whole`, `open` (whole, and without an end), `altered` or `other head`.
         words: The same in words.
         chain: What its chain has; None if there is none.
         notes: What is not known of it, in sentences.
@@ -91,9 +91,6 @@ class CheckedJournal(NamedTuple):
         from sar_compiler.journal.database import JournalFile
 
         with JournalFile.reading(place) as file:
-            if not file.is_chained:
-                words = "has no chain: an earlier version has written it, or the chain was taken out of it"
-                return cls(place, "no chain", words)
             chain = file.chain()
             notes = [] if chain.wrong else [*_notes(file)]
         if expected is None and not chain.wrong:
@@ -128,13 +125,7 @@ class CheckedJournal(NamedTuple):
 
 def _notes(file: "JournalFile") -> "list[str]":
     """Return what the chain says nothing of."""
-    from sar_compiler.journal.chain import CHAINED_SINCE
-
     notes = []
-    if since := file.about().get(CHAINED_SINCE):
-        notes.append(
-            f"An earlier version has begun it: what came before run {since} was chained as it was found then"
-        )
     if count := file.waiting():
         notes.append(
             f"{count_text(count, 'fact')} beside it, in its reserve, will be chained by the next run"

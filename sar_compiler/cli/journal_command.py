@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments without the command's name; by default the process's.
 
     Returns:
-        The exit status: 0; 1 if a report could not be written, or a journal was altered, or has no chain that shows it; 2 for wrong usage, or a file that is no journal or cannot be read.
+        The exit status: 0; 1 if a report could not be written, or a journal was altered; 2 for wrong usage, or a file that is no journal or cannot be read.
     """
     return run(lambda: _command(sys.argv[1:] if argv is None else argv), "sar-journal")
 

@@ -20,9 +20,6 @@ START = bytes(hashlib.sha256().digest_size)
 BEGAN, FACT, WATCHED, ENDED = b"b", b"f", b"w", b"e"
 """What an entry of the chain is."""
 
-CHAINED_SINCE = "chained_since"
-"""What the mission is said to be where its first runs had no chain: the number of the run that began with one for all."""
-
 # What it is, number, run, wall, time, length of the kind; most significant bytes first.
 _HEAD = struct.Struct(">cqqddI")
 
@@ -30,29 +27,6 @@ _ENTRIES = (
     "SELECT x'66', number, run, wall, time, kind, data, link FROM main.fact UNION ALL "
     "SELECT x'77', number, run, wall, time, kind, data, link FROM main.watched ORDER BY number"
 )
-
-# Whoever adds a chain to a journal of version 2 does it by these, too.
-ADD_LINKS = (
-    "ALTER TABLE fact ADD COLUMN link BLOB",
-    "ALTER TABLE watched ADD COLUMN link BLOB",
-    "ALTER TABLE run ADD COLUMN link BLOB",
-    "ALTER TABLE run ADD COLUMN closed BLOB",
-    "ALTER TABLE run ADD COLUMN began_behind INTEGER",
-    "ALTER TABLE run ADD COLUMN ended_behind INTEGER",
-)
-
-_LAST = "(SELECT ifnull(max(e.number), 0) FROM (SELECT number, run FROM fact UNION ALL SELECT number, run FROM watched) AS e WHERE e.run"
-_FIND_PLACES = (
-    f"UPDATE run SET began_behind = {_LAST} < run.number)",  # noqa: S608 - of constants
-    f"UPDATE run SET ended_behind = {_LAST} <= run.number) WHERE ended IS NOT NULL",  # noqa: S608 - of constants
-)
-
-_WITH_LINK = {
-    BEGAN: "UPDATE run SET link = ? WHERE number = ?",
-    FACT: "UPDATE fact SET link = ? WHERE number = ?",
-    WATCHED: "UPDATE watched SET link = ? WHERE number = ?",
-    ENDED: "UPDATE run SET closed = ? WHERE number = ?",
-}
 
 
 def linked(
@@ -225,21 +199,6 @@ def _follows(before: bytes, entry: tuple[Any, ...]) -> bool:
         return bool(entry[7] == linked(before, *entry[:7]))
     except (AttributeError, TypeError, OverflowError, struct.error):
         return False  # a value is of a type that nobody writes
-
-
-def add_chain(connection: sqlite3.Connection) -> None:
-    """Chain what is in a journal of version 2, within a transaction.
-
-    Args:
-        connection: The database.
-    """
-    for statement in (*ADD_LINKS, *_FIND_PLACES):
-        connection.execute(statement)
-    connection.execute("INSERT INTO about SELECT ?, 1 + count(*) FROM run HAVING count(*)", (CHAINED_SINCE,))
-    before = START
-    for what, number, run, *row, _ in chained(connection):
-        before = linked(before, what, number, run, *row)
-        connection.execute(_WITH_LINK[what], (before, number if what in (FACT, WATCHED) else run))
 
 
 def last_place(connection: sqlite3.Connection) -> LinkPlace:

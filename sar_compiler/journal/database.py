@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.chain import (
-    ADD_LINKS,
     FACT,
     WATCHED,
     JournalChain,
     LinkPlace,
-    add_chain,
     began_link,
     chained,
     ended_link,
@@ -81,11 +79,8 @@ from sar_compiler.tree.json_values import json_text, json_value
 # The schema is made in one transaction, and the folder is synced after it: a new file is a journal, or empty, and its name is on
 # the disk before a fact is.
 
-VERSION = 3
-"""The version of the schema that is written; others are refused, but for the one before it."""
-
-# It has no chain.
-_OLD_VERSION = 2
+VERSION = 4
+"""The version of the schema; others are refused."""
 
 # What `file` and SQLite know the files by: "SARJ".
 _APPLICATION_ID = 0x5341524A
@@ -95,21 +90,22 @@ PRAGMA application_id = {_APPLICATION_ID};
 CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE run (
     number INTEGER PRIMARY KEY, began REAL NOT NULL, about TEXT NOT NULL,
-    ended REAL, ending TEXT, status INTEGER, reason TEXT NOT NULL DEFAULT ''
+    ended REAL, ending TEXT, status INTEGER, reason TEXT NOT NULL DEFAULT '',
+    link BLOB, closed BLOB, began_behind INTEGER, ended_behind INTEGER
 );
 CREATE TABLE fact (
     number INTEGER PRIMARY KEY, run INTEGER NOT NULL, wall REAL NOT NULL, time REAL NOT NULL,
-    kind TEXT NOT NULL, data TEXT NOT NULL
+    kind TEXT NOT NULL, data TEXT NOT NULL, link BLOB
 );
 CREATE TABLE watched (
     number INTEGER PRIMARY KEY, run INTEGER NOT NULL, wall REAL NOT NULL, time REAL NOT NULL,
-    kind TEXT NOT NULL, data TEXT NOT NULL
+    kind TEXT NOT NULL, data TEXT NOT NULL, link BLOB
 );
 CREATE INDEX watched_by_kind ON watched (kind);
 """
 
 # In one transaction: whoever dies in it leaves an empty file.
-_MAKING = f"BEGIN IMMEDIATE; {_SCHEMA} {'; '.join(ADD_LINKS)}; PRAGMA user_version = {VERSION}; COMMIT;"
+_MAKING = f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {VERSION}; COMMIT;"
 
 _RUNS = "SELECT number, began, about, ended, ending, status, reason, hex(closed) FROM run ORDER BY number"
 _ENTRIES = "SELECT number, run, wall, time, kind, data FROM"
@@ -195,7 +191,6 @@ class JournalFile:
         self.path = path
         self._connection = connection
         self._lock = lock
-        self._version = VERSION
         # That behind the last entry; not known before something is written.
         self._end: LinkPlace | None = None
         # Whether the last transaction waited for the disk; None before the first one.
@@ -332,12 +327,12 @@ class JournalFile:
         )
         if known != _APPLICATION_ID:
             return f"{self.path} is a database, but no journal of a mission"
-        if version not in (VERSION, _OLD_VERSION):
+        if version != VERSION:
             return (
                 f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}: use the "
                 "sar_compiler that has written it, or move it away to begin anew"
             )
-        self._version, known = version, _parts(version)
+        known = _parts()
         parts = self._connection.execute("SELECT type, name, sql FROM main.sqlite_master")
         strange = [
             (kind, name) for kind, name, text in parts if text not in known and not _is_sqlites(name, text)
@@ -375,7 +370,7 @@ class JournalFile:
     def runs(self) -> list[JournalRun]:
         """Return the runs, the latest last."""
         with self._reading():
-            rows = self._connection.execute(_RUNS if self.is_chained else _RUNS.replace("hex(closed)", "''"))
+            rows = self._connection.execute(_RUNS)
             runs = [
                 JournalRun(
                     number,
@@ -539,17 +534,12 @@ class JournalFile:
                 yield entry
 
     @property
-    def is_chained(self) -> bool:
-        """Whether its entries are chained."""
-        return self._version == VERSION
-
-    @property
     def head(self) -> str:
         """The link of the last entry that was written, as hexadecimal digits."""
         return self._place().link.hex()
 
     def chain(self) -> JournalChain:
-        """Follow its chain; only for journals that have one.
+        """Follow its chain.
 
         Raises:
             JournalError: If it is damaged.
@@ -572,14 +562,9 @@ class JournalFile:
             return int(self._connection.execute(counts).fetchone()[0])
 
     def _place(self) -> LinkPlace:
-        """Return the place behind the last entry; chain them if they are not."""
+        """Return the place behind the last entry."""
         if self._end is None:
             with self._reading():
-                if not self.is_chained:
-                    with self._transaction():
-                        add_chain(self._connection)
-                        self._connection.execute(f"PRAGMA user_version = {VERSION}")
-                    self._version = VERSION
                 self._end = last_place(self._connection)
         return self._end
 
@@ -736,10 +721,10 @@ def _lock(descriptor: int) -> None:
 
 
 @functools.cache
-def _parts(version: int) -> frozenset[str]:
+def _parts() -> frozenset[str]:
     """Return what a file says of its own parts: in these texts, and no others."""
     with closing(sqlite3.connect(":memory:")) as empty:
-        empty.executescript(_MAKING if version == VERSION else _SCHEMA)
+        empty.executescript(_MAKING)
         return frozenset(text for (text,) in empty.execute("SELECT sql FROM sqlite_master"))
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from sar_compiler.cli.journal_check import CheckedJournal
 from sar_compiler.cli.journal_command import main
-from sar_compiler.journal import chain, database
+from sar_compiler.journal import chain
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import Ending, Row
 from sar_compiler.journal.opening import open_journal
@@ -203,15 +203,23 @@ def test_a_byte_of_the_file_is_found_or_changes_nothing_that_is_read(flown, tmp_
                 assert read(file) == as_written, offset
 
 
+LINKS = {
+    chain.BEGAN: ("run", "link"),
+    chain.FACT: ("fact", "link"),
+    chain.WATCHED: ("watched", "link"),
+    chain.ENDED: ("run", "closed"),
+}
+
+
 def anew(place):
     """Compute a chain anew, as somebody does who has altered what is in it."""
     with closing(sqlite3.connect(place, isolation_level=None)) as base:
         before = chain.START
         for what, number, run, *row, _ in [*chain.chained(base)]:
             before = chain.linked(before, what, number, run, *row)
-            base.execute(
-                chain._WITH_LINK[what], (before, number if what in (chain.FACT, chain.WATCHED) else run)
-            )
+            table, link = LINKS[what]
+            at = number if what in (chain.FACT, chain.WATCHED) else run
+            base.execute(f"UPDATE {table} SET {link} = ? WHERE number = ?", (before, at))  # noqa: S608 - ours
 
 
 def test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it(flown, place, capsys):
@@ -352,48 +360,6 @@ def test_what_waits_in_the_reserve_is_said_and_chained_by_the_next_run(tmp_path,
     assert "1 fact beside it, in its reserve, will be chained by the next run" in capsys.readouterr().out
     found = verdict(place, fly(place))
     assert (found.state, found.chain.entries, len(found.chain.heads)) == ("whole", 17, 2)
-
-
-@pytest.fixture
-def old(tmp_path, monkeypatch):
-    """A journal of version 2, with a run that broke off."""
-    place = tmp_path / "mission.journal"
-    with closing(sqlite3.connect(place, isolation_level=None)) as base:
-        base.executescript(f"BEGIN; {database._SCHEMA} PRAGMA user_version = 2; COMMIT;")
-        base.execute("INSERT INTO about VALUES ('mission', '\"patrol\"')")
-        base.execute("INSERT INTO run (began, about) VALUES (1.0, '{}')")
-        base.execute("""INSERT INTO fact VALUES (2, 1, 2.0, 1.0, 'zone_visited', '{"zone": "a"}')""")
-        base.execute("INSERT INTO watched VALUES (1, 1, 2.0, 1.0, 'pose', '{}')")
-    return place
-
-
-def test_an_old_journal_is_read_as_it_is_and_has_no_chain(old, capsys):
-    before = old.read_bytes()
-    assert main(["show", str(old), "--format", "json"]) == 0
-    assert json.loads(capsys.readouterr().out)["facts"][0]["data"] == {"zone": "a"}
-    assert main(["check", str(old)]) == 1
-    assert (
-        "has no chain: an earlier version has written it, or the chain was taken out of it"
-        in capsys.readouterr().out
-    )
-    assert old.read_bytes() == before
-
-
-def test_a_run_that_goes_on_with_an_old_journal_chains_all_of_it_and_says_since_when(old, capsys):
-    head = fly(old)
-    assert main(["check", str(old), "--head", head]) == 0
-    out = capsys.readouterr().out
-    assert "18 entries in 2 runs" in out
-    assert "what came before run 2 was chained as it was found then" in out
-    change(old, "UPDATE fact SET data = '{}' WHERE number = 2")
-    assert verdict(old).chain.wrong.number == 2
-
-
-def test_an_old_journal_that_is_put_aside_stays_as_it_is(old):
-    open_journal(old, anew=True).close()
-    with pytest.raises(Exception, match="is not over"):
-        open_journal(old)
-    assert verdict(old).state == "no chain"
 
 
 def test_a_link_is_what_the_page_says_of_it():

@@ -67,11 +67,11 @@ def test_the_page_is_in_the_package(installed):
     }
 
 
-def test_every_stylesheet_is_in_the_package(installed):
+def test_every_stylesheet_and_template_is_in_the_package(installed):
     repository, environment = installed
     (package,) = environment.rglob("sar_compiler/py.typed")
     sheets = [
-        {path.relative_to(folder) for path in folder.rglob("*.css")}
+        {path.relative_to(folder) for ending in ("css", "jinja") for path in folder.rglob(f"*.{ending}")}
         for folder in (package.parent, repository / "sar_compiler")
     ]
     assert sheets[0] == sheets[1]
