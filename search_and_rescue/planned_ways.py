@@ -3,14 +3,12 @@
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.leaves import (
     SUCCEEDED,
     ActionQuestions,
     Deadline,
-    LeafDefinitionError,
     UnusableValueError,
     path_points,
     turn_by,
@@ -45,10 +43,7 @@ class PlannedWays:
         self, node: "Node", zones: ZoneManager, timeout_sec: float, planner_id: str, wake: Callable[[], None]
     ) -> None:
         self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
-        self._planner: ActionQuestions | None = None
-        # The interfaces of an environment that was made earlier may lack this action.
-        with suppress(LeafDefinitionError):
-            self._planner = ActionQuestions(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
+        self._planner = ActionQuestions(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
         # A planner computes by the machine's clock, also where a simulation is faster than that.
         self._due = Deadline(0.0)
         self._ways: Sequence[PosePair] = ()
@@ -63,7 +58,7 @@ class PlannedWays:
         self._ways, self._reasons = ways, set()
         self._left = [way for way in ways if not self._zones.knows_way(*way)]
         self._due = Deadline(self._timeout_sec)
-        if self._left and (self._planner is None or not self._planner.has_server):
+        if self._left and not self._planner.has_server:
             self._stop(f"no server of {_ACTION} is there")
 
     def are_awaited(self) -> bool:
@@ -93,26 +88,23 @@ class PlannedWays:
     def give_up(self) -> None:
         """Ask no further; what is answered later is ignored."""
         self._left, self._is_waiting = [], False
-        if self._planner is not None:
-            self._planner.give_up()
+        self._planner.give_up()
 
     def release(self) -> None:
         """Ask no more at all."""
         self.give_up()
-        if self._planner is not None:
-            self._planner.release()
+        self._planner.release()
 
     def _stop(self, reason: str) -> None:
         self.give_up()
         self._reasons.add(reason)
 
     def _go_on(self) -> None:
-        if self._planner is not None and self._planner.is_ready:
+        if self._planner.is_ready:
             self._is_waiting = True
             self._planner.ask(self._goal(*self._left[0]), self._take)
 
     def _goal(self, start: MapPose, target: MapPose) -> Any:
-        assert self._planner is not None  # noqa: S101 - asked by whoever calls
         goal = self._planner.interface.Goal(planner_id=self._planner_id, use_start=True)
         for message, pose in ((goal.start, start), (goal.goal, target)):
             message.header.frame_id = MAP_FRAME

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from action_msgs.srv import CancelGoal
 from lifecycle_msgs.srv import GetState
-from nav2_msgs.action import NavigateToPose
+from nav2_msgs.action import NavigateThroughPoses, NavigateToPose
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import Log
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -298,15 +297,13 @@ class BtNavigator:
         self._lines: Publisher | None = None
         self._plan = self._node.create_publisher(PathMessage, "plan", 1)
         self._serve()
-        # An environment that was made earlier flies without it.
-        with suppress(ImportError):
-            self._planner_server = PlannerServer(
-                self._node,
-                self._planner,
-                self._localise,
-                lambda: self.active,
-                tolerance=self._manner.tolerance,
-            )
+        self._planner_server = PlannerServer(
+            self._node,
+            self._planner,
+            self._localise,
+            lambda: self.active,
+            tolerance=self._manner.tolerance,
+        )
 
     def _serve(self) -> None:
         """Serve the actions of the navigator, and say in which state it is."""
@@ -318,12 +315,6 @@ class BtNavigator:
         # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
         self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._server = serve_goals(self._node, NavigateToPose, NAVIGATE, self._on_goal, self._on_accepted)
-        with suppress(ImportError):
-            self._serve_through()
-
-    def _serve_through(self) -> None:
-        from nav2_msgs.action import NavigateThroughPoses
-
         self._through = serve_goals(
             self._node,
             NavigateThroughPoses,

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from nav2_msgs.action import ComputePathToPose
 from rclpy.action import ActionServer, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
@@ -31,9 +32,6 @@ class PlannerServer:
         localise: Returns the robot's pose in `map`, where a way begins that names no start; None while it is not known.
         is_active: Returns whether goals are taken.
         tolerance: How far from its goal a way may end where the goal itself is occupied, metres.
-
-    Raises:
-        ImportError: If the environment's `nav2_msgs` was built without this action.
     """
 
     def __init__(
@@ -45,8 +43,6 @@ class PlannerServer:
         *,
         tolerance: float = 0.0,
     ) -> None:
-        from nav2_msgs.action import ComputePathToPose
-
         self._node, self._planner, self._localise, self._tolerance = node, planner, localise, tolerance
         self._result = ComputePathToPose.Result
         self._server = ActionServer(
