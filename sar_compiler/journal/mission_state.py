@@ -273,7 +273,7 @@ class MissionState:
         runs: Its runs, the latest last.
         nodes: The nodes of the tree, in pre-order.
         situation: What the mission shows of itself.
-        is_told: Whether the mission itself has said what it shows: journals of earlier versions have facts alone.
+        is_told: Whether the mission itself has said what it shows; one without a display has facts alone.
         since: Since when each alarm is there, by what it says.
         courses: What each figure in percent was when, by its name: the moments at which it has changed.
         facts: What has happened, with the operator's orders, in its order; of goals of actions, `goals` tells.

@@ -35,8 +35,7 @@ def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
     Before it are those of other nodes that have decided by themselves in the tick.
 
     The path of a leaf has the nodes that attributes ask for, too. Facts that a leaf has noted are those of its next event in that tick. At the
-    tick's end are those of a leaf without one, whose tick was broken off. Facts that no leaf has noted, or of which an older journal does
-    not say it, are left out.
+    tick's end are those of a leaf without one, whose tick was broken off. Facts that no leaf has noted are left out.
 
     Args:
         stream: The entries, as `JournalFile.stream` or `last_run` yields them; with each run, ticks and times begin anew.
