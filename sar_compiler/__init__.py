@@ -1,13 +1,13 @@
 """Write a mission as a tree file, have it checked, run it on ROS 2.
 
-What is named in four groups is public and kept. Here is what one does with trees::
+What is named in five groups is public and kept. Here is what one does with trees::
 
     tree = sar_compiler.load("mission.xml")
     for finding in tree.check():
         print(finding.render())
 
-`sar_compiler.leaves` has what leaves, controls and decorators are made of, `sar_compiler.missions` what missions are made of, and
-`sar_compiler.testing` what tests of trees are. Every other module is the project's own, and changes with it.
+`sar_compiler.leaves` has what leaves, controls and decorators are made of, `sar_compiler.missions` what missions are made of,
+`sar_compiler.execution` runs missions, and `sar_compiler.testing` has what tests of trees are made of. Every other module is the project's own, and changes with it.
 Names are looked up when they are first used: to import a group takes no time, and needs no ROS.
 """
 

@@ -16,7 +16,13 @@ from tests.docs.markdown import PAGES, blocks
 FINDINGS = sorted(Path("docs/findings").glob("*.md"))
 GROUPS = {
     name: importlib.import_module(name)
-    for name in ("sar_compiler", "sar_compiler.leaves", "sar_compiler.missions", "sar_compiler.testing")
+    for name in (
+        "sar_compiler",
+        "sar_compiler.execution",
+        "sar_compiler.leaves",
+        "sar_compiler.missions",
+        "sar_compiler.testing",
+    )
 }
 PUBLIC = [f"{group}.{name}" for group, module in GROUPS.items() for name in module.__all__]
 # `testing` is a module as any other, in which its names live.

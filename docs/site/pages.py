@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 GROUPS = {
     "sar_compiler": "Trees",
+    "sar_compiler.execution": "Runs",
     "sar_compiler.leaves": "Leaves",
     "sar_compiler.missions": "Missions",
     "sar_compiler.testing": "Tests",

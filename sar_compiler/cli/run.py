@@ -4,8 +4,10 @@ import sys
 from argparse import BooleanOptionalAction, Namespace, _ArgumentGroup
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import fields
+from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from sar_compiler.cli.arguments import (
     DEFAULT_WORLD,
@@ -32,15 +34,20 @@ from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
-from sar_compiler.terminal import findings_as_text
+from sar_compiler.terminal import RunOutput, findings_as_text
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gc_pause import gc_paused
+from sar_compiler.tree.json_values import json_text
+
+if TYPE_CHECKING:
+    from sar_compiler.execution.run_options import RunOptions, RunOutcome
 
 PROG = "sar-run"
 
 ENGINES = ("own", "py_trees_ros")
 _RESUMED = 3
 _NO_JOURNAL = Path("none")
+_SERVE, _MANAGED = "--serve", "--managed"
 
 
 def command() -> NoReturn:
@@ -84,9 +91,12 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
 
         return supervise(argv, options.supervise, signals, _reports(options) if options.report else None)
     if options.serve is not None:
-        from sar_compiler.execution.serve import serve
+        from sar_compiler.execution.serve import ServeOptions, serve
 
-        return serve(argv, options, signals)
+        served = ServeOptions(
+            options.serve, options.additions, options.params, options.ros, options.fault, options.managed
+        )
+        return serve(_passed_on(argv, options), served, signals)
     _supervise(options, supervision)
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
@@ -94,9 +104,11 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
 
     options.tree = options.tree or _default_tree(options.mission)
     staying: list[Callable[[], object]] = []
+    output = RunOutput()
     try:
         makes = list(extensions_asked_for(options))  # what they lack is said before anything starts
-        status = run_mission(options, makes, signals, ros, staying)
+        given, report = _run_options(options, supervision), partial(_print_outcome, output, options.format)
+        status = run_mission(given, makes, signals, ros, staying, output, report).status
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         print_error(f"{PROG}: {options.tree} cannot be run like this; nothing has moved")
@@ -108,6 +120,35 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
     return status
 
 
+def _run_options(options: Namespace, supervision: Supervision) -> "RunOptions":
+    from sar_compiler.execution.run_options import RunOptions
+
+    own = {
+        each.name: getattr(options, each.name) for each in fields(RunOptions) if hasattr(options, each.name)
+    }
+    return RunOptions(**own, keeps_journal=options.supervise is not None, supervision=supervision)
+
+
+def _print_outcome(output: RunOutput, form: str, outcome: "RunOutcome") -> None:
+    """Print what has become of a run."""
+    if outcome.hint:
+        print_error(outcome.hint)
+    if form == "text":
+        head = f"The journal's head, for sar-journal check --head: {outcome.head}" if outcome.head else ""
+        for text in filter(None, (*outcome.summary, head, outcome.cause and f"  {outcome.cause}")):
+            output.say(text)
+    elif outcome.summary:
+        said = {"status": outcome.status, "reason": outcome.reason, "duration": outcome.duration_sec}
+        said |= {"ticks": outcome.ticks}
+        said |= {} if outcome.deaths is None else {"deaths": outcome.deaths}
+        said |= {"figures": outcome.figures}
+        said |= {} if outcome.verdicts is None else {"properties": outcome.verdicts}
+        said |= {"head": outcome.head} if outcome.head else {}
+        output.say(json_text(said))
+    for message in outcome.messages:
+        print_error(f"{PROG}: {message}")
+
+
 def _reports(options: Namespace) -> Callable[[Path], object]:
     """Return what writes the reports of a run, given its journal."""
     from sar_compiler.reports.report_files import report_journal
@@ -116,12 +157,25 @@ def _reports(options: Namespace) -> Callable[[Path], object]:
 
 
 def _supervise(options: Namespace, supervision: Supervision) -> None:
-    """Make the options those of a run that somebody may supervise: one that has died is resumed, and recorded in another file."""
-    options.supervision = supervision
+    """Make the options those of a run that may be supervised: one that has died is resumed, and recorded in another file."""
     if supervision.has_begun:
         options.resume, options.new = True, False
     if options.record is not None and supervision.deaths:
         options.record = options.record.with_stem(f"{options.record.stem}.{len(supervision.deaths) + 1}")
+
+
+def _passed_on(argv: Sequence[str], options: Namespace) -> list[str]:
+    """Return what each run has on its command line: what this one has, without its trees and what is for ROS."""
+    own, left = split_arguments(argv).own, list[str]()
+    while own:
+        word = own.pop(0)
+        if word == _SERVE:
+            del own[: len(options.serve)]
+        elif not word.startswith(f"{_SERVE}=") and word != _MANAGED:
+            left.append(word)
+    shown = [] if options.view == "web" else ["--view", "text"]
+    anew = [] if options.no_journal else ["--new"]
+    return [*left, *shown, "--format", "json", *anew]
 
 
 def _options(argv: Sequence[str]) -> Namespace:

@@ -3,6 +3,7 @@
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 from sar_compiler.errors import SarError
@@ -29,7 +30,7 @@ def extensions_asked_for(options: Namespace) -> "Iterator[MakeExtension]":
     if options.view == "web":
         from sar_compiler.web.run_page import RunPage
 
-        yield RunPage
+        yield partial(RunPage, port=options.web_port, opens=options.open)
     if options.view == "text":
         from sar_compiler.execution.run_view import run_view
 

@@ -1,1 +1,13 @@
 """A run of a mission, from its tree file to its result."""
+
+from typing import TYPE_CHECKING
+
+from sar_compiler.lazy_exports import lazy
+
+if TYPE_CHECKING:
+    from sar_compiler.execution.ending import Until as Until
+    from sar_compiler.execution.python_run import run_mission as run_mission
+    from sar_compiler.execution.run_options import RunOptions as RunOptions
+    from sar_compiler.execution.run_options import RunOutcome as RunOutcome
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

@@ -2,7 +2,6 @@
 
 import os
 import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -20,6 +19,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.execution.extensions import Extensions
 from sar_compiler.execution.order_record import OrderRecord
 from sar_compiler.execution.run_journal import RunJournal, RunStart
+from sar_compiler.execution.run_options import RunOptions, RunOutcome
 from sar_compiler.execution.run_setup import MakeExtension, RunSetup
 from sar_compiler.execution.supervision import PERIOD_SEC
 from sar_compiler.execution.tree_run import RouteCheck, TreeRun, end_condition
@@ -51,20 +51,24 @@ if TYPE_CHECKING:
 
 
 def run_mission(
-    options: Namespace,
+    options: RunOptions,
     makes: Sequence[MakeExtension],
     signals: StopSignals,
     ros: ExitStack,
     staying: list[Callable[[], object]],
-) -> int:
-    """Check the tree, wait for its requirements, tick it to the end, and return the exit status.
+    output: RunOutput,
+    report: Callable[[RunOutcome], object],
+) -> RunOutcome:
+    """Check the tree, wait for its requirements, tick it to the end, and return what has become of the run.
 
     Args:
-        options: The options of the command line.
+        options: The options.
         makes: Make the extensions of the run.
         signals: The requests to stop.
         ros: Takes down what is native, in the end, when all that the run has to write is written.
         staying: Takes what is to be called after that.
+        output: Where the run is shown.
+        report: Is called with the result, before the extensions come to their ends.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
@@ -73,26 +77,28 @@ def run_mission(
     """
     start = RunStart(options)
     try:
-        return _run_mission(options, makes, signals, ros, staying, start)
+        return _run_mission(options, makes, signals, ros, staying, output, report, start)
     except SarError as error:
         start.refuse(error)
         raise
 
 
 def _run_mission(
-    options: Namespace,
+    options: RunOptions,
     makes: Sequence[MakeExtension],
     signals: StopSignals,
     ros: ExitStack,
     staying: list[Callable[[], object]],
+    output: RunOutput,
+    report: Callable[[RunOutcome], object],
     start: RunStart,
-) -> int:
+) -> RunOutcome:
     make_engine = find_engine(options.engine)
     loader = Workspace(options.additions, note=tell_note, further_checks=[check_mission])
     loaded = loader.load(options.tree)
     binding = loaded.binding(options.tree_id)
     loader.note_use()
-    options.approval = _approval(options, loaded) if options.approved else None
+    approval = _approval(options, loaded) if options.approved else None
     require_classes(binding)
     mission = mission_of(loaded, binding)
     faults = parse_faults(options.fault, mission)
@@ -100,15 +106,15 @@ def _run_mission(
     with ExitStack() as stack:
         context = ros.enter_context(_ros(options, signals, mission))
         if signals.came:
-            return signals.exit_status
+            return RunOutcome(signals.exit_status)
         node = _node(options, mission, context)
         ros.callback(node.destroy_node)
         start.find_place(mission, node)
         files = parameter_files(options.ros, options.params)
         reader = ParameterReader.of_files(flat_parameters(node), files, node.get_fully_qualified_name())
         run, parameters, notes = begin_run(mission, reader, binding)
-        if options.approval is not None:
-            options.approval.require_parameters(reader.parameters, reader.files)
+        if approval is not None:
+            approval.require_parameters(reader.parameters, reader.files)
         run_journal = start.journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
         options.supervision.tell_journal(journal.place)
@@ -123,9 +129,10 @@ def _run_mission(
             loaded,
             reader.parameters,
             fixed,
-            RunOutput(),
+            output,
             orders,
             staying,
+            approval,
         )
         extensions = Extensions(setup, run_journal, makes, stack)
         run_journal.keep_facts(run, reader.parameters)
@@ -145,10 +152,12 @@ def _run_mission(
             options.supervision.tell_alive()
             steady_timer(node, PERIOD_SEC, options.supervision.tell_alive)
         route = _route_check(setup, tree, world)
-        return TreeRun(setup, end, extensions, tree, engine, executor, simulation).run(route)
+        outcome = TreeRun(setup, end, extensions, tree, engine, executor, simulation).run(route)
+        report(outcome)
+        return outcome
 
 
-def _approval(options: Namespace, loaded: ProjectTree) -> ApprovalCheck:
+def _approval(options: RunOptions, loaded: ProjectTree) -> ApprovalCheck:
     """Check that the tree is approved.
 
     Raises:
@@ -159,7 +168,7 @@ def _approval(options: Namespace, loaded: ProjectTree) -> ApprovalCheck:
     return ApprovalCheck(loaded, options.tree_id, options.params, properties)
 
 
-def _executor(options: Namespace, context: Context) -> "Executor | SteppedExecutor":
+def _executor(options: RunOptions, context: Context) -> "Executor | SteppedExecutor":
     """Return what serves the mission's node: with its world, if that is wanted, and if this rclpy can."""
     if options.stepped:
         from sar_compiler.sim.node_host import SteppedExecutor
@@ -169,7 +178,7 @@ def _executor(options: Namespace, context: Context) -> "Executor | SteppedExecut
     return make_executor(context, options.executor)
 
 
-def _world(options: Namespace) -> "World | None":
+def _world(options: RunOptions) -> "World | None":
     """Return the world to simulate, if any; a wrong name is reported before anything slow is done."""
     if options.sim is None:
         return None
@@ -200,7 +209,7 @@ def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> 
 
 
 @contextmanager
-def _ros(options: Namespace, signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
+def _ros(options: RunOptions, signals: StopSignals, mission: Mission | None) -> Iterator[Context]:
     """Initialise ROS; a run without parameters uses the mission's default ones."""
     arguments = init_arguments(options.ros, _parameter_file(options, mission))
     if options.sim is not None:
@@ -216,14 +225,14 @@ def _ros(options: Namespace, signals: StopSignals, mission: Mission | None) -> I
         yield context
 
 
-def _parameter_file(options: Namespace, mission: Mission | None) -> Path | None:
+def _parameter_file(options: RunOptions, mission: Mission | None) -> Path | None:
     given: Path | None = options.params
     if given is not None or mission is None or parameter_files(options.ros):
         return given
     return mission.default_parameters()
 
 
-def _node(options: Namespace, mission: Mission | None, context: Context) -> Node:
+def _node(options: RunOptions, mission: Mission | None, context: Context) -> Node:
     own, simulated = node_arguments(options.ros), _simulated_time(options)
     node = DataNode(node_name(mission), context, cli_args=own, parameter_overrides=simulated)
     if options.traceback:
@@ -233,7 +242,7 @@ def _node(options: Namespace, mission: Mission | None, context: Context) -> Node
     return node
 
 
-def _simulated_time(options: Namespace) -> list[Parameter]:
+def _simulated_time(options: RunOptions) -> list[Parameter]:
     return [Parameter("use_sim_time", value=True)] if options.sim is not None else []
 
 

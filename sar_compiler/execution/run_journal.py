@@ -2,7 +2,6 @@
 
 import math
 import shlex
-from argparse import Namespace
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
+from sar_compiler.execution.run_options import RunOptions
 from sar_compiler.journal.errors import JournalPlaceError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import FACTS_LOST
@@ -30,13 +30,13 @@ class RunStart:
     """The start of a run: if it is refused, the reason is kept for `sar-journal why`, because no journal is written then.
 
     Args:
-        options: The options of the command line.
+        options: The options of the run.
 
     Attributes:
         journal: The journal, once it is open.
     """
 
-    def __init__(self, options: Namespace) -> None:
+    def __init__(self, options: RunOptions) -> None:
         self._options = options
         self._place: Path | None = options.journal
         self.journal: RunJournal | None = None
@@ -58,7 +58,7 @@ class RunJournal(RunExtension):
     """The journal of a run: kept in a file, listened to, or neither.
 
     Args:
-        options: The options of the command line.
+        options: The options of the run.
         mission: The mission; None for a tree that belongs to none.
         node: The run's node.
         path: The tree file.
@@ -72,7 +72,7 @@ class RunJournal(RunExtension):
         JournalError: If there is one that this run must not write to.
     """
 
-    def __init__(self, options: Namespace, mission: Mission | None, node: "Node", path: Path) -> None:
+    def __init__(self, options: RunOptions, mission: Mission | None, node: "Node", path: Path) -> None:
         self._node = node
         self._mission = mission
         self.has_begun = False
@@ -213,8 +213,8 @@ def _limits(tree: CompiledTree) -> dict[str, float]:
     return limits
 
 
-def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
-    asked = options.journal is not None or options.resume or options.new or options.supervise is not None
+def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal:
+    asked = options.journal is not None or options.resume or options.new or options.keeps_journal
     if options.no_journal or options.check or not (asked or _keeps_by_itself(options, mission)):
         return Journal()
     from sar_compiler.journal.opening import open_journal
@@ -230,11 +230,11 @@ def _open(options: Namespace, mission: Mission | None, node: "Node") -> Journal:
         return Journal()
 
 
-def _keeps_by_itself(options: Namespace, mission: Mission | None) -> bool:
+def _keeps_by_itself(options: RunOptions, mission: Mission | None) -> bool:
     return options.sim is not None or (mission is not None and mission.is_resumable)
 
 
-def _usual_place(options: Namespace, name: str) -> Path:
+def _usual_place(options: RunOptions, name: str) -> Path:
     from sar_compiler.journal.opening import default_place, forget_simulated, simulated_place
 
     if options.sim is None:

@@ -1,13 +1,14 @@
 """What there is of a run before its tree is compiled."""
 
-from argparse import Namespace
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
+    from sar_compiler.analysis.approval import ApprovalCheck
     from sar_compiler.execution.order_record import OrderRecord
+    from sar_compiler.execution.run_options import RunOptions
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
     from sar_compiler.missions.parameter_reader import RunParameters
@@ -21,7 +22,7 @@ class RunSetup(NamedTuple):
     """What there is of a run before its tree is compiled.
 
     Attributes:
-        options: The options of the command line.
+        options: The options of the run.
         signals: The requests to stop.
         node: The run's node.
         journal: Its journal, which may be none.
@@ -33,9 +34,10 @@ class RunSetup(NamedTuple):
         output: Standard output.
         orders: Records by whom its orders are given.
         staying: What is to be called when the run has ended and ROS is taken down: who stays has its say there.
+        approval: Whether the tree is approved; None if nobody asks.
     """
 
-    options: Namespace
+    options: "RunOptions"
     signals: "StopSignals"
     node: "Node"
     journal: "Journal"
@@ -47,6 +49,7 @@ class RunSetup(NamedTuple):
     output: "RunOutput"
     orders: "OrderRecord"
     staying: list[Callable[[], object]]
+    approval: "ApprovalCheck | None" = None
 
 
 MakeExtension = Callable[[RunSetup], "RunExtension | None"]

@@ -166,7 +166,7 @@ class RunWatch(RunExtension):
         self._watch = watch_tree(
             self._run.loaded,
             tree,
-            None if given is True else given,
+            given if isinstance(given, Path) else None,
             facts={**self._run.mission.facts(), **self._run.mission.limits()},
             parameters=self._run.values,
             tree_id=options.tree_id,
@@ -174,8 +174,9 @@ class RunWatch(RunExtension):
         )
         # Of a mission that goes on, the facts at the start have them already.
         self._added = self._run.mission.facts_added()
-        if options.approval is not None and given is not True and self._watch.file is not None:
-            options.approval.require_properties(self._watch.file.document.source)
+        approval = self._run.approval
+        if approval is not None and given is not True and self._watch.file is not None:
+            approval.require_properties(self._watch.file.document.source)
         self._orders = _PropertyOrders(self._run, self._if_broken)
         declared = tree.origins.declared_answers()
         for number, behaviour in enumerate(pre_order(tree.root)):

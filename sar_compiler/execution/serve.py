@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 import time
-from argparse import Namespace
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -25,7 +24,8 @@ from sar_compiler.missions.choosing import mission_of
 from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.process_end import dependent_environment
-from sar_compiler.ros.arguments import parameter_files, split_arguments
+from sar_compiler.project.project import Additions
+from sar_compiler.ros.arguments import parameter_files
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.terminal import findings_as_text
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.binding.bound import Binding
     from sar_compiler.project import Workspace
 
-OPTION, MANAGED = "--serve", "--managed"
 # How many lines of a run's complaints its client is sent, at most.
 _LINES_SENT = 40
 # What a run that has just begun offers is found by others a little later, seconds.
@@ -80,12 +79,32 @@ class ServedTreesError(SarError):
     """The trees that are to be served cannot be."""
 
 
-def serve(argv: Sequence[str], options: Namespace, signals: StopSignals) -> int:
+class ServeOptions(NamedTuple):
+    """The options of a server of trees.
+
+    Attributes:
+        trees: The tree files, or the names of shipped trees.
+        additions: As in `RunOptions`, for all runs.
+        params: Likewise.
+        ros: Likewise.
+        fault: Likewise.
+        is_managed: Whether the node has a life cycle, which a manager decides.
+    """
+
+    trees: Sequence[str]
+    additions: Additions
+    params: Path | None = None
+    ros: Sequence[str] = ()
+    fault: Sequence[str] = ()
+    is_managed: bool = False
+
+
+def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> int:
     """Start runs for others until a signal comes.
 
     Args:
-        argv: The command line.
-        options: What it says.
+        argv: What each run has on its command line, but for its tree.
+        options: The options.
         signals: The requests to stop.
 
     Returns:
@@ -94,8 +113,8 @@ def serve(argv: Sequence[str], options: Namespace, signals: StopSignals) -> int:
     require_middleware()
     from sar_compiler.execution.tree_server import serve_trees
 
-    runs = Runs(_passed_on(argv, options), options)
-    has_served = serve_trees(runs, options.ros, signals, is_managed=options.managed)
+    runs = Runs(argv, options)
+    has_served = serve_trees(runs, options.ros, signals, is_managed=options.is_managed)
     return runs.status if has_served else USAGE
 
 
@@ -104,7 +123,7 @@ class Runs:
 
     Args:
         argv: What each has on its command line, but for its tree.
-        options: What the command line says.
+        options: The options.
 
     Attributes:
         node: The node of which orders come.
@@ -113,7 +132,7 @@ class Runs:
 
     node: "Node"
 
-    def __init__(self, argv: Sequence[str], options: Namespace) -> None:
+    def __init__(self, argv: Sequence[str], options: ServeOptions) -> None:
         self._argv, self._options = argv, options
         self._trees: dict[str, ServedTree] = {}
         self._calls: dict[str, VerbCalls] = {}
@@ -128,7 +147,7 @@ class Runs:
         from sar_compiler.project import Workspace
 
         workspace = Workspace(self._options.additions, note=tell_note, further_checks=[check_mission])
-        found = [each for name in self._options.serve for each in self._trees_of(workspace, name)]
+        found = [each for name in self._options.trees for each in self._trees_of(workspace, name)]
         workspace.note_use()
         self._trees = {each.tree_id: each for each in found}
         for each in found:
@@ -358,20 +377,6 @@ def _reason_in(complaints: str) -> str:
     lines = complaints.split("\n")
     plain = [line for line in lines if not _LOG_LINE.match(line)] or lines
     return "\n".join(sorted(plain, key=lambda line: not line.startswith("sar-run: ")))
-
-
-def _passed_on(argv: Sequence[str], options: Namespace) -> list[str]:
-    """Return what each run has on its command line: what this one has, without its trees and what is for ROS."""
-    own, left = split_arguments(argv).own, list[str]()
-    while own:
-        word = own.pop(0)
-        if word == OPTION:
-            del own[: len(options.serve)]
-        elif not word.startswith(f"{OPTION}=") and word != MANAGED:
-            left.append(word)
-    shown = [] if options.view == "web" else ["--view", "text"]
-    anew = [] if options.no_journal else ["--new"]
-    return [*left, *shown, "--format", "json", *anew]
 
 
 def _verbs_of(

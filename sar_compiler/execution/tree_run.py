@@ -1,9 +1,9 @@
 """A tree on its node, from the wait for its requirements to the exit status of `sar-run`."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from signal import Signals
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.execution.ending import EndCondition, RunResult, Until, default_summary
 from sar_compiler.execution.extensions import Extensions
+from sar_compiler.execution.run_options import RunOutcome
 from sar_compiler.execution.run_setup import RunSetup
 from sar_compiler.journal.journal_entries import LEAF_RAISED, Ending
 from sar_compiler.missions.choosing import MissionError
@@ -44,7 +45,6 @@ from sar_compiler.ros.tick_watch import TickWatch
 from sar_compiler.ros.watch import Watch, refuse_parameters
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.tree.json_values import json_text
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
@@ -269,8 +269,9 @@ class TreeRun:
         self._result: RunResult | None = None
         self._turn_over = Future()
         self._reason = ""
-        self._said: dict[str, object] = {}
-        self._last_words: list[str] = []
+        self._outcome = RunOutcome(OK)
+        self._has_ticked = False
+        self._messages: list[str] = []
         self._started = 0.0
         self._adrift = ""
         self._callback_failure: Exception | None = None
@@ -278,8 +279,8 @@ class TreeRun:
         self._watch: Watch | None = None
         self._robot: RobotEstimate | None = None
 
-    def run(self, route: RouteCheck | None) -> int:
-        """Wait, tick, stop and sum up; returns the exit status.
+    def run(self, route: RouteCheck | None) -> RunOutcome:
+        """Wait, tick, stop and sum up.
 
         Args:
             route: The check of the mission's way, which is told in place of ticking.
@@ -288,11 +289,15 @@ class TreeRun:
             NotReadyError: If a requirement of the tree is not fulfilled in time.
         """
         status = self._run(route)
-        if status and self._options.format == "text" and (first := self.extensions.cause_of_failure()):
-            self._output.say(f"  {first}")
-        for words in self._last_words:
-            print_error(f"sar-run: {words}")
-        return status
+        return replace(
+            self._outcome,
+            status=status,
+            reason=self._reason,
+            hint=self.extensions.how_to_see_it_again if self._has_ticked else "",
+            head=self.setup.journal.head if self._has_ticked else "",
+            cause=self.extensions.cause_of_failure() if status else "",
+            messages=tuple(self._messages),
+        )
 
     def _run(self, route: RouteCheck | None) -> int:
         for line in self.setup.mission.greeting():
@@ -356,23 +361,14 @@ class TreeRun:
 
     def _tick(self) -> int:
         """Tick the tree until it is over, and sum up; returns the exit status."""
-        texts: list[str] = []
+        self._has_ticked = True
         try:
-            status = self._fly(texts)
+            return self._fly()
         finally:
             self._output.leave()
-        if hint := self.extensions.how_to_see_it_again:
-            print_error(hint)
-        for text in (*texts, *self._with_head()):
-            self._output.say(text)
-        return status
 
-    def _fly(self, texts: list[str]) -> int:
-        """Tick the tree until it is over, and end the journal; returns the exit status.
-
-        Args:
-            texts: Takes what is to be printed below the view.
-        """
+    def _fly(self) -> int:
+        """Tick the tree until it is over, and end the journal; returns the exit status."""
         engine = self.engine
         engine.add_post_tick_handler(self._look_for_end)
         self._signals.ends_unnoticed = False
@@ -407,30 +403,21 @@ class TreeRun:
             self._options.supervision.tell_end()
             engine.shutdown()
         try:
-            status = self._conclude(elapsed, texts)
+            status = self._conclude(elapsed)
         except MissionError as error:
             status = self._fail(str(error))
-        self._tell_verdicts(texts)
+        self._report_verdicts()
         ending = Ending.OVER if is_over else Ending.STOPPED if self._signals.came else Ending.FAILED
         reason = self._result.reason if self._result is not None else self._reason
         self._end_journal(ending, status, reason)
         return status
 
-    def _tell_verdicts(self, texts: list[str]) -> None:
-        """Add what became of the properties for which the run was watched to texts."""
+    def _report_verdicts(self) -> None:
+        """Add the verdicts of the properties for which the run was watched to the outcome."""
         watch = self.extensions.watch()
-        if watch is not None and self._options.format == "json":
-            self._said["properties"] = watch.verdicts()
-        elif watch is not None:
-            texts.append(watch.in_words())
-
-    def _with_head(self) -> Iterator[str]:
-        """Yield the head of the journal's chain, by which it can be checked whether somebody has altered it; with a summary in JSON."""
-        head = self.setup.journal.head
-        if self._said:
-            yield json_text({**self._said, "head": head} if head else self._said)
-        elif head and self._options.format == "text":
-            yield f"The journal's head, for sar-journal check --head: {head}"
+        if watch is not None:
+            summary = (*self._outcome.summary, watch.in_words())
+            self._outcome = replace(self._outcome, verdicts=watch.verdicts(), summary=summary)
 
     def _end_journal(self, ending: Ending, status: int, reason: str) -> None:
         journal, failure = self.setup.journal, self.engine.failure
@@ -538,24 +525,24 @@ class TreeRun:
         if self._result is not None:
             self._turn_over.set_result(None)
 
-    def _conclude(self, elapsed_sec: float, texts: list[str]) -> int:
-        """Add the summary to texts; returns the exit status."""
+    def _conclude(self, elapsed_sec: float) -> int:
+        """Sum up in the outcome; returns the exit status."""
         mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
-        as_json = self._options.format == "json"
-        own = "" if as_json else mission.summary(elapsed_sec, ticks)
         status = self._status()
-        if not as_json:
-            outcome = self._outcome(status)
-            summary = own or default_summary(mission, outcome, elapsed_sec, ticks)
-            texts += filter(None, (summary, supervision.in_words()))
-        if as_json:
-            said = {"status": status, "reason": self._reason, "duration": elapsed_sec, "ticks": ticks}
-            deaths = {"deaths": list(supervision.deaths)} if supervision.is_there else {}
-            figures = {each.name: each.value for each in mission.display().figures}
-            self._said = {**said, **deaths, "figures": figures}
+        summary = mission.summary(elapsed_sec, ticks) or default_summary(
+            mission, self._end_in_words(status), elapsed_sec, ticks
+        )
+        self._outcome = RunOutcome(
+            status,
+            duration_sec=elapsed_sec,
+            ticks=ticks,
+            figures={each.name: each.value for each in mission.display().figures},
+            deaths=tuple(supervision.deaths) if supervision.is_there else None,
+            summary=tuple(filter(None, (summary, supervision.in_words()))),
+        )
         return status
 
-    def _outcome(self, status: int) -> str:
+    def _end_in_words(self, status: int) -> str:
         """Return what has become of the run, in words."""
         if status > _SIGNAL_STATUS:
             return f"was stopped by {Signals(status - _SIGNAL_STATUS).name}"
@@ -565,7 +552,7 @@ class TreeRun:
         status = self._status_of_run()
         if not self._adrift or self._failure_of_simulation is not None:
             return status
-        self._last_words.append(self._adrift)
+        self._messages.append(self._adrift)
         self._reason = " ".join([*filter(None, [self._reason]), self._adrift])
         return ADRIFT
 
@@ -607,5 +594,5 @@ class TreeRun:
             reason: The same for those who do not have the terminal; by default in the same words.
         """
         self._reason = reason or said
-        self._last_words.append(said)
+        self._messages.append(said)
         return FINDINGS

@@ -44,12 +44,14 @@ class RunPage(RunExtension):
 
     Args:
         run: The run.
+        port: The port; None for any that is free.
+        opens: Whether to open the page in a browser.
 
     Raises:
         PageError: If the port cannot be had.
     """
 
-    def __init__(self, run: "RunSetup") -> None:
+    def __init__(self, run: "RunSetup", port: int | None = None, *, opens: bool = False) -> None:
         from sar_compiler.execution.verb_calls import VerbCalls
 
         self._run, self._has_ended, self._is_staying = run, False, False
@@ -86,10 +88,10 @@ class RunPage(RunExtension):
         for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
             journal.listen(listener)
         self._orders = _OwnOrders(calls)
-        self._server = PageServer(feed, run.options.web_port, self._orders, tools)
+        self._server = PageServer(feed, port, self._orders, tools)
         self._server.start()
         print_error(f"The page of this run: {self._server.url}")
-        if run.options.open:
+        if opens:
             open_page(self._server.url)
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:

@@ -41,7 +41,7 @@ def test_a_tree_is_put_into_a_node_in_eight_lines():
     assert len(tree.splitlines()) <= 8
 
 
-@pytest.mark.parametrize("group", ["", ".leaves", ".missions", ".testing"])
+@pytest.mark.parametrize("group", ["", ".execution", ".leaves", ".missions", ".testing"])
 def test_the_page_names_everything_that_is_public(group):
     name = f"sar_compiler{group}"
     named = [each for heading, _, cells in tables(PAGE) if heading == f"`{name}`" for each in codes(cells[0])]

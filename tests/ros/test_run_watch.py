@@ -43,8 +43,9 @@ def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: 
     engine: Any = SimpleNamespace(add_post_tick_handler=lambda _: None)
     run: Any = SimpleNamespace(
         node=ros.node("mission"),
-        options=SimpleNamespace(properties=True, tree_id=None, approval=None),
+        options=SimpleNamespace(properties=True, tree_id=None),
         loaded=None,
+        approval=None,
         mission=MissionRun(),
         values={},
     )

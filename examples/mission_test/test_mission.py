@@ -1,0 +1,22 @@
+"""A test of a whole mission in the simulator: the robot drives to each zone, reports what it finds, and returns."""
+
+from pathlib import Path
+
+import pytest
+
+from sar_compiler.execution import RunOptions, run_mission
+
+
+@pytest.mark.parametrize("fault", ["navigate_to_pose:reject=1", "report_survivor:drop=1"])
+def test_two_survivors_are_reported_in_spite_of_a_fault(fault: str, tmp_path: Path) -> None:
+    options = RunOptions(
+        "search_and_rescue_resilient",
+        sim="disaster_zone",
+        fault=[fault],
+        stepped=True,
+        speed=1000.0,
+        journal=tmp_path / "mission.journal",
+    )
+    outcome = run_mission(options)
+    assert outcome.status == 0, outcome.reason
+    assert outcome.figures["survivors reported"] == 2
