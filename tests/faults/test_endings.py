@@ -525,7 +525,9 @@ AT_ONCE = {
     "sar-journal": {"show", "report", "check", "stats"},
 }
 INSTALLED = {
-    each.name for each in entry_points(group="console_scripts") if each.value.startswith("sar_compiler.")
+    each.name
+    for each in entry_points(group="console_scripts")
+    if each.value.startswith(("sar_compiler.", "search_and_rescue."))
 }
 WAYS = [f"{command}: {way}" for command, ways in LONG.items() for way in ways]
 

@@ -50,7 +50,6 @@ WITHOUT_PLACE = {
     "the log beside a journal": "written by SQLite",
     "the reserve of a journal": "written by the project",
     "the refused start beside a journal": "written by the project",
-    "the cache of a replay": "written by the project",
     "an approval": "written by the project",
     "a module that is trusted": "read for its digest alone",
     "a module of a package": "searched for a word; what goes wrong when it is imported has a test below",
