@@ -35,7 +35,7 @@ COMMANDS = {
     "simulate tree.xml --scenario empty.yaml": (COMPILE, {"analysis"}),
     "verify tree.xml": (COMPILE, {"analysis"}),
     "predict tree.xml": (COMPILE, {"analysis"}),
-    "check run.journal": (JOURNAL, {"journal"}),
+    "check run.journal": (JOURNAL, {"journal", "reports"}),
     "show run.journal": (JOURNAL, {"journal", "reports", "views"}),
     "stats run.journal": (JOURNAL, {"analysis", "journal", "reports"}),
     "why run.journal": (JOURNAL, {"journal", "reports", "views"}),

@@ -11,13 +11,13 @@ from contextlib import closing
 
 import pytest
 
-from sar_compiler.cli.journal_check import CheckedJournal
 from sar_compiler.cli.journal_command import main
 from sar_compiler.journal import chain
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import Ending, Row
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.reserve import RunEnd
+from sar_compiler.reports.checked_journal import CheckedJournal
 from tests.chance import rounds
 
 TABLES = "fact", "watched"

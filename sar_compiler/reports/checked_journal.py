@@ -1,0 +1,125 @@
+"""Whether a journal is as it was written, by the chain of its entries."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from sar_compiler.journal.journal_entries import day_and_time
+from sar_compiler.tree.plain import count_text
+from sar_compiler.tree.showing import in_one_line
+
+if TYPE_CHECKING:
+    from sar_compiler.journal.chain import Chained, JournalChain
+    from sar_compiler.journal.database import JournalFile
+
+_NOT_KNOWN = "Not known is whether the chain was computed anew, or cut off at its end: --head HEX, from the summary or a report, tells"
+_UNTOLD = ("what", "data", "link")
+
+
+class CheckedJournal(NamedTuple):
+    """What was found out about a journal.
+
+    Attributes:
+        file: Where it is.
+        state: `whole`, `open` (whole, and without an end), `altered` or `other head`.
+        words: The same in words.
+        chain: What its chain has; None if there is none.
+        notes: What is not known of it, in sentences.
+    """
+
+    file: Path
+    state: str
+    words: str
+    chain: "JournalChain | None" = None
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, place: Path, expected: str | None) -> "CheckedJournal":
+        """Return what is found out about a journal.
+
+        Args:
+            place: Where it is.
+            expected: The head that it must have; None if that is not known.
+
+        Raises:
+            JournalError: If it cannot be read.
+        """
+        from sar_compiler.journal.database import JournalFile
+
+        with JournalFile.reading(place) as file:
+            chain = file.chain()
+            notes = [] if chain.wrong else [*_notes(file)]
+        if expected is None and not chain.wrong:
+            notes.append(_NOT_KNOWN)
+        return cls(place, *_judged(chain, expected, is_written=file.is_written), chain, tuple(notes))
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing was found."""
+        return self.state in ("whole", "open")
+
+    def text(self) -> str:
+        """Return it in words."""
+        shown = [f"head {self.chain.head}"] if self.chain is not None and self.chain.head else []
+        lines = [f"{self.file} {self.words}", *(f"  {line}" for line in (*shown, *self.notes))]
+        return "\n".join(map(in_one_line, lines))
+
+    def data(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        chain = self.chain
+        return {
+            "file": str(self.file),
+            "state": self.state,
+            "text": self.words,
+            "entries": chain and chain.entries,
+            "head": (chain and chain.head) or None,
+            "heads": dict(chain.heads if chain is not None else {}),
+            "first_wrong": chain and chain.wrong and _wrong_data(chain.wrong),
+            "notes": list(self.notes),
+        }
+
+
+def _notes(file: "JournalFile") -> "list[str]":
+    """Return what the chain says nothing of."""
+    notes = []
+    if count := file.waiting():
+        notes.append(
+            f"{count_text(count, 'fact')} beside it, in its reserve, will be chained by the next run"
+        )
+    return notes
+
+
+def _judged(chain: "JournalChain", expected: str | None, *, is_written: bool) -> tuple[str, str]:
+    """Return the state of a chain, with the same in words."""
+    has = f"{chain.entries:,} entries in {count_text(chain.runs, 'run')}"
+    if chain.wrong is not None:
+        why = "it was changed, or entries before it were removed, moved or put in"
+        return (
+            "altered",
+            f"was altered: {_wrong_text(chain.wrong)} does not follow from what is before it: {why}",
+        )
+    if expected is not None and expected != chain.head:
+        return "other head", f"has another head: {_other_head(chain, expected)}"
+    if chain.is_closed:
+        with_head = ", with the head that was given" if expected else ""
+        return "whole", f"is as it was written: {has}, closed by the run's end{with_head}"
+    last = "the run goes on" if is_written else "the run was broken off" if chain.runs else "none has begun"
+    return "open", f"is as it was written, as far as it goes: {has}, and not closed: {last}"
+
+
+def _other_head(chain: "JournalChain", expected: str) -> str:
+    run = next((number for number, each in chain.heads.items() if each == expected), None)
+    if run is None:
+        return "it fits together, so its end was cut off, or the chain was computed anew, or the head is another journal's"
+    return f"the one that was given is that of run {run}, and says nothing of what came after it"
+
+
+def _wrong_text(wrong: "Chained") -> str:
+    when = day_and_time(wrong.wall) if isinstance(wrong.wall, float) else wrong.wall
+    return f"entry {wrong.number} of run {wrong.run}, {wrong.kind}, {when} (mission's clock: {wrong.time}),"
+
+
+def _wrong_data(wrong: "Chained") -> dict[str, Any]:
+    told = wrong._asdict().items()
+    return {
+        key: value.hex() if isinstance(value, bytes) else value for key, value in told if key not in _UNTOLD
+    }
