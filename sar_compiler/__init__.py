@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from sar_compiler.ros.runner import TreeRunner as TreeRunner
     from sar_compiler.runtime.kernel.searching import Progress as Progress
     from sar_compiler.tree.diagnostic import Diagnostic as Diagnostic
-    from sar_compiler.tree.diagnostic import Severity as Severity
     from sar_compiler.tree.diagnostic import TreeError as TreeError
+    from sar_compiler.tree.severity import Severity as Severity
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

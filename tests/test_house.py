@@ -625,3 +625,73 @@ def test_every_file_named_under_how_to_add_exists(entry):
     files = {name: found for name, found in named.items() if found is not None}
     assert files
     assert [name for name, found in files.items() if not found] == []
+
+
+IMPORT_CIRCLES = {
+    frozenset(
+        {"nodes.register", "nodes.spec"}
+    ): "a spec of a registered class reads the class's docstring when it is asked",
+    frozenset(
+        {
+            "runtime.kernel.leaf_nodes",
+            "runtime.kernel.live",
+            "runtime.kernel.stock_decorators",
+            "runtime.kernel.table",
+            "runtime.parents",
+        }
+    ): "a user's control is ticked by the kernel, and the kernel ticks a user's control",
+}
+"""Modules that import each other in functions, with the reason; there is none where a module is loaded."""
+
+
+def groups_that_import_each_other(imports):
+    """Return the groups of modules each of which imports every other, directly or by others (Tarjan's algorithm)."""
+    index, low = dict[str, int](), dict[str, int]()
+    stack, groups = list[str](), list[frozenset[str]]()
+
+    def visit(module):
+        index[module] = low[module] = len(index)
+        stack.append(module)
+        for other in imports[module]:
+            if other not in index:
+                visit(other)
+            if other in stack:
+                low[module] = min(low[module], low[other])
+        if low[module] == index[module]:
+            group = stack[stack.index(module) :]
+            del stack[stack.index(module) :]
+            groups.append(frozenset(group))
+
+    for module in imports:
+        if module not in index:
+            visit(module)
+    return {group for group in groups if len(group) > 1}
+
+
+def test_a_circle_of_imports_is_found():
+    assert groups_that_import_each_other({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == {
+        frozenset("abc")
+    }
+    assert groups_that_import_each_other({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == set()
+
+
+def test_modules_import_each_other_in_no_circle():
+    modules = {
+        ".".join(Path(name_of(path)).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in FILES
+        if not is_public_group(path)
+    }
+
+    def module_of(name):
+        parts = name.removeprefix(f"{PACKAGE.name}.").split(".")
+        return next(
+            (".".join(parts[:end]) for end in range(len(parts), 0, -1) if ".".join(parts[:end]) in modules),
+            None,
+        )
+
+    imports = {
+        module: {module_of(name) for name, _ in imports_of(path, with_types=False)}
+        & modules.keys() - {module}
+        for module, path in modules.items()
+    }
+    assert groups_that_import_each_other(imports) == IMPORT_CIRCLES.keys()

@@ -6,10 +6,9 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.budget import MAX_MEMORY_MB, MAX_SEC, Budget
-from sar_compiler.commands import CommandParser
 from sar_compiler.errors import SarError
 from sar_compiler.parts import is_here
 
@@ -46,17 +45,6 @@ YAML_FILE, PALETTE = ArgumentKind("YAML file", Path), ArgumentKind("palette", Pa
 TREE, TREE_INPUT = ArgumentKind("tree"), ArgumentKind("tree", _tree_input)
 TREE_ID, WORLD = ArgumentKind("tree's ID"), ArgumentKind("world")
 DEFAULT_WORLD = "disaster_zone"
-
-
-class Parser(CommandParser):
-    """The parser of a command, which completes the values of its arguments as well."""
-
-    def complete(self) -> NoReturn:
-        """Answer the shell that asks for completions."""
-        from sar_compiler.cli.completion import add_completers
-
-        add_completers(self)
-        super().complete()
 
 
 T = TypeVar("T")

@@ -12,7 +12,6 @@ from sar_compiler.cli.arguments import (
     FOLDER,
     TREE_INPUT,
     ArgumentKind,
-    Parser,
     add_budget,
     add_tree_id,
     budget_of,
@@ -25,6 +24,7 @@ from sar_compiler.cli.loading import (
     report_findings,
     workspace,
 )
+from sar_compiler.cli.parser import Parser
 from sar_compiler.commands import (
     FINDINGS,
     LIMITS_VARIABLE,

@@ -15,7 +15,6 @@ from sar_compiler.cli.arguments import (
     TREE,
     WORLD,
     YAML_FILE,
-    Parser,
     add_page_options,
     pair_of_ports,
     report_forms,
@@ -24,6 +23,7 @@ from sar_compiler.cli.arguments import (
     speed,
 )
 from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
+from sar_compiler.cli.parser import Parser
 from sar_compiler.cli.run_extensions import extensions_asked_for
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.execution.supervision import Supervision, own_supervision

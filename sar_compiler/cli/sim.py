@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import DEFAULT_WORLD, FILE, WORLD, Parser, seed, speed, telling
+from sar_compiler.cli.arguments import DEFAULT_WORLD, FILE, WORLD, seed, speed, telling
+from sar_compiler.cli.parser import Parser
 from sar_compiler.cli.sim_sweep import add_sim_sweep, sweep_missions
 from sar_compiler.commands import OK, add_version, interruptible, print_error, print_text, run
 from sar_compiler.missions.faults import NAVIGATION_FAULTS, FaultPlan, parse_fault

@@ -34,7 +34,8 @@ from sar_compiler.nodes.spec import Use
 from sar_compiler.project import ProjectTree, Workspace
 from sar_compiler.ros.arguments import init_arguments, node_arguments, parameter_files
 from sar_compiler.ros.clock import mission_clock, steady_timer, trust_simulation
-from sar_compiler.ros.engine import find_engine, show_tracebacks
+from sar_compiler.ros.engine import show_tracebacks
+from sar_compiler.ros.engines import find_engine
 from sar_compiler.ros.executors import make_executor
 from sar_compiler.ros.middleware import ros_up
 from sar_compiler.ros.parameters import DataNode, flat_parameters

@@ -10,6 +10,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.severity import Severity as Severity
 from sar_compiler.tree.showing import in_one_line, shortened, visible
 
 if TYPE_CHECKING:
@@ -167,14 +168,6 @@ WIDTH = 128
 
 _MARGIN, _LEAST = 8, 40
 """The columns before an excerpt, and the fewest characters that are shown of a long line."""
-
-
-class Severity(str, Enum):
-    """The severity of a finding."""
-
-    ERROR = "error"
-    WARNING = "warning"
-    INFO = "info"
 
 
 AS_DECLARED: Any = None

@@ -4,7 +4,7 @@ A kind is declared here and nowhere else. It has a page in `docs/findings`, whic
 makes the table there, the heads of the pages and the settings' schema from what is declared.
 """
 
-from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.severity import Severity
 
 ERRORS = {
     "ambiguous-reference": "a reference that several nodes could be meant by",

@@ -53,7 +53,7 @@ def engine_class(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     modules = ("py_trees_ros", "py_trees_ros.trees", "sar_compiler.ros.py_trees_ros_engine")
     for name in modules:
         monkeypatch.delitem(sys.modules, name, raising=False)
-    from sar_compiler.ros.engine import find_engine
+    from sar_compiler.ros.engines import find_engine
 
     yield find_engine("py_trees_ros")
     for name in modules:
@@ -72,7 +72,8 @@ def engine_of(engine_class: Any, ros: Ros) -> Callable[..., Any]:
 
 @pytest.mark.skipif(INSTALLED, reason="py_trees_ros is installed here")
 def test_where_it_is_not_installed_the_message_says_where_to_get_it() -> None:
-    from sar_compiler.ros.engine import EngineError, find_engine
+    from sar_compiler.ros.engine import EngineError
+    from sar_compiler.ros.engines import find_engine
 
     with pytest.raises(EngineError, match=r"No module named 'py_trees_ros'.*ros-jazzy-py-trees-ros"):
         find_engine("py_trees_ros")

@@ -1,0 +1,11 @@
+"""How bad a finding is."""
+
+from enum import Enum
+
+
+class Severity(str, Enum):
+    """The severity of a finding."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
