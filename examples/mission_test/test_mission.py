@@ -2,17 +2,14 @@
 
 from pathlib import Path
 
-import pytest
-
 from sar_compiler.execution import RunOptions, run_mission
 
 
-@pytest.mark.parametrize("fault", ["navigate_to_pose:reject=1", "report_survivor:drop=1"])
-def test_two_survivors_are_reported_in_spite_of_a_fault(fault: str, tmp_path: Path) -> None:
+def test_two_survivors_are_reported_in_spite_of_a_rejected_goal_and_a_lost_report(tmp_path: Path) -> None:
     options = RunOptions(
         "search_and_rescue_resilient",
         sim="disaster_zone",
-        fault=[fault],
+        fault=["navigate_to_pose:reject=1", "report_survivor:drop=1"],
         stepped=True,
         speed=1000.0,
         journal=tmp_path / "mission.journal",
