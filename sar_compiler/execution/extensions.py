@@ -96,7 +96,7 @@ class Extensions:
             extension.on_last_tick(is_over=is_over)
 
     def watch(self) -> "RunWatch | None":
-        """Return who watches the run for properties; None if nobody does."""
+        """Return the extension that watches the run for properties; None if there is none."""
         if not self._options.properties:
             return None
         from sar_compiler.execution.run_watch import RunWatch
@@ -106,5 +106,5 @@ class Extensions:
     def _end(self, extension: RunExtension) -> None:
         try:
             extension.on_end(has_begun=self._has_begun)
-        except Exception as error:  # noqa: BLE001 - nobody who only watches keeps others from their end
+        except Exception as error:  # noqa: BLE001 - a failing extension must not keep the others from their end
             self._complain(f"{type(extension).__name__} could not come to its end: {error!r}.")

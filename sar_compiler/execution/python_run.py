@@ -30,19 +30,27 @@ def run_mission(options: RunOptions, extensions: Sequence[MakeExtension] = ()) -
 
     Args:
         options: The options; `sim` simulates the robot.
-        extensions: Make what goes along with the run.
+        extensions: Make further extensions of the run; the options bring the watch of properties and the guardian.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
         SarError: If the mission, a parameter or the world is wrong, or the tree's requirements do not appear in time; the robot has
             not moved.
     """
+    from sar_compiler.execution.extensions import guardian_of
     from sar_compiler.execution.mission_run import run_mission as run
 
+    makes = [*extensions]
+    if options.properties:
+        from sar_compiler.execution.run_watch import RunWatch
+
+        makes.insert(0, RunWatch)
+    if options.guardian is not False:
+        makes.append(guardian_of)
     require_middleware()
     signals = StopSignals()
     try:
         with ExitStack() as ros:
-            return run(options, extensions, signals, ros, [], _NoOutput(), lambda _: None)
+            return run(options, makes, signals, ros, [], _NoOutput(), lambda _: None)
     finally:
         signals.give_back()

@@ -30,7 +30,7 @@ class RunOptions:
         journal: The journal; by default a file of the node's name, for a mission that can be resumed.
         no_journal: Whether no journal is written.
         resume: Whether to resume the mission in the journal.
-        new: Whether to begin anew, and keep an unfinished journal under another name.
+        new: Whether to start over, and keep an unfinished journal under another name.
         keeps_journal: Whether a journal is written also for a mission that cannot be resumed.
         approved: Whether the tree must be exactly the one that a person has approved.
         properties: A file of properties to watch, or True for the mission's own.
@@ -74,7 +74,7 @@ class RunOutcome:
 
     Attributes:
         status: The exit status of `sar-run`: 0 if the mission is complete.
-        reason: Why it has failed or was stopped; empty if the mission is complete.
+        reason: Why it has failed; empty if the mission is complete, or a signal has stopped it.
         duration_sec: How long the tree was ticked, seconds of the node's clock.
         ticks: The number of ticks.
         figures: The mission's figures by their names.

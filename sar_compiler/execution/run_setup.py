@@ -34,7 +34,7 @@ class RunSetup(NamedTuple):
         output: Standard output.
         orders: Records by whom its orders are given.
         staying: What is to be called when the run has ended and ROS is taken down: who stays has its say there.
-        approval: Whether the tree is approved; None if nobody asks.
+        approval: Whether the tree is approved; None if the options do not ask for that.
     """
 
     options: "RunOptions"
