@@ -101,7 +101,7 @@ test-matrix:
 	$(BIN)/python -m pip install --quiet py_trees==$*
 	@rm -f $(KERNEL_COVERAGE)
 
-# On a Nav2 that is installed, in real time: some 50 minutes (docs/nav2.md).
+# On a Nav2 that is installed, in real time: some 50 minutes (docs/how-to/nav2-trees.md).
 nav2-test: export NAV2_PREFIX := $(NAV2_PREFIX)
 nav2-test: env
 	@$(BIN)/python -m tests.nav2.prefix
@@ -233,7 +233,7 @@ wheels: $(VENV)/.packages
 	$(SAY) "the interface packages (half a minute)"
 	@$(call colcon,build/wheels,)
 	@$(BIN)/python pip_interfaces/wheels.py build/wheels dist
-	$(SAY) "done:" && ls dist && echo "pip install --find-links dist 'sar_compiler[ros,sim,interfaces]' installs them, see docs/installing.md"
+	$(SAY) "done:" && ls dist && echo "pip install --find-links dist 'sar_compiler[ros,sim,interfaces]' installs them, see docs/start/install.md"
 
 # From a clean checkout. What can be known beforehand is looked at before anything is made. The environments are those of `make test-matrix`.
 # What fails can be begun again: what is committed is not done twice, and the tag comes last. The source distribution has no compiled

@@ -1,4 +1,4 @@
-"""The kinds of the mission's events, as its journal has them. `docs/journal.md` describes the data of each."""
+"""The kinds of the mission's events, as its journal has them. `docs/reference/journal.md` describes the data of each."""
 
 ZONE_STARTED, ZONE_SEARCHED, SURVIVOR_UNPLACED = "zone_started", "zone_searched", "survivor_unplaced"
 ZONE_CHOSEN, ZONE_VISITED = "zone_chosen", "zone_visited"

@@ -591,7 +591,7 @@ def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for()
     assert (done.stdout, done.stderr) == ("\n", "")
 
 
-HOUSE = Path("docs/architecture.md").read_text(encoding="utf-8")
+HOUSE = Path("docs/contributing/architecture.md").read_text(encoding="utf-8")
 HOW_TO_ADD = HOUSE.partition("\n## How to add\n")[2].split("\n## ")[0]
 # What looks like a file: with a folder, or with an ending.
 NAMED_FILE = re.compile(r"[\w.]+/[\w./-]*|[\w-]+\.(?:py|js|md|toml|yaml|xml|json|css|html)")

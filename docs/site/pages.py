@@ -39,7 +39,7 @@ _LANGUAGES = {
 }
 _AS_THEY_ARE = {".html", ".pgm", ".png", ".svg"}
 _FENCE = re.compile(r"^\s*```")
-_CODE = re.compile(r"(`+)(?:(?!\1).)+\1(?!`|\])")
+_CODE = re.compile(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)")
 _LINK = re.compile(r"(\]\()(?!https?:|mailto:|#)([^)\s#]+)((?:#[^)\s]*)?\))")
 _PUBLIC = re.compile(r"^    from (\S+) import (\w+) as \2$", re.MULTILINE)
 

@@ -300,6 +300,8 @@ def test_a_tree_that_a_version_refuses_is_run_all_the_same(project):
 
 
 def test_the_page_has_no_other_releases_than_those_of_known_versions():
-    rows = [cells[0] for heading, _, cells in tables(Path("docs/btcpp.md")) if heading == "Versions"]
+    rows = [
+        cells[0] for heading, _, cells in tables(Path("docs/reference/btcpp.md")) if heading == "Versions"
+    ]
     assert rows
     assert {re.sub(r"\.\d+$", "", row) if row.count(".") > 1 else row for row in rows} <= VERSIONS.keys()

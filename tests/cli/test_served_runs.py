@@ -91,7 +91,8 @@ def test_a_list_of_whole_and_other_numbers_has_real_ones_which_ros_takes_and_no_
 
 def test_the_payloads_that_users_are_shown_have_parameters_that_the_mission_reads():
     shown = re.findall(
-        r"parameters of the mission: `({.*})`", Path("docs/serving.md").read_text(encoding="utf-8")
+        r"parameters of the mission: `({.*})`",
+        Path("docs/how-to/serve-missions.md").read_text(encoding="utf-8"),
     )
     with pytest.raises(PayloadError) as refused:
         parameters_of("[1]")

@@ -11,7 +11,7 @@ PAGES = sorted(
         Path("CONTRIBUTING.md"),
         Path("QUALITY_DECLARATION.md"),
         Path("SECURITY.md"),
-        *Path("docs").glob("*.md"),
+        *(page for page in Path("docs").rglob("*.md") if page.parent.name != "findings"),
         *Path("examples").rglob("README.md"),
     ]
 )
@@ -172,7 +172,7 @@ def _simple_commands(line: str) -> list[tuple[tuple[str, ...], set[str]]]:
 
 
 def _uncoded(line: str) -> str:
-    return re.sub(r"`[^`]*`(?!\])", "", line)
+    return re.sub(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)", "", line)
 
 
 def _slug(heading: str) -> str:

@@ -6,7 +6,7 @@ import pytest
 
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/agents.md").resolve()
+PAGE = Path("docs/how-to/agents.md").resolve()
 
 
 @pytest.mark.ros

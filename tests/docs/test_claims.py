@@ -19,7 +19,7 @@ from search_and_rescue import areas_file
 from tests.docs.markdown import codes, prose, tables
 from tests.docs.test_reliability_page import all_tests
 
-SECURITY, RELIABILITY = Path("docs/security.md"), Path("docs/reliability.md")
+SECURITY, RELIABILITY = Path("docs/concepts/security.md"), Path("docs/concepts/failures-and-recovery.md")
 NO_BEHAVIOUR = {
     SECURITY: (
         "`tests/docs/test_claims.py` names",

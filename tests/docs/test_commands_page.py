@@ -16,7 +16,7 @@ from sar_compiler.testing import RENEW
 from search_and_rescue import server_commands
 from tests.docs.markdown import headings
 
-PAGE = Path("docs/commands.md")
+PAGE = Path("docs/reference/commands.md")
 PARSERS = [
     sar_compile._parser(),
     sar_run._parser(),
@@ -29,56 +29,56 @@ for each in PARSERS:
     each.show_all()
 # The pages that say more, by command, or command and option.
 MORE = {
-    "sar-compile validate": ["writing_a_tree.md", "configuration.md"],
+    "sar-compile validate": ["tree-files.md", "configuration.md"],
     "sar-compile validate --fix": ["configuration.md#what---fix-mends"],
-    "sar-compile validate --mended": ["agents.md#mending"],
-    "sar-compile validate --deep": ["findings/failing-tick.md"],
-    "sar-compile show": ["drawings.md"],
+    "sar-compile validate --mended": ["../how-to/agents.md#mending"],
+    "sar-compile validate --deep": ["../findings/failing-tick.md"],
+    "sar-compile show": ["../how-to/draw-a-tree.md"],
     "sar-compile convert": ["yaml.md", "btcpp.md"],
-    "sar-compile simulate": ["simulate.md"],
-    "sar-compile sweep": ["sweep.md"],
-    "sar-compile verify": ["verify.md"],
-    "sar-compile predict": ["predict.md"],
-    "sar-compile conform": ["conform.md"],
-    "sar-compile mcp": ["agents.md#tools"],
-    "sar-compile approve": ["agents.md#the-gate"],
-    "sar-compile explain": ["findings/README.md"],
+    "sar-compile simulate": ["scenarios.md"],
+    "sar-compile sweep": ["../how-to/monte-carlo.md"],
+    "sar-compile verify": ["properties.md"],
+    "sar-compile predict": ["../how-to/success-probability.md"],
+    "sar-compile conform": ["../how-to/compare-runs.md"],
+    "sar-compile mcp": ["../how-to/agents.md#tools"],
+    "sar-compile approve": ["../how-to/agents.md#the-gate"],
+    "sar-compile explain": ["../findings/README.md"],
     "sar-compile nodes --from-use": [
-        "getting_started.md#the-first-five-minutes-with-somebody-elses-workspace"
+        "../start/quick-start.md#the-first-five-minutes-with-somebody-elses-workspace"
     ],
-    "sar-compile completion": ["installing.md#completion-in-the-shell"],
-    "sar-run": ["running.md"],
-    "sar-run --params": ["parameter_file.md"],
-    "sar-run --like": ["nav2.md#the-stand-in"],
-    "sar-run --mission": ["missions.md"],
-    "sar-run --view": ["watching.md", "page.md"],
-    "sar-run --groot2": ["other_tools.md#groot2"],
-    "sar-run --publish": ["other_tools.md#in-ros"],
-    "sar-run --record": ["other_tools.md#a-recording"],
-    "sar-run --check": ["mission.md#before-the-flight"],
-    "sar-run --guardian": ["security.md#the-guardian"],
-    "sar-run --engine": ["getting_started.md#what-ticks-the-tree"],
-    "sar-run --executor": ["getting_started.md#what-ticks-the-tree"],
+    "sar-compile completion": ["../start/install.md#completion-in-the-shell"],
+    "sar-run": ["../how-to/run-a-mission.md"],
+    "sar-run --params": ["parameters.md"],
+    "sar-run --like": ["../how-to/nav2-trees.md#the-stand-in"],
+    "sar-run --mission": ["../how-to/write-a-mission.md"],
+    "sar-run --view": ["../how-to/debug-a-run.md", "../operate/page.md"],
+    "sar-run --groot2": ["../how-to/other-tools.md#groot2"],
+    "sar-run --publish": ["../how-to/other-tools.md#in-ros"],
+    "sar-run --record": ["../how-to/other-tools.md#a-recording"],
+    "sar-run --check": ["../missions/search-and-rescue.md#before-the-flight"],
+    "sar-run --guardian": ["../concepts/security.md#the-guardian"],
+    "sar-run --engine": ["../start/quick-start.md#what-ticks-the-tree"],
+    "sar-run --executor": ["../start/quick-start.md#what-ticks-the-tree"],
     "sar-run --journal": ["journal.md"],
-    "sar-run --properties": ["watched_properties.md"],
-    "sar-run --approved": ["agents.md#the-gate"],
+    "sar-run --properties": ["../how-to/watch-a-run.md"],
+    "sar-run --approved": ["../how-to/agents.md#the-gate"],
     "sar-run --supervise": ["journal.md#a-supervisor"],
     "sar-run --report": ["reports.md"],
-    "sar-run --fault": ["running.md#rehearsing-faults"],
+    "sar-run --fault": ["../how-to/run-a-mission.md#rehearsing-faults"],
     "sar-journal": ["journal.md#sar-journal"],
     "sar-journal check": ["journal.md#whether-it-was-altered"],
     "sar-journal stats": ["journal.md#what-leaves-have-answered"],
-    "sar-journal why": ["why.md"],
+    "sar-journal why": ["../operate/why.md"],
     "sar-journal report": ["reports.md"],
-    "sar-journal replay": ["page.md#replay-and-several-robots"],
-    "sar-sim run": ["nav2.md#the-stand-in", "world.md"],
-    "sar-sim map": ["map.md"],
-    "sar-sim sweep": ["sweep.md#in-the-simulator"],
+    "sar-journal replay": ["../operate/page.md#replay-and-several-robots"],
+    "sar-sim run": ["../how-to/nav2-trees.md#the-stand-in", "world.md"],
+    "sar-sim map": ["../how-to/make-a-map.md"],
+    "sar-sim sweep": ["../how-to/monte-carlo.md#in-the-simulator"],
 }
 HEAD = """# Commands
 
 All commands and their options, as `--help` has them. Every command has `--help` and `--version`, which also shows whether what ticks
-trees is compiled. Options are not abbreviated. [Completion](installing.md#completion-in-the-shell) in the shell knows them all.
+trees is compiled. Options are not abbreviated. [Completion](../start/install.md#completion-in-the-shell) in the shell knows them all.
 `…` behind an argument: it may be repeated.
 
 <!-- Made of the parsers by `make schemas`. -->

@@ -6,7 +6,7 @@ import pytest
 
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/conform.md").resolve()
+PAGE = Path("docs/how-to/compare-runs.md").resolve()
 
 
 @pytest.mark.ros

@@ -9,7 +9,7 @@ from sar_compiler.testing import compiled
 from sar_compiler.views.drawing import mermaid
 from tests.docs.markdown import PAGES, blocks
 
-PAGE = Path("docs/drawings.md")
+PAGE = Path("docs/how-to/draw-a-tree.md")
 PICTURES = runpy.run_path("docs/pictures/trees.py")["pictures"]()
 _IMAGE = re.compile(r"!\[[^\]]+\]\(([^)\s]+)\)|<(?:img|source)[^>]* src(?:set)?=\"([^\"]+)\"")
 

@@ -9,7 +9,7 @@ import pytest
 from tests.docs.markdown import blocks, codes, tables
 from tests.docs.test_worked_pages import follow, matches, typed_in
 
-PAGE = Path("docs/from_python.md").resolve()
+PAGE = Path("docs/how-to/use-from-python.md").resolve()
 PYTHON = [block for block in blocks(PAGE) if block.language == "python"]
 
 

@@ -23,7 +23,7 @@ from sar_compiler.tree.model import SUBTREE_TAG
 from sar_compiler.tree.xml import parse_xml
 from tests.docs.markdown import blocks, codes, prose, tables
 
-PAGE = Path("docs/language.md")
+PAGE = Path("docs/reference/language.md")
 TAGS = {spec.tag for spec in default_registry()} | {SUBTREE_TAG}
 # Tags that the page names because they are not there.
 ABSENT = {"ManualSelector", "ConsumeQueue"}

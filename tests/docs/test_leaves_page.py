@@ -1,4 +1,4 @@
-"""The three leaves that `docs/writing_a_leaf.md` begins with, as printed, against small servers over DDS."""
+"""The three leaves that `docs/how-to/write-a-leaf.md` begins with, as printed, against small servers over DDS."""
 
 import ast
 import importlib
@@ -11,7 +11,7 @@ from py_trees.common import Status
 from sar_compiler.leaves import Input, Output
 from tests.docs.markdown import blocks
 
-SOURCE = next(block.text for block in blocks(Path("docs/writing_a_leaf.md")) if block.file == "rover.py")
+SOURCE = next(block.text for block in blocks(Path("docs/how-to/write-a-leaf.md")) if block.file == "rover.py")
 CLASSES = {node.name: node for node in ast.parse(SOURCE).body if isinstance(node, ast.ClassDef)}
 
 

@@ -14,10 +14,10 @@ from sar_compiler.missions.parameter_reader import ParameterReader
 from tests.docs.markdown import blocks, codes, tables
 from tests.processes import BIN
 
-TROUBLESHOOTING = Path("docs/troubleshooting.md")
-PARAMETERS = Path("docs/parameter_file.md")
-TREES = Path("docs/writing_a_tree.md")
-LEAVES = Path("docs/writing_a_leaf.md")
+TROUBLESHOOTING = Path("docs/operate/troubleshooting.md")
+PARAMETERS = Path("docs/reference/parameters.md")
+TREES = Path("docs/reference/tree-files.md")
+LEAVES = Path("docs/how-to/write-a-leaf.md")
 # The section of troubleshooting whose messages come from other programs, and those whose mistakes are made
 # in test_mistakes_typed.
 NOT_HERE = ("What other programs say", "Installing", "Wrong usage, status 2")

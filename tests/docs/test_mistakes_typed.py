@@ -1,4 +1,4 @@
-"""Whoever types a mistake reads the message that is expected here, and that `docs/troubleshooting.md` explains where it must."""
+"""Whoever types a mistake reads the message that is expected here, and that `docs/operate/troubleshooting.md` explains where it must."""
 
 import os
 import re
@@ -17,7 +17,7 @@ from tests.terminals import Terminal
 from tests.trees import document
 
 ROOT = Path.cwd()
-TROUBLESHOOTING = Path("docs/troubleshooting.md")
+TROUBLESHOOTING = Path("docs/operate/troubleshooting.md")
 INSTALLING, USAGE = "Installing", "Wrong usage, status 2"
 
 SECTIONS = "/robot1/search_and_rescue:\n  ros__parameters: {zone_order: [zone_a]}\n"
@@ -161,7 +161,9 @@ def test_every_hindrance_to_installing_that_is_explained_is_met():
     )
     extras = re.findall(r"^(\w+) = \[", declared.partition("\n[")[0], re.MULTILINE)
     assert {*extras} - {"ros", "interfaces", "sim", "dev"} == {*EXTRAS}
-    explained_extras = Path("docs/installing.md").read_text(encoding="utf-8").partition("\nThe extras: ")[2]
+    explained_extras = (
+        Path("docs/start/install.md").read_text(encoding="utf-8").partition("\nThe extras: ")[2]
+    )
     assert {*extras} - {"dev"} <= {*re.findall(r"`(\w+)` ", explained_extras.partition("\n\n")[0])}
 
 

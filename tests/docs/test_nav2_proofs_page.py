@@ -1,4 +1,4 @@
-"""The files of properties of docs/nav2_proofs.md find in a small tree of that form what the page says of Nav2's."""
+"""The files of properties of docs/missions/nav2-findings.md find in a small tree of that form what the page says of Nav2's."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ import sar_compiler
 from sar_compiler import ProofStatus
 from tests.docs.markdown import blocks, commands, tables
 
-PAGE = Path("docs/nav2_proofs.md")
+PAGE = Path("docs/missions/nav2-findings.md")
 FILES = {block.file: block.text for block in blocks(PAGE) if block.file}
 # Of the same form as Nav2's, but for a recovery; what is asked is how the retry begins.
 TREE = """

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/predict.md").resolve()
+PAGE = Path("docs/how-to/success-probability.md").resolve()
 
 
 def test_the_page_about_predictions_does_what_it_says(tmp_path):

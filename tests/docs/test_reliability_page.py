@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.docs.markdown import PAGES, codes, tables
 from tests.docs.test_requirements import names_in
 
-PAGE = Path("docs/reliability.md")
+PAGE = Path("docs/concepts/failures-and-recovery.md")
 ROWS = [(line, cells) for _, line, cells in tables(PAGE)]
 # What nobody can promise, and so no test can hold.
 BEYOND = "the computer is gone"

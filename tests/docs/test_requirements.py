@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.docs.markdown import codes, links, tables
 
-PAGE = Path("docs/requirements.md")
+PAGE = Path("docs/how-to/course-project.md")
 COURSE = "course only"
 BY_HAND = "by hand"
 ROWS = [(line, cells) for _, line, cells in tables(PAGE) if len(cells) == 3]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/resilient_tree.md").resolve()
+PAGE = Path("docs/missions/resilient-tree.md").resolve()
 
 
 def test_the_page_about_the_resilient_tree_does_what_it_says(tmp_path):

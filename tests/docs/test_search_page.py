@@ -10,7 +10,7 @@ from search_and_rescue.zone_order import EXACT_UP_TO
 from tests.docs.markdown import blocks, codes, tables
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/search.md").resolve()
+PAGE = Path("docs/how-to/search-by-probability.md").resolve()
 PARAMS = Path("config/search_areas_params.yaml").resolve()
 
 

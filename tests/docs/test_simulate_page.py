@@ -9,7 +9,7 @@ from tests.docs.markdown import blocks, codes, tables
 from tests.docs.test_worked_pages import LEAVES, follow
 from tests.trees import document
 
-PAGE = Path("docs/simulate.md").resolve()
+PAGE = Path("docs/reference/scenarios.md").resolve()
 SCHEMA = json.loads(Path("schemas/sar_scenario.schema.json").read_text(encoding="utf-8"))
 
 

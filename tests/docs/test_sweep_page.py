@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/sweep.md").resolve()
+PAGE = Path("docs/how-to/monte-carlo.md").resolve()
 
 
 def test_the_page_about_sweeps_does_what_it_says(tmp_path):

@@ -11,7 +11,7 @@ from search_and_rescue.search_theory import SWEEP_FACTORS
 from tests.docs.markdown import blocks, codes, tables
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/sweeping.md").resolve()
+PAGE = Path("docs/how-to/cover-areas.md").resolve()
 
 
 @pytest.mark.ros

@@ -25,8 +25,8 @@ from search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from tests.docs.markdown import blocks, codes, tables
 
 README = Path("README.md")
-LEAVES = Path("docs/writing_a_leaf.md")
-MISSION = Path("docs/mission.md")
+LEAVES = Path("docs/how-to/write-a-leaf.md")
+MISSION = Path("docs/missions/search-and-rescue.md")
 TREE = Path("trees/search_and_rescue.xml")
 
 
@@ -106,7 +106,7 @@ def memory_flags():
 
 
 def test_every_parameter_of_a_run_is_in_the_table_of_parameters():
-    page = Path("docs/parameter_file.md")
+    page = Path("docs/reference/parameters.md")
     explained = " ".join(cells[0] for _, _, cells in tables(page))
     assert [field.name for field in fields(RunParameters) if f"`{field.name}" not in explained] == []
     shipped = yaml.safe_load(Path("config/mission_params.yaml").read_text(encoding="utf-8"))
@@ -120,7 +120,10 @@ def test_everything_that_a_mission_says_is_in_the_tables_of_missions():
             name for name in {**vars(described), **described.__annotations__} if not name.startswith("_")
         }
         heading = f"of a `{described.__name__}`"
-        listed = {codes(cells[0])[0].split("(")[0] for cells in rows_below(Path("docs/missions.md"), heading)}
+        listed = {
+            codes(cells[0])[0].split("(")[0]
+            for cells in rows_below(Path("docs/how-to/write-a-mission.md"), heading)
+        }
         assert listed == names
 
 
@@ -158,7 +161,7 @@ def test_every_leaf_of_the_mission_is_in_the_table_of_leaves():
 def test_the_decorators_in_the_table_are_there():
     explained = {
         code.split()[0]
-        for heading, _, cells in tables(Path("docs/writing_a_tree.md"))
+        for heading, _, cells in tables(Path("docs/reference/tree-files.md"))
         if heading == "Decorators"
         for code in codes(cells[0])
     }

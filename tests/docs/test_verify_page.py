@@ -8,7 +8,7 @@ from sar_compiler.analysis.verify import verdicts
 from tests.docs.markdown import codes, tables
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/verify.md").resolve()
+PAGE = Path("docs/reference/properties.md").resolve()
 SCHEMA = json.loads(Path("schemas/sar_properties.schema.json").read_text(encoding="utf-8"))
 
 

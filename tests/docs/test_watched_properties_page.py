@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tests.docs.test_worked_pages import follow
 
-PAGE = Path("docs/watched_properties.md").resolve()
+PAGE = Path("docs/how-to/watch-a-run.md").resolve()
 
 
 def test_the_page_about_watched_flights_does_what_it_says(tmp_path):

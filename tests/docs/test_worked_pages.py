@@ -21,12 +21,12 @@ from tests.docs.markdown import blocks
 from tests.processes import BIN
 from tests.slowness import without_progress
 
-TREES = Path("docs/writing_a_tree.md").resolve()
-LEAVES = Path("docs/writing_a_leaf.md").resolve()
-ROS_LEAVES = Path("docs/ros_leaves.md").resolve()
-TEN_MINUTES = Path("docs/ten_minutes.md").resolve()
-TUTORIAL = Path("docs/tutorial.md").resolve()
-WORLD = Path("docs/world.md").resolve()
+TREES = Path("docs/reference/tree-files.md").resolve()
+LEAVES = Path("docs/how-to/write-a-leaf.md").resolve()
+ROS_LEAVES = Path("docs/how-to/leaves-by-attributes.md").resolve()
+TEN_MINUTES = Path("docs/how-to/from-btcpp.md").resolve()
+TUTORIAL = Path("docs/tutorial/README.md").resolve()
+WORLD = Path("docs/reference/world.md").resolve()
 
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0

@@ -30,7 +30,7 @@ SHIPPED = {
     **dict.fromkeys(sorted(Path("maps").glob("*.yaml")), "map"),
     **dict.fromkeys(sorted(Path("config").glob("*_properties.yaml")), "properties"),
 }
-PAGES = {"simulate": "scenario", "verify": "properties", "world": "world", "configuration": "settings"}
+PAGES = {"scenarios": "scenario", "properties": "properties", "world": "world", "configuration": "settings"}
 # This one shows mistakes.
 SLIPS = "slips.yaml"
 MODELINE = {"yaml": "# yaml-language-server: $schema=", "toml": "#:schema "}
@@ -134,7 +134,7 @@ def test_a_shipped_file_leads_editors_to_its_schema(path):
 @pytest.mark.parametrize("page", PAGES)
 def test_the_files_on_a_page_keep_to_their_schema(page, tmp_path):
     held = 0
-    for block in blocks(Path(f"docs/{page}.md")):
+    for block in blocks(Path(f"docs/reference/{page}.md")):
         if block.language == "toml":
             (tmp_path / "sar.toml").write_text(block.text, encoding="utf-8")
             document = read_toml(tmp_path / "sar.toml", "sar.toml")
@@ -154,7 +154,7 @@ def test_the_files_on_a_page_keep_to_their_schema(page, tmp_path):
 
 
 def test_every_key_of_a_world_is_in_the_table_of_its_page():
-    rows = [cells for heading, _, cells in tables(Path("docs/world.md")) if heading == "The world"]
+    rows = [cells for heading, _, cells in tables(Path("docs/reference/world.md")) if heading == "The world"]
     keys = [codes(cells[0])[0] for cells in rows]
     assert keys == list(SCHEMAS["world"]["properties"])
     assert [key for key, cells in zip(keys, rows, strict=True) if cells[2].startswith("yes")] == SCHEMAS[
@@ -165,5 +165,5 @@ def test_every_key_of_a_world_is_in_the_table_of_its_page():
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_says_how_a_file_names_its_schema(page):
     language = "toml" if page == "configuration" else "yaml"
-    text = Path(f"docs/{page}.md").read_text(encoding="utf-8")
+    text = Path(f"docs/reference/{page}.md").read_text(encoding="utf-8")
     assert f"{MODELINE[language]}../schemas/sar_{PAGES[page]}.schema.json" in text

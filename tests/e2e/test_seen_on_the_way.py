@@ -1,4 +1,4 @@
-"""The trees of docs/sweeping.md that listen to a detector, flown in the simulator."""
+"""The trees of docs/how-to/cover-areas.md that listen to a detector, flown in the simulator."""
 
 from pathlib import Path
 

@@ -105,7 +105,7 @@ def test_every_word_for_the_journal_is_an_option_of_the_mission():
 
 
 def test_every_parameter_given_to_the_mission_is_one_that_the_docs_list():
-    documented = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md"))
+    documented = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md"))
     names = [texts(call.args[0])[0] for call in FILE.calls("Parameter")]
     assert set(names) == {"tick_rate_hz", "use_sim_time"}
     assert all(f"| `{name}` |" in documented for name in names)

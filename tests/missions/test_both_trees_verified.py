@@ -15,7 +15,7 @@ from tests.processes import in_order
 pytestmark = pytest.mark.unmeasured
 
 CONTRACT, RESILIENT = "trees/search_and_rescue.xml", "trees/search_and_rescue_resilient.xml"
-PAGE = Path("docs/mission.md")
+PAGE = Path("docs/missions/search-and-rescue.md")
 README = Path("README.md")
 HOLDS = "proved"
 # With a hold, or a loss of base, its states are millions.

@@ -212,10 +212,11 @@ def test_a_command_is_served_by_the_leaves_that_its_declaration_names_and_by_no_
 
 
 def test_every_command_has_a_sentence_and_stands_in_the_documentation() -> None:
-    services = Path("docs/mission.md").read_text(encoding="utf-8")
-    facts = Path("docs/journal.md").read_text(encoding="utf-8")
+    services = Path("docs/missions/search-and-rescue.md").read_text(encoding="utf-8")
+    facts = Path("docs/reference/journal.md").read_text(encoding="utf-8")
     manual = " ".join(
-        Path(f"docs/{page}.md").read_text(encoding="utf-8") for page in ("operating", "search", "sweeping")
+        Path(f"docs/{page}.md").read_text(encoding="utf-8")
+        for page in ("operate/operators-manual", "how-to/search-by-probability", "how-to/cover-areas")
     )
     for command in COMMANDS:
         assert command.fact in _SENTENCES

@@ -165,7 +165,7 @@ class Flight:
 
 
 def unlike(chance: np.random.Generator, wrong_by: float = 0.25) -> World:
-    """Return a world within the bounds that docs/search.md names."""
+    """Return a world within the bounds that docs/how-to/search-by-probability.md names."""
     rates = (rate * chance.uniform(1 - wrong_by, 1 + wrong_by) for rate in PRIOR)
     return World(Rates(*rates), SPEED_MPS * chance.uniform(0.9, 1.0), (1.0, DETOUR))
 

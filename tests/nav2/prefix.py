@@ -17,9 +17,7 @@ MANAGER = ("nav2_lifecycle_manager", "lifecycle_manager")
 
 # What its processes get of this one's environment: nothing of the project's own ROS, whose messages are stand-ins.
 _KEPT = ("HOME", "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE")
-HOWTO = (
-    "write NAV2_PREFIX=/opt/ros/jazzy, or where Nav2 is installed (docs/nav2.md#on-a-nav2-that-is-installed)"
-)
+HOWTO = "write NAV2_PREFIX=/opt/ros/jazzy, or where Nav2 is installed (docs/how-to/nav2-trees.md#on-a-nav2-that-is-installed)"
 
 
 def executable(prefix: Path, package: str, name: str) -> Path:

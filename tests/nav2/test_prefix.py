@@ -24,7 +24,7 @@ def test_without_a_prefix_it_says_what_to_write():
     assert line.startswith(
         "NAV2_PREFIX is not set: write NAV2_PREFIX=/opt/ros/jazzy, or where Nav2 is installed"
     )
-    assert "docs/nav2.md#on-a-nav2-that-is-installed" in line
+    assert "docs/how-to/nav2-trees.md#on-a-nav2-that-is-installed" in line
 
 
 def test_a_folder_that_is_none_of_ros_is_named(tmp_path):

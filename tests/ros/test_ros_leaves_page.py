@@ -1,4 +1,4 @@
-"""The tree of `docs/ros_leaves.md`, as printed, against real servers; and its tables against what is registered."""
+"""The tree of `docs/how-to/leaves-by-attributes.md`, as printed, against real servers; and its tables against what is registered."""
 
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from sar_compiler.nodes.spec import Role
 from tests.docs.markdown import blocks
 from tests.ros.conftest import Ros
 
-PAGE = Path("docs/ros_leaves.md")
+PAGE = Path("docs/how-to/leaves-by-attributes.md")
 TREE = next(block.text for block in blocks(PAGE) if block.file == "inspection.xml")
 SPECS = {spec.tag: spec for spec in specs("jazzy")}
 

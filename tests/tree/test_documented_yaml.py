@@ -1,4 +1,4 @@
-"""What docs/yaml.md shows is so."""
+"""What docs/reference/yaml.md shows is so."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
 
-PAGE = Path("docs/yaml.md").read_text(encoding="utf-8")
+PAGE = Path("docs/reference/yaml.md").read_text(encoding="utf-8")
 
 
 def test_the_example_is_a_tree_in_canonical_form():

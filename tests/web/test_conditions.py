@@ -1,4 +1,4 @@
-"""What is said of a mission in each condition, by who shows it: the table of `docs/page.md`, row by row, in a real browser and by the commands."""
+"""What is said of a mission in each condition, by who shows it: the table of `docs/operate/page.md`, row by row, in a real browser and by the commands."""
 
 import re
 import signal
@@ -53,7 +53,7 @@ ROWS = {
 
 def table():
     """Return the table of the docs: by the first column, what stands in the others by their names."""
-    text = Path("docs/page.md").read_text(encoding="utf-8").partition("\n### Conditions\n")[2]
+    text = Path("docs/operate/page.md").read_text(encoding="utf-8").partition("\n### Conditions\n")[2]
     lines = [line for line in text.partition("\n#")[0].splitlines() if line.startswith("|")]
     names, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     return {name: dict(zip(names[1:], cells, strict=True)) for name, *cells in rows}
