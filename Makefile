@@ -137,7 +137,7 @@ schemas: env
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
 	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
 	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
-	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents tests/docs/test_commands_page.py tests/docs/test_findings.py -k reviewed
+	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents tests/nodes/test_declared_nodes.py tests/docs/test_commands_page.py tests/docs/test_findings.py -k reviewed
 
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed

@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.declaring import attribute as attribute
-    from sar_compiler.nodes.declaring import handed_over as handed_over
-    from sar_compiler.nodes.declaring import inout_port as inout_port
-    from sar_compiler.nodes.declaring import input_port as input_port
-    from sar_compiler.nodes.declaring import leaf_spec as leaf_spec
-    from sar_compiler.nodes.declaring import output_port as output_port
-    from sar_compiler.nodes.declaring import reference as reference
+    from sar_compiler.nodes.declared import declared_leaves as declared_leaves
     from sar_compiler.nodes.register import RegistrationError as RegistrationError
     from sar_compiler.nodes.register import register as register
     from sar_compiler.nodes.semantics import Semantics as Semantics

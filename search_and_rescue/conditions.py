@@ -3,11 +3,23 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from sar_compiler.leaves import Answer, Kind, register
 from search_and_rescue.actions.survivors import DetectSurvivor
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import ZoneManager
 
+_COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at == 'base'"
 
+
+@register(
+    "ZonesRemaining",
+    kind=Kind.CONDITION,
+    answers=(
+        Answer("SUCCESS", "some left", "zones_left > 0"),
+        Answer("FAILURE", "none left", "zones_left == 0"),
+    ),
+    facts={"zones_left": 3},
+)
 class ZonesRemaining(Behaviour):
     """Is a zone left to be visited? SUCCESS if so, else FAILURE.
 
@@ -27,6 +39,15 @@ class ZonesRemaining(Behaviour):
         return Status.SUCCESS if remaining else Status.FAILURE
 
 
+@register(
+    "IsSurvivorDetected",
+    kind=Kind.CONDITION,
+    answers=(
+        Answer("SUCCESS", "yes", "found_by_{detect_node}"),
+        Answer("FAILURE", "no", "!found_by_{detect_node}"),
+    ),
+    facts={"found_by_{detect_node}": False},
+)
 class IsSurvivorDetected(Behaviour):
     """Did the last search find a survivor? SUCCESS if so, else FAILURE.
 
@@ -44,6 +65,15 @@ class IsSurvivorDetected(Behaviour):
         return Status.SUCCESS if self._detect_node.was_found() else Status.FAILURE
 
 
+@register(
+    "MissionComplete",
+    kind=Kind.CONDITION,
+    answers=(
+        Answer("SUCCESS", "complete", _COMPLETE),
+        Answer("FAILURE", "incomplete", f"!({_COMPLETE})"),
+    ),
+    facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
+)
 class MissionComplete(Behaviour):
     """Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.
 

@@ -7,12 +7,16 @@ from typing import Annotated, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
+    Answer,
     Clock,
+    Kind,
     RobotEstimate,
     RosLeaf,
     Seconds,
     TopicLeaf,
+    Use,
     battery_share,
+    register,
     robot_estimate,
     sensible,
 )
@@ -21,6 +25,8 @@ from search_and_rescue.homing import Homing
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import Fence
+
+_BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 
 
 @dataclass(eq=False, repr=False)
@@ -86,18 +92,37 @@ class _OrderCondition(_Failsafe):
         return response
 
 
+@register(
+    "NotAborted",
+    kind=Kind.CONDITION,
+    answers=(Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")),
+)
 class NotAborted(_OrderCondition):
     """Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
 
     command, subject = "abort", "the mission"
 
 
+@register(
+    "NotRecalled",
+    kind=Kind.CONDITION,
+    answers=(Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")),
+)
 class NotRecalled(_OrderCondition):
     """Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called."""
 
     command, subject = "go_home", "the robot"
 
 
+@register(
+    "NavigationAvailable",
+    kind=Kind.CONDITION,
+    answers=(
+        Answer("SUCCESS", "available", "!navigation_lost"),
+        Answer("FAILURE", "unavailable", "navigation_lost"),
+    ),
+    facts={"navigation_lost": False},
+)
 class NavigationAvailable(_Failsafe):
     """Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.
 
@@ -113,6 +138,12 @@ class NavigationAvailable(_Failsafe):
         return self._judge(f"navigation is unavailable ({lost})" if lost else "")
 
 
+@register(
+    "BatterySuffices",
+    kind=Kind.CONDITION,
+    uses=(Use.topic("{topic}"),),
+    answers=(Answer("SUCCESS", "enough"), Answer("FAILURE", "low")),
+)
 @dataclass(eq=False, repr=False, kw_only=True)
 class BatterySuffices(_Failsafe, TopicLeaf):
     """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
@@ -172,6 +203,11 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         return self._judge(f"{nothing}{self.silence_cause}" if waited else "")
 
 
+@register(
+    "InsideFence",
+    kind=Kind.CONDITION,
+    answers=(Answer("SUCCESS", "inside"), Answer("FAILURE", "outside")),
+)
 @dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
     """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.
@@ -207,6 +243,11 @@ class InsideFence(_Failsafe):
         return self._judge(f"the robot, at ({place[0]:.2f}, {place[1]:.2f}), is outside the geofence")
 
 
+@register(
+    "MissionTimeLeft",
+    kind=Kind.CONDITION,
+    answers=(Answer("SUCCESS", "time left"), Answer("FAILURE", "time is up")),
+)
 @dataclass(eq=False, repr=False)
 class MissionTimeLeft(_Failsafe):
     """Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.
@@ -233,6 +274,16 @@ class MissionTimeLeft(_Failsafe):
         return self._judge(f"the mission's time of {self.limit:g} s is up" if up else "")
 
 
+@register(
+    "BaseInReach",
+    kind=Kind.CONDITION,
+    uses=(Use.service("{service}"),),
+    answers=(
+        Answer("SUCCESS", "in reach", then="base_lost = false"),
+        Answer("FAILURE", "lost", "base_lost || losses_left > 0", _BASE_LOST),
+    ),
+    facts={"base_lost": False, "losses_left": 1},
+)
 @dataclass(eq=False, repr=False)
 class BaseInReach(_Failsafe):
     """Is the base station there? FAILURE if its service was in no network for too long.

@@ -7,12 +7,34 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RosLeaf, Standstill, UnusableValueError, robot_estimate, stamped_pose
+from sar_compiler.leaves import (
+    Answer,
+    Kind,
+    RosLeaf,
+    Standstill,
+    UnusableValueError,
+    register,
+    robot_estimate,
+    stamped_pose,
+)
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.record import MissionRecord, Standing
 from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
 
+_SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 
+
+@register(
+    "NotHeld",
+    kind=Kind.CONDITION,
+    answers=(
+        Answer("SUCCESS", "free"),
+        Answer("FAILURE", "held", "orders_left > 0", "orders_left -= 1"),
+        Answer("FAILURE", "zone skipped", "orders_left > 0 && zones_left > 0", _SKIPPED),
+        Answer("FAILURE", "plan changed", "orders_left > 0", "orders_left -= 1"),
+    ),
+    facts={"orders_left": 1, "zones_left": 3, "zones_abandoned": 0},
+)
 @dataclass(eq=False, repr=False)
 class NotHeld(RosLeaf):
     """Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.
@@ -120,6 +142,11 @@ class NotHeld(RosLeaf):
         return ""
 
 
+@register(
+    "AwaitStandstill",
+    kind=Kind.ACTION,
+    answers=(Answer("SUCCESS", "stands"), Answer("RUNNING", "moves")),
+)
 class AwaitStandstill(RosLeaf):
     """Wait until the robot stands by its odometry: RUNNING while it moves, for `settle_timeout_sec` at most, then SUCCESS with a warning.
 

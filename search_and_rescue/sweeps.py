@@ -3,9 +3,8 @@
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from search_and_rescue.leaf_specs import SweepPattern
 from search_and_rescue.zone_manager import MapPose
 
 if TYPE_CHECKING:
@@ -14,6 +13,8 @@ if TYPE_CHECKING:
     from search_and_rescue.areas import Corners
     from search_and_rescue.coverage import ObstacleMap
 
+SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"]
+"""How a sweep goes: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""
 MOST_PIECES = 2000
 # Legs, cells of the map, and stops that are gone through, also where only few of them lie in the ground: seconds, and some hundred megabytes.
 _MOST_LEGS, _MOST_CELLS, _MOST_STOPS = 20_000, 16_000_000, 1_000_000

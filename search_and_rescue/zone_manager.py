@@ -5,7 +5,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import deepcopy
-from typing import TYPE_CHECKING, Any, ClassVar, TypedDict, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypedDict, cast
 
 from sar_compiler.missions import (
     FACTS_LOST,
@@ -34,6 +34,8 @@ _LARGEST_RATIO, _MOST_TOGETHER = 1000.0, 1e9
 MOST_PLANNED = 30
 """The most zones for which one choice asks the planner: 30 zones are 495 ways."""
 _SHORTEST_SEC = 1e-3
+VisitingOrder = Literal["listed", "nearest", "expected_find"]
+"""How the next zone is chosen."""
 MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
 

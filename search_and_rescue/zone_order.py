@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from search_and_rescue.leaf_specs import VisitingOrder
 from search_and_rescue.search_theory import Tour
+from search_and_rescue.zone_manager import VisitingOrder
 
 EXACT_UP_TO = 14
 """The most areas for which the order is the best of all; more are ordered by a beam search."""

@@ -409,6 +409,7 @@ OPENED_ELSEWHERE = {
     },
     "journal/opening.py": {"JournalFile.open": "the method above"},
     "journal/reserve.py": {"os.open": "to write; fstat says that it is a file"},
+    "nodes/declared.py": {"path.read_text": OWN},
     "nodes/nav2/__init__.py": {"Path(__file__).with_name('nodes.yaml').read_text": OWN, "yaml.load": TEXT},
     "nodes/schemas/xml_schema.py": {"Path(__file__).with_name('frame.xsd').read_text": OWN},
     "ros/guardian.py": {"Path(beat.stack).read_text": "the stack that the guarded process itself writes"},

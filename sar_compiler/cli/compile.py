@@ -168,8 +168,8 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "describe this node with its attributes (default: list all)"
     add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
-    text = "for people (default text), for scripts, or as a palette for Groot2"
-    add("--format", choices=("text", "json", "groot2"), default="text", help=text)
+    text = "for people (default text), for scripts, as a palette for Groot2, or as the specs of the leaves of --nodes for its package"
+    add("--format", choices=("text", "json", "groot2", "specs"), default="text", help=text)
     text = "print a palette of the nodes that the trees in a folder use and nobody describes, with guesses of their ports"
     add("--from-use", type=FOLDER, metavar="FOLDER", help=text)
     add_vocabulary_options(parser)
@@ -307,6 +307,12 @@ def _nodes(arguments: argparse.Namespace) -> int:
     from sar_compiler.tree.diagnostic import Severity
     from sar_compiler.views.nodes import nodes_as_json, nodes_as_text
 
+    if arguments.format == "specs":
+        from sar_compiler.nodes.declared import specs_as_json
+        from sar_compiler.nodes.registry import registered_leaves
+
+        print(specs_as_json(spec for each in arguments.nodes for spec in registered_leaves(each)), end="")
+        return OK
     registry = _registry(arguments)
     if arguments.tag is not None and arguments.tag not in registry:
         from sar_compiler.nodes.palettes import palettes_with

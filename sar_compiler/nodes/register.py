@@ -200,7 +200,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     Args:
         tag: The tag in a tree file.
         kind: The kind of node.
-        outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them.
+        outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them; by default those of its answers.
         effects: Its effect on the world, in a few words ("drives the robot"); empty if it has none.
         uses: The actions, services and topics that it needs before the first tick.
         answers: For a leaf: the possible results of a tick in a simulation, the usual one first; by default one for
@@ -231,6 +231,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
     names = _status_names(tag, outcomes)
     needs = _uses(tag, uses)
     said = _answers(tag, answers, names)
+    names = names or frozenset(answer.status for answer in said)
     known = _facts(tag, facts or {})
     read, written = _members(tag, "reads", reads, '["..."]'), _members(tag, "writes", writes, '["..."]')
 

@@ -245,12 +245,31 @@ def _as_module(path: Path) -> str:
 
 def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
     """Find the modules of a package that register leaves, by their text, without an import."""
-    for folder in getattr(package, "__path__", ()):
-        for path in sorted(Path(folder).glob("*.py")):
-            if path.stem.isidentifier() and _REGISTERS.search(
+    for folder in map(Path, getattr(package, "__path__", ())):
+        for path in sorted(folder.rglob("*.py")):
+            parts = path.relative_to(folder).with_suffix("").parts
+            if all(map(str.isidentifier, parts)) and _REGISTERS.search(
                 read_file(path, MODULE).data.decode("utf-8", "replace")
             ):
-                yield f"{package.__name__}.{path.stem}"
+                yield ".".join((package.__name__, *parts))
+
+
+def registered_leaves(package: str) -> "Registry":
+    """Return the leaves that a module registers, or the modules of a package, and nothing else.
+
+    Args:
+        package: Its import path, named by the user.
+
+    Raises:
+        RegistryError: If it cannot be imported.
+    """
+    look_in_current_folder()
+    found, root = Registry(), _import(package, "--nodes", importlib.import_module)
+    for name in (package, *_submodules_with_leaves(root)):
+        for thing in vars(_import(name, "--nodes", importlib.import_module)).values():
+            if isinstance(thing, type) and thing.__module__ == name and is_marked(thing):
+                found.add_class(thing)
+    return found
 
 
 def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> ModuleType:

@@ -7,16 +7,20 @@ from typing import TYPE_CHECKING, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
+    Answer,
     Clock,
+    Kind,
     RosLeaf,
     Seconds,
+    Use,
     battery_share,
     of_node,
     qos_profile,
+    register,
     robot_estimate,
     value_reports,
 )
-from search_and_rescue.actions.navigation import NavigateToBase
+from search_and_rescue.actions.navigation import NavigateToBase, drive_answers
 from search_and_rescue.homing import Homing
 from search_and_rescue.planned_ways import PlannedWays
 from search_and_rescue.record import MissionRecord
@@ -27,6 +31,9 @@ if TYPE_CHECKING:
 
 BATTERY_TOPIC = "battery_state"
 """Where the battery is told: `sensor_msgs/msg/BatteryState`, of which the `percentage` counts."""
+
+
+_AT_CHARGE = "(at == 'base' || at == 'charging')"
 
 
 class BatteryMeter:
@@ -104,6 +111,18 @@ class _HomingLeaf(RosLeaf):
         return of_node(self.node, BatteryMeter, lambda: BatteryMeter(self.node, self.homing))
 
 
+@register(
+    "ReturnInReach",
+    kind=Kind.ACTION,
+    uses=(Use.topic("battery_state"),),
+    answers=(
+        Answer("SUCCESS", "in reach", "zones_left > 0"),
+        Answer("FAILURE", "out of reach", "zones_left > 0"),
+        Answer("FAILURE", "no zone", "zones_left == 0"),
+        Answer("RUNNING", "battery unknown", "zones_left > 0"),
+    ),
+    facts={"zones_left": 3},
+)
 @dataclass(eq=False, repr=False, kw_only=True)
 class ReturnInReach(_HomingLeaf):
     """Is enough left for the next leg and the way home? SUCCESS if so; FAILURE if the robot is to come home first.
@@ -164,6 +183,17 @@ class ReturnInReach(_HomingLeaf):
         return self.answer(Status.SUCCESS, "in reach")
 
 
+@register(
+    "FullBatterySuffices",
+    kind=Kind.ACTION,
+    answers=(
+        Answer("SUCCESS", "suffices", "zones_left > 0"),
+        Answer("FAILURE", "too far", "zones_left > 0"),
+        Answer("FAILURE", "no zone", "zones_left == 0"),
+        Answer("RUNNING", "asking for ways", "zones_left > 0"),
+    ),
+    facts={"zones_left": 3},
+)
 @dataclass(eq=False, repr=False)
 class FullBatterySuffices(RosLeaf):
     """Would a full battery suffice for the next leg, from home and back? SUCCESS if so, else FAILURE: no charge helps.
@@ -229,6 +259,14 @@ class FullBatterySuffices(RosLeaf):
         self._ways = None
 
 
+@register(
+    "NavigateToCharge",
+    kind=Kind.ACTION,
+    effects="drives the robot to the base station or a charging place",
+    uses=(Use.action("{action}"), Use.nav2()),
+    answers=drive_answers(Answer("SUCCESS", "arrived", then="at = 'charging'; navigation_lost = false")),
+    facts={"at": "", "navigation_lost": False},
+)
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToCharge(NavigateToBase):
     """Drive to where the battery is charged: home, or a charging place that is nearer and reached with the reserve.
@@ -265,6 +303,17 @@ class NavigateToCharge(NavigateToBase):
             super()._on_arrival()
 
 
+@register(
+    "AwaitCharge",
+    kind=Kind.ACTION,
+    uses=(Use.topic("battery_state"),),
+    answers=(
+        Answer("SUCCESS", "charged", f"zones_left > 0 && {_AT_CHARGE}"),
+        Answer("FAILURE", "not charged"),
+        Answer("RUNNING", "waiting", f"zones_left > 0 && {_AT_CHARGE}"),
+    ),
+    facts={"zones_left": 3, "at": ""},
+)
 @dataclass(eq=False, repr=False, kw_only=True)
 class AwaitCharge(_HomingLeaf):
     """Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the next leg.

@@ -10,10 +10,14 @@ from py_trees.common import Status
 from sar_compiler.leaves import (
     SUCCEEDED,
     ActionLeaf,
+    Answer,
     Deadline,
+    Kind,
     Seconds,
+    Use,
     describe_status,
     drive_left,
+    register,
     turn_by,
 )
 from sar_compiler.missions import PROGRESS
@@ -205,6 +209,31 @@ class NavigateTo(ActionLeaf):
         return message
 
 
+def drive_answers(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
+    """Return the answers of a leaf that drives: that of its arrival, and further ones than Nav2's failures, which are possible when that is."""
+    when = arrived.when
+    return (
+        arrived,
+        Answer("FAILURE", "aborted", when, "navigation_lost = false"),
+        *failed,
+        Answer("FAILURE", "unavailable", when, "navigation_lost = true"),
+        Answer("RUNNING", "driving", when, "at = ''; navigation_lost = false"),
+        Answer("RUNNING", "waiting for Nav2", when, "at = ''; navigation_lost = true"),
+        Answer("RUNNING", "not arrived", when, "at = ''; navigation_lost = true"),
+    )
+
+
+@register(
+    "NavigateToZone",
+    kind=Kind.ACTION,
+    effects="drives the robot to the current zone",
+    uses=(Use.action("{action}"), Use.nav2()),
+    answers=drive_answers(
+        Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
+        Answer("FAILURE", "no zone", "zones_left == 0"),
+    ),
+    facts={"zones_left": 3, "at": "", "navigation_lost": False},
+)
 class NavigateToZone(NavigateTo):
     """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 
@@ -227,6 +256,14 @@ class NavigateToZone(NavigateTo):
         return self._drive_to(zone["id"], zone, headline=headline)
 
 
+@register(
+    "NavigateToBase",
+    kind=Kind.ACTION,
+    effects="drives the robot to the base station",
+    uses=(Use.action("{action}"), Use.nav2()),
+    answers=drive_answers(Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false")),
+    facts={"at": "", "navigation_lost": False},
+)
 class NavigateToBase(NavigateTo):
     """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 

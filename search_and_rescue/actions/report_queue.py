@@ -6,11 +6,21 @@ from typing import Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import Clock, RosLeaf, Seconds, WallClock
+from sar_compiler.leaves import (
+    Answer,
+    Clock,
+    Kind,
+    RosLeaf,
+    Seconds,
+    Use,
+    WallClock,
+    register,
+)
 from search_and_rescue.actions.survivors import DetectSurvivor, ReportLeaf, report_of
 from search_and_rescue.record import KeptReports, MissionRecord, SurvivorReport
 
 _LONGEST_BACKOFF_SEC = 60.0
+_KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
 
 
 class Backoff:
@@ -45,6 +55,16 @@ class Backoff:
         self._pause_sec = 0.0
 
 
+@register(
+    "KeepReport",
+    kind=Kind.ACTION,
+    effects="keeps the report of the survivor for later",
+    answers=(
+        Answer("SUCCESS", "kept", "named_by_{detect_node}", _KEPT),
+        Answer("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
+    ),
+    facts={"reports_kept": 0, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
+)
 class KeepReport(RosLeaf):
     """Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.
 
@@ -72,6 +92,20 @@ class KeepReport(RosLeaf):
         return Status.SUCCESS
 
 
+@register(
+    "DeliverReports",
+    kind=Kind.ACTION,
+    effects="reports the survivors whose reports were kept",
+    uses=(Use.service("{service}"),),
+    answers=(
+        Answer("SUCCESS", "nothing kept", "reports_kept == 0"),
+        Answer("SUCCESS", "delivered", "reports_kept > 0", "reports_kept = 0"),
+        Answer("FAILURE", "refused", "reports_kept > 0"),
+        Answer("FAILURE", "all but one delivered", "reports_kept > 1", "reports_kept = 1"),
+        Answer("RUNNING", "reporting", "reports_kept > 0"),
+    ),
+    facts={"reports_kept": 0},
+)
 @dataclass(eq=False, repr=False)
 class DeliverReports(ReportLeaf):
     """Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.

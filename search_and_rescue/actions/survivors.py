@@ -6,17 +6,21 @@ from typing import TYPE_CHECKING, Any
 from py_trees.common import Status
 
 from sar_compiler.leaves import (
+    Answer,
     GridPlace,
+    Kind,
     RosLeaf,
     Seconds,
     ServiceLeaf,
     TopicLeaf,
     UnusableValueError,
+    Use,
     check_position,
     grid_place,
     of_node,
     planar_point,
     qos_profile,
+    register,
     value_reports,
 )
 from search_and_rescue.record import MissionRecord, SurvivorReport
@@ -35,6 +39,14 @@ _MAP_TOPIC = "map"
 _OCCUPIED = 65
 
 _SEEN_AT_ONCE = 100
+
+# What answers change in proofs and simulations.
+_NAMED = "named_by_{detect_node} = true; kept_by_{detect_node} = false"
+_ACKNOWLEDGED = (
+    "reports_kept -= kept_by_{detect_node} && reports_kept > 0 ? 1 : 0; kept_by_{detect_node} = false"
+)
+_FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
+_UNTOLD = "found_by_{detect_node} = false; named_by_{detect_node} = false"
 
 _FRAMES_TOPIC = "/tf_static"
 """Absolute, like tf2's own; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
@@ -106,6 +118,21 @@ def map_extent_of(node: "Node") -> MapExtent:
     return of_node(node, MapExtent, lambda: MapExtent(node))
 
 
+@register(
+    "DetectSurvivor",
+    kind=Kind.ACTION,
+    effects="searches the current zone for a survivor",
+    uses=(Use.service("{service}"),),
+    answers=(
+        Answer("SUCCESS", "found", "zones_left > 0", "found_by_{self} = true; named_by_{self} = false"),
+        Answer("SUCCESS", "nothing", "zones_left > 0", _FORGOTTEN),
+        Answer("FAILURE", "no answer", "zones_left > 0", _FORGOTTEN),
+        Answer("FAILURE", "no zone", "zones_left == 0", _FORGOTTEN),
+        Answer("RUNNING", "searching", "zones_left > 0", _FORGOTTEN),
+    ),
+    facts={"zones_left": 3, "found_by_{self}": False, "named_by_{self}": False},
+    reads=("at",),
+)
 @dataclass(eq=False, repr=False)
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
@@ -217,6 +244,23 @@ class DetectSurvivor(ServiceLeaf):
         return extent.check(response.survivor_x, response.survivor_y) if response.found else None
 
 
+@register(
+    "AwaitSurvivor",
+    kind=Kind.ACTION,
+    effects="takes what a detector has seen",
+    uses=(Use.topic("{topic}"),),
+    answers=(
+        Answer(
+            "SUCCESS",
+            "found",
+            "zones_left > 0",
+            "found_by_{detect_node} = true; named_by_{detect_node} = false",
+        ),
+        Answer("FAILURE", "no zone", "zones_left == 0", _UNTOLD),
+        Answer("RUNNING", "listening", "zones_left > 0", _UNTOLD),
+    ),
+    facts={"zones_left": 3, "found_by_{detect_node}": False, "named_by_{detect_node}": False},
+)
 @dataclass(eq=False, repr=False)
 class AwaitSurvivor(TopicLeaf):
     """Wait until a detector publishes somebody who has no name yet, and tell the search: SUCCESS then, RUNNING before.
@@ -336,6 +380,16 @@ def static_transforms_of(node: "Node") -> StaticTransforms:
     return of_node(node, StaticTransforms, lambda: StaticTransforms(node))
 
 
+@register(
+    "BroadcastSurvivorTF",
+    kind=Kind.ACTION,
+    effects="gives the survivor a new name, with a static frame there",
+    answers=(
+        Answer("SUCCESS", "named", "found_by_{detect_node}", _NAMED),
+        Answer("FAILURE", "nobody found", "!found_by_{detect_node}"),
+    ),
+    facts=dict.fromkeys(["found_by_{detect_node}", "named_by_{detect_node}", "kept_by_{detect_node}"], False),
+)
 @dataclass(eq=False, repr=False)
 class BroadcastSurvivorTF(RosLeaf):
     """Give the survivor that was found a name, and publish a static frame of that name under `map`.
@@ -489,6 +543,19 @@ class ReportLeaf(ServiceLeaf):
         return request
 
 
+@register(
+    "NotifyBase",
+    kind=Kind.ACTION,
+    effects="reports the survivor to the base station",
+    uses=(Use.service("{service}"),),
+    answers=(
+        Answer("SUCCESS", "acknowledged", "named_by_{detect_node}", _ACKNOWLEDGED),
+        Answer("FAILURE", "refused", "named_by_{detect_node}"),
+        Answer("FAILURE", "nothing to report", "!named_by_{detect_node}"),
+        Answer("RUNNING", "reporting", "named_by_{detect_node}"),
+    ),
+    facts={"named_by_{detect_node}": False, "kept_by_{detect_node}": False, "reports_kept": 0},
+)
 @dataclass(eq=False, repr=False)
 class NotifyBase(ReportLeaf):
     """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
@@ -507,6 +574,11 @@ class NotifyBase(ReportLeaf):
         return self._request_for(report)
 
 
+@register(
+    "LogNoDetection",
+    kind=Kind.ACTION,
+    answers=(Answer("SUCCESS", "logged"),),
+)
 class LogNoDetection(RosLeaf):
     """Log that no survivor was found.
 

@@ -12,30 +12,38 @@ from py_trees.common import Status
 
 from sar_compiler.leaves import (
     SUCCEEDED,
+    Answer,
     Clock,
+    Kind,
     RobotEstimate,
     RosLeaf,
+    Use,
     at_least,
     poses_left,
+    register,
     robot_estimate,
     sensible,
 )
-from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of
+from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of, drive_answers
 from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from search_and_rescue.areas import COVERAGE, Corners
 from search_and_rescue.beside_ticks import begin_beside
 from search_and_rescue.drawn_areas import DrawingError, DrawnAreas
 from search_and_rescue.homing import Homing
-from search_and_rescue.leaf_specs import SweepPattern
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.search_theory import pod_at_random, pod_of_parallel_sweep
 from search_and_rescue.sweep_record import Sweep, Sweeps
-from search_and_rescue.sweeps import sweep
+from search_and_rescue.sweeps import SweepPattern, sweep
 from search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
 
 Passes = Annotated[int, at_least(1)]
 Share = Annotated[float, sensible(0, 1)]
+# How many pieces there are nobody knows before the run: what a leaf answers says whether one is open. In proofs a run has so many more than
+# one a pass.
+_PIECES = {"zones_left": 3, "piece_open": False, "more_pieces": 1}
+# Where no zone is left, no piece is open, whatever was planned.
+_OPEN = "zones_left > 0 && piece_open"
 
 # What is nearer than that is the robot's place as well, metres.
 _STANDS_M = 0.05
@@ -67,6 +75,12 @@ class _SweepLeaf(RosLeaf):
         return self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
 
 
+@register(
+    "ZoneHasGround",
+    kind=Kind.CONDITION,
+    answers=(Answer("SUCCESS", "yes", "zones_left > 0"), Answer("FAILURE", "no")),
+    facts={"zones_left": 3},
+)
 class ZoneHasGround(_SweepLeaf):
     """Has the current zone an outline, so that it can be swept? SUCCESS if so, else FAILURE."""
 
@@ -75,6 +89,15 @@ class ZoneHasGround(_SweepLeaf):
         return Status.SUCCESS if self._zone in self.sweeps.grounds else Status.FAILURE
 
 
+@register(
+    "PiecesRemaining",
+    kind=Kind.CONDITION,
+    answers=(
+        Answer("SUCCESS", "some left", _OPEN),
+        Answer("FAILURE", "none left", f"!({_OPEN})"),
+    ),
+    facts=_PIECES,
+)
 class PiecesRemaining(_SweepLeaf):
     """Is a piece of the current zone's sweep open? SUCCESS if so, else FAILURE."""
 
@@ -157,6 +180,20 @@ class _PlanLeaf(_SweepLeaf):
         return self.answer(Status.SUCCESS, "planned")
 
 
+@register(
+    "PlanSweep",
+    kind=Kind.ACTION,
+    effects="plans the pieces of a sweep",
+    answers=(
+        Answer("SUCCESS", "planned", "zones_left > 0", "piece_open = true"),
+        Answer("SUCCESS", "going on", "zones_left > 0", "piece_open = true"),
+        Answer("SUCCESS", "swept before", "zones_left > 0", "piece_open = false"),
+        Answer("FAILURE", "nothing to sweep", "zones_left > 0"),
+        Answer("FAILURE", "no zone", "zones_left == 0"),
+        Answer("RUNNING", "planning", "zones_left > 0"),
+    ),
+    facts=_PIECES,
+)
 @dataclass(eq=False, repr=False)
 class PlanSweep(_PlanLeaf):
     """Plan the sweep of the current zone's ground; one that is planned goes on where it is.
@@ -212,6 +249,19 @@ class PlanSweep(_PlanLeaf):
         return self._plan(zone, self.pattern, ground, self.pattern, self.coverage)
 
 
+@register(
+    "RefineSweep",
+    kind=Kind.ACTION,
+    effects="plans the pieces of a further pass",
+    answers=(
+        Answer("SUCCESS", "planned", "zones_left > 0 && !piece_open", "piece_open = true"),
+        Answer("SUCCESS", "going on", _OPEN),
+        Answer("FAILURE", "nothing to sweep", "zones_left > 0 && !piece_open"),
+        Answer("FAILURE", "no zone", "zones_left == 0"),
+        Answer("RUNNING", "planning", "zones_left > 0 && !piece_open"),
+    ),
+    facts=_PIECES,
+)
 @dataclass(eq=False, repr=False)
 class RefineSweep(_PlanLeaf):
     """Plan to look once more at what the sweep of the current zone has missed: SUCCESS if there is such ground.
@@ -239,6 +289,17 @@ class RefineSweep(_PlanLeaf):
         return self._plan(zone, "gaps", gaps, "parallel", 1.0)
 
 
+@register(
+    "NavigateToPiece",
+    kind=Kind.ACTION,
+    effects="drives the robot to the current piece",
+    uses=(Use.action("{action}"), Use.nav2()),
+    answers=drive_answers(
+        Answer("SUCCESS", "arrived", _OPEN, "at = 'zone'; navigation_lost = false"),
+        Answer("FAILURE", "no piece", f"!({_OPEN})"),
+    ),
+    facts={**_PIECES, "at": "", "navigation_lost": False},
+)
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToPiece(NavigateTo):
     """Drive to the current piece of the sweep, and keep what is seen on the way.
@@ -317,6 +378,19 @@ class NavigateToPiece(NavigateTo):
             self.sweeps.drive(self._zone_id, [before, here], obstacles)
 
 
+@register(
+    "NavigateThroughPieces",
+    kind=Kind.ACTION,
+    effects="drives the robot through the pieces, and marks them as swept",
+    # Not the action: where no server offers it, the start must not wait for one.
+    uses=(Use.nav2(),),
+    answers=drive_answers(
+        Answer("SUCCESS", "all done", _OPEN, "piece_open = false; at = 'zone'; navigation_lost = false"),
+        Answer("FAILURE", "no piece", f"!({_OPEN})"),
+        Answer("FAILURE", "piece by piece", _OPEN),
+    ),
+    facts={**_PIECES, "at": "", "navigation_lost": False},
+)
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateThroughPieces(NavigateToPiece):
     """Drive through all open pieces of the sweep without a stop, and mark each as swept when it is passed.
@@ -424,6 +498,17 @@ def _plan_of(zone: str, sweep: Sweep) -> tuple[str, int, int]:
     return zone, sweep.passes, sweep.skipped
 
 
+@register(
+    "AdvancePiece",
+    kind=Kind.ACTION,
+    effects="marks the current piece as swept",
+    answers=(
+        Answer("SUCCESS", "advanced", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
+        Answer("SUCCESS", "all done", _OPEN, "piece_open = false"),
+        Answer("SUCCESS", "no piece", f"!({_OPEN})"),
+    ),
+    facts=_PIECES,
+)
 @dataclass(eq=False, repr=False)
 class AdvancePiece(_SweepLeaf):
     """Mark the current piece as swept, with what was seen so far; the next one becomes the current piece.
@@ -453,6 +538,17 @@ class AdvancePiece(_SweepLeaf):
         return self.answer(Status.SUCCESS, "advanced" if sweep.left else "all done")
 
 
+@register(
+    "SkipPiece",
+    kind=Kind.ACTION,
+    effects="leaves the current piece out",
+    answers=(
+        Answer("SUCCESS", "skipped", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
+        Answer("SUCCESS", "skipped the last", _OPEN, "piece_open = false"),
+        Answer("SUCCESS", "no piece", f"!({_OPEN})"),
+    ),
+    facts=_PIECES,
+)
 class SkipPiece(_SweepLeaf):
     """Leave the current piece out, as one that cannot be reached or searched; the next one becomes the current piece."""
 
@@ -467,6 +563,16 @@ class SkipPiece(_SweepLeaf):
         return self.answer(Status.SUCCESS, "skipped" if self.sweeps.of(zone).left else "skipped the last")
 
 
+@register(
+    "IsFindNew",
+    kind=Kind.CONDITION,
+    answers=(
+        Answer("SUCCESS", "new", "found_by_{detect_node}"),
+        Answer("FAILURE", "known", "found_by_{detect_node}"),
+        Answer("FAILURE", "nobody", "!found_by_{detect_node}"),
+    ),
+    facts={"found_by_{detect_node}": False},
+)
 @dataclass(eq=False, repr=False)
 class IsFindNew(RosLeaf):
     """Is the survivor that the last search has found somebody who has no name yet? SUCCESS if so, else FAILURE.

@@ -5,18 +5,45 @@ from typing import Annotated, Any
 
 from py_trees.common import Status
 
-from sar_compiler.leaves import RosLeaf, Seconds, UnusableValueError, at_least, planar_point
+from sar_compiler.leaves import (
+    Answer,
+    Kind,
+    RosLeaf,
+    Seconds,
+    UnusableValueError,
+    at_least,
+    planar_point,
+    register,
+)
 from search_and_rescue.beside_ticks import begin_beside
-from search_and_rescue.leaf_specs import VisitingOrder
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.planned_ways import PlannedWays
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.sweep_record import Sweeps
-from search_and_rescue.zone_manager import MAP_FRAME, Zone, ZoneManager, is_ratio
+from search_and_rescue.zone_manager import MAP_FRAME, VisitingOrder, Zone, ZoneManager, is_ratio
 
 Attempts = Annotated[int, at_least(1)]
+# Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of
+# attempts at the current zone is the number of the round; a round is over when all remaining zones have been
+# postponed in it.
+_ROUND_IS_OVER = "postponed_in_round >= zones_left"
+_NEXT_ROUND = f"({_ROUND_IS_OVER} ? round + 1 : round)"
+_POSTPONED = (
+    f"round += {_ROUND_IS_OVER} ? 1 : 0; postponed_in_round = {_ROUND_IS_OVER} ? 1 : postponed_in_round + 1"
+)
 
 
+@register(
+    "AdvanceZone",
+    kind=Kind.ACTION,
+    effects="marks the current zone as visited",
+    answers=(
+        Answer("SUCCESS", "advanced", "zones_left > 0", "zones_left -= 1"),
+        Answer("SUCCESS", "no zone", "zones_left == 0"),
+    ),
+    facts={"zones_left": 3},
+    writes=("at",),
+)
 class AdvanceZone(RosLeaf):
     """Mark the current zone as visited, so that the next one becomes the current zone.
 
@@ -38,6 +65,17 @@ class AdvanceZone(RosLeaf):
         return self.answer(Status.SUCCESS, "advanced")
 
 
+@register(
+    "ChooseZone",
+    kind=Kind.ACTION,
+    effects="makes one of the zones that are left the current one",
+    answers=(
+        Answer("SUCCESS", "chosen", "zones_left > 0"),
+        Answer("FAILURE", "no zone", "zones_left == 0"),
+        Answer("RUNNING", "choosing", "zones_left > 0"),
+    ),
+    facts={"zones_left": 3},
+)
 class ChooseZone(RosLeaf):
     """Choose which of the zones that are left is the current one: RUNNING while that is computed, beside the ticks.
 
@@ -167,6 +205,16 @@ class ChooseZone(RosLeaf):
         return begin_beside(self._wake, ordered, self._order, self._zones.tour(zones))
 
 
+@register(
+    "PostponeZone",
+    kind=Kind.ACTION,
+    effects="puts the current zone behind all others",
+    answers=(
+        Answer("SUCCESS", "postponed", f"zones_left > 0 && {_NEXT_ROUND} < {{attempts}}", _POSTPONED),
+        Answer("FAILURE", "tried often enough", f"zones_left == 0 || {_NEXT_ROUND} >= {{attempts}}"),
+    ),
+    facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
+)
 class PostponeZone(RosLeaf):
     """Put the current zone after all others, to try it again later; FAILURE after its last attempt.
 
@@ -196,6 +244,16 @@ class PostponeZone(RosLeaf):
         return Status.SUCCESS
 
 
+@register(
+    "AbandonZone",
+    kind=Kind.ACTION,
+    effects="takes the current zone out of the plan, unvisited",
+    answers=(
+        Answer("SUCCESS", "abandoned", "zones_left > 0", "zones_left -= 1; zones_abandoned += 1"),
+        Answer("SUCCESS", "no zone", "zones_left == 0"),
+    ),
+    facts={"zones_left": 3, "zones_abandoned": 0},
+)
 class AbandonZone(RosLeaf):
     """Take the current zone out of the plan, unvisited; the mission can then no longer be complete.
 
@@ -217,6 +275,13 @@ class AbandonZone(RosLeaf):
         return self.answer(Status.SUCCESS, "abandoned")
 
 
+@register(
+    "AbandonZones",
+    kind=Kind.ACTION,
+    effects="takes all zones that are left out of the plan, unvisited",
+    answers=(Answer("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
+    facts={"zones_left": 3, "zones_abandoned": 0},
+)
 class AbandonZones(RosLeaf):
     """Take all zones that are left out of the plan, unvisited, for the reason that a failsafe has given.
 

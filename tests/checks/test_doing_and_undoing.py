@@ -22,7 +22,9 @@ class Told(Behaviour):
 
 
 def leaf(tag, reads=(), writes=()):
-    return register(tag, kind=Kind.ACTION, answers=[Answer("SUCCESS")], reads=reads, writes=writes)
+    return register(
+        tag, kind=Kind.ACTION, answers=[Answer("SUCCESS"), Answer("FAILURE")], reads=reads, writes=writes
+    )
 
 
 @leaf("Open", writes=["door"])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from search_and_rescue.leaf_specs import SPECS
+from search_and_rescue import SPECS
 from search_and_rescue.zone_order import EXACT_UP_TO
 from tests.docs.markdown import blocks, codes, tables
 from tests.docs.test_worked_pages import follow

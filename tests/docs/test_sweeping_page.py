@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
-from search_and_rescue.leaf_specs import SPECS
+from search_and_rescue import SPECS
 from search_and_rescue.search_theory import SWEEP_FACTORS
 from tests.docs.markdown import blocks, codes, tables
 from tests.docs.test_worked_pages import follow

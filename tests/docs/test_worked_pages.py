@@ -110,7 +110,7 @@ def test_the_tutorial_does_what_it_says(tmp_path):
 @pytest.mark.ros
 def test_a_leaf_is_written_and_flown_as_the_page_says(tmp_path):
     typed, otherwise = follow(LEAVES, tmp_path)
-    assert typed == 3
+    assert typed == 4
     assert otherwise == [], "\n".join(otherwise)
 
 

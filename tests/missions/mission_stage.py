@@ -21,7 +21,7 @@ from sar_interfaces.srv import ReportSurvivor as ReportService
 from tf2_msgs.msg import TFMessage
 
 from sar_compiler.runtime.answers import DeclaredAnswers
-from search_and_rescue.leaf_specs import SPECS
+from search_and_rescue import SPECS
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
 from tests.waiting import SILENCE_SEC

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.behaviour import Behaviour
 
+from search_and_rescue import SPECS
 from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
 from search_and_rescue.actions.report_queue import DeliverReports
 from search_and_rescue.actions.survivors import DetectSurvivor, NotifyBase
 from search_and_rescue.actions.zones import AbandonZone, AdvanceZone
-from search_and_rescue.leaf_specs import SPECS
 from search_and_rescue.record import SurvivorReport
 
 if TYPE_CHECKING:

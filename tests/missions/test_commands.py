@@ -16,11 +16,11 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.runtime.answers import DeclaredAnswers
+from search_and_rescue import SPECS
 from search_and_rescue.actions.sweeping import PlanSweep
 from search_and_rescue.actions.zones import ChooseZone
 from search_and_rescue.areas import Ground
 from search_and_rescue.failsafes import NotAborted, NotRecalled
-from search_and_rescue.leaf_specs import SPECS
 from search_and_rescue.operating import NotHeld
 from search_and_rescue.orders import COMMANDS, VERBS, CommandSpec
 from search_and_rescue.search import _SENTENCES, Search

@@ -12,9 +12,9 @@ from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
+from search_and_rescue import SPECS
 from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
 from search_and_rescue.failsafes import NavigationAvailable
-from search_and_rescue.leaf_specs import SPECS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

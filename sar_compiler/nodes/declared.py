@@ -1,0 +1,160 @@
+"""Leaves as data: what the decorators and constructors of a package's leaves say, in a JSON file beside them.
+
+A tree with such leaves is checked without an import of their classes. `sar-compile nodes --format specs` writes the file.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from enum import Enum
+from pathlib import Path
+from typing import Any, Literal
+
+from sar_compiler.errors import SarError
+from sar_compiler.nodes.numbers import SensibleNumbers
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, Use, path_of
+from sar_compiler.nodes.values import (
+    ANYTHING,
+    MILLISECONDS,
+    NO_VALUE,
+    PLAIN,
+    REAL_NUMBER,
+    SECONDS,
+    ValueType,
+    at_least,
+    list_of,
+    type_of,
+)
+from sar_compiler.runtime.answers import Answer
+
+_NAMED = {**PLAIN, **{each.name: each for each in (ANYTHING, MILLISECONDS, NO_VALUE, REAL_NUMBER, SECONDS)}}
+_FROM, _CHOICE, _LIST = "integer.from.", "one_of.", ".list"
+_PLAIN_FIELDS = ("tag", "kind", "effects", "facts", "reads", "writes", "doc")
+
+
+class UndeclarableError(SarError):
+    """Something of a leaf cannot be written as data."""
+
+
+def declared_leaves(path: Path) -> list[NodeSpec]:
+    """Return the leaves of a file that `sar-compile nodes --format specs` has written, for the `SPECS` of a module.
+
+    Args:
+        path: The file, in the package of the leaves.
+    """
+    return [_spec(each) for each in json.loads(path.read_text(encoding="utf-8"))]
+
+
+def specs_as_json(specs: Iterable[NodeSpec]) -> str:
+    """Return leaves as the text of such a file, a line for each.
+
+    Raises:
+        UndeclarableError: If something of a leaf cannot be written as data; names the leaf.
+    """
+    return "[\n{}\n]\n".format(",\n".join(map(_line, specs)))
+
+
+def _line(spec: NodeSpec) -> str:
+    try:
+        return json.dumps(_as_data(spec), default=_as_text)
+    except TypeError as error:
+        raise UndeclarableError(f"<{spec.tag}> cannot be declared as data: {error}") from None
+
+
+def _as_data(spec: NodeSpec) -> dict[str, object]:
+    if spec.semantics != NodeSpec.semantics:
+        raise TypeError("its semantics can hold functions")
+    return {
+        "class": spec.class_path,
+        "outcomes": sorted(spec.outcomes),
+        "uses": [_differing(each) for each in spec.uses],
+        "answers": [_differing(each) for each in spec.answers],
+        "parameters": [
+            {**_differing(each), "value_type": _type_as_data(each.value_type)}
+            for each in spec.parameters.values()
+        ],
+        **{name: value for name in _PLAIN_FIELDS if (value := getattr(spec, name))},
+    }
+
+
+def _differing(thing: Any) -> dict[str, object]:
+    """Return the fields of a data class whose values are not the defaults."""
+    return {
+        each.name: value
+        for each in fields(thing)
+        if (value := getattr(thing, each.name)) != each.default and not isinstance(value, ValueType)
+    }
+
+
+def _as_text(value: object) -> object:
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, type):
+        return path_of(value)
+    raise TypeError(f"{value!r} is no number and no text")
+
+
+def _type_as_data(value_type: ValueType) -> object:
+    """Return the name of a type, or the name and the numbers that make sense.
+
+    Raises:
+        TypeError: If the name does not say all of it.
+    """
+    plain = value_type._replace(usual=None)
+    try:
+        # Types are compared by what is shown of them: two that convert alike are not equal.
+        is_known = _type(plain.name)[:2] == plain[:2]
+    except (KeyError, ValueError):
+        is_known = False
+    if not is_known:
+        raise TypeError(f"the type '{plain.name}' is known to its package alone")
+    if value_type.usual is None:
+        return plain.name
+    least, most, is_open = value_type.usual
+    return [plain.name, least, None if math.isinf(most) else most, is_open]
+
+
+def _type(data: Any) -> ValueType:
+    if isinstance(data, list):
+        name, least, most, is_open = data
+        return _type(name)._replace(usual=SensibleNumbers(least, math.inf if most is None else most, is_open))
+    name = str(data)
+    if name.startswith(_FROM):
+        return at_least(int(name.removeprefix(_FROM)))
+    if name.startswith(_CHOICE):
+        return type_of(Literal[tuple(name.removeprefix(_CHOICE).split("."))])
+    return list_of(_type(name.removesuffix(_LIST))) if name.endswith(_LIST) else _NAMED[name]
+
+
+def _spec(data: Mapping[str, Any]) -> NodeSpec:
+    parameters = [_parameter(**each) for each in data["parameters"]]
+    return NodeSpec(
+        data["tag"],
+        data["class"],
+        Kind(data["kind"]),
+        frozenset(data["outcomes"]),
+        data.get("effects", ""),
+        tuple(Use(**each) for each in data["uses"]),
+        tuple(_answer(**each) for each in data["answers"]),
+        data.get("facts", {}),
+        tuple(data.get("reads", ())),
+        tuple(data.get("writes", ())),
+        signature=Signature({each.name: each for each in parameters}, data.get("doc", "")),
+    )
+
+
+def _answer(**said: Any) -> Answer:
+    given: dict[str, Any] = {
+        name: tuple(each) if isinstance(each, list) else each for name, each in said.items()
+    }
+    return Answer(**given)
+
+
+def _parameter(role: str, value_type: object, direction: str | None = None, **said: Any) -> Parameter:
+    return Parameter(
+        role=Role(role),
+        value_type=_type(value_type),
+        direction=None if direction is None else Direction(direction),
+        **said,
+    )
