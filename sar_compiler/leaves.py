@@ -12,10 +12,10 @@ from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
     from sar_compiler.nodes.declared import declared_leaves as declared_leaves
-    from sar_compiler.nodes.register import RegistrationError as RegistrationError
     from sar_compiler.nodes.register import register as register
     from sar_compiler.nodes.semantics import Semantics as Semantics
     from sar_compiler.nodes.spec import Kind as Kind
+    from sar_compiler.nodes.spec import RegistrationError as RegistrationError
     from sar_compiler.nodes.spec import Use as Use
     from sar_compiler.nodes.values import Milliseconds as Milliseconds
     from sar_compiler.nodes.values import Seconds as Seconds

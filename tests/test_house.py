@@ -630,9 +630,6 @@ def test_every_file_named_under_how_to_add_exists(entry):
 
 IMPORT_CIRCLES = {
     frozenset(
-        {"nodes.register", "nodes.spec"}
-    ): "a spec of a registered class reads the class's docstring when it is asked",
-    frozenset(
         {
             "runtime.kernel.leaf_nodes",
             "runtime.kernel.live",

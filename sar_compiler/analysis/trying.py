@@ -11,8 +11,9 @@ from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules.entry_accesses import key_accesses_of
 from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import count_within_limits
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
 from sar_compiler.runtime.events import Event

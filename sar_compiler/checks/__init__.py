@@ -28,10 +28,11 @@ from sar_compiler.checks.rules import (
 )
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.btcpp import Version
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.models import compare_models, described_specs, read_models, yielding
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.nodes.spec import RegistrationError
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, Span
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, NO_SPANS, Element, FileBeginning, TreeFile
@@ -195,8 +196,6 @@ def failure_of_rule(
     Raises:
         Exception: The error itself, if commands have a message for it.
     """
-    from sar_compiler.nodes.register import RegistrationError  # which imports py_trees
-
     element = _element_of(error) or default
     if isinstance(error, RegistrationError):
         told = str(error)

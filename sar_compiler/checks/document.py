@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import slip_in_note
-from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.tree_ids import find_main_tree, is_node
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Provenance

@@ -15,10 +15,11 @@ from py_trees.common import OneShotPolicy
 from py_trees.decorators import OneShot, PassThrough
 
 from sar_compiler.nodes.binding.binder import bind
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.instances import Instance, expand
 from sar_compiler.nodes.binding.skips import SkipAnalysis
 from sar_compiler.nodes.binding.tree_ids import find_main_tree
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind, Parameter, Role, Use
 from sar_compiler.nodes.values import ConversionError

@@ -17,9 +17,10 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler import Arguments, Builder, CompiledTree, Construction, compile_with
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_answer, fill_text, number_text
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis, by_itself, report_misread
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.outcome_sets import ALLOWED, WORD_OF, F, R, S
 from sar_compiler.nodes.palettes import palettes_with

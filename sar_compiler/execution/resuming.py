@@ -9,7 +9,7 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.missions.parameter_reader import ParameterError, Problem
-from sar_compiler.nodes.binding.bound import Collector
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.json_values import json_text, json_value
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, cast
 from sar_compiler.commands import not_installed
 from sar_compiler.errors import SarError
 from sar_compiler.missions import DEFAULT, ENTRY_POINTS
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, Collector
+from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.blackboard import Scope

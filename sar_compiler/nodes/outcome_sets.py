@@ -23,7 +23,7 @@ from sar_compiler.runtime.operators import equal_texts
 if TYPE_CHECKING:
     from py_trees.common import Status
 
-    from sar_compiler.nodes.binding.bound import BoundNode
+    from sar_compiler.nodes.collector import NodeView
 
 S, F, R, K = 1, 2, 4, 8
 """SUCCESS, FAILURE, RUNNING and skipped."""
@@ -34,9 +34,9 @@ ANSWERS = (S, F, R, K)
 ALLOWED, SURE = False, True
 """The results to collect: all that a tick may have, or only those that certainly occur in some run."""
 
-Number: TypeAlias = Callable[["BoundNode"], float | None]
+Number: TypeAlias = Callable[["NodeView"], float | None]
 """Reads a number from a node's attributes; None if it is not known before the run."""
-Possible: TypeAlias = Callable[["BoundNode", Sequence[int], bool], int]
+Possible: TypeAlias = Callable[["NodeView", Sequence[int], bool], int]
 
 # Counting goes through all combinations; those of more children are only estimated.
 _MOST_COUNTED = 12
@@ -67,7 +67,7 @@ def swap(outcomes: int) -> int:
     return outcomes & (R | K) | (F if outcomes & S else 0) | (S if outcomes & F else 0)
 
 
-def unknown(_bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
+def unknown(_bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
     """Return the set of an unknown node."""
     return 0 if sure else ALL
 
@@ -84,7 +84,7 @@ def in_order(goes_on: int, *, pauses: bool = False, keeps_place: bool = False) -
 
 
 def _in_order(
-    goes_on: int, pauses: bool, keeps_place: bool, bound: "BoundNode", children: Sequence[int], sure: bool
+    goes_on: int, pauses: bool, keeps_place: bool, bound: "NodeView", children: Sequence[int], sure: bool
 ) -> int:
     turn = swap if goes_on == F else int
     if sure and bound.is_reactive:
@@ -92,15 +92,14 @@ def _in_order(
     return turn(_sequence([turn(child) for child in children], sure, pauses, keeps_place))
 
 
-def _before_restarts(bound: "BoundNode", children: Sequence[int]) -> Sequence[int]:
+def _before_restarts(bound: "NodeView", children: Sequence[int]) -> Sequence[int]:
     """Return the sets of children, without those that an earlier sibling may interrupt whenever it is ticked again.
 
     A leaf can end in any tick. A branch of several nodes may have to run for some ticks first, in which a reactive
     node resets the children after it: these may never end.
     """
     running = [
-        not child.spec.kind.is_leaf and bool(known & R)
-        for child, known in zip(bound.children, children, strict=True)
+        not child.is_leaf and bool(known & R) for child, known in zip(bound.children, children, strict=True)
     ]
     first = running.index(True) + 1 if True in running else len(children)
     return [*children[:first], *[0] * (len(children) - first)]
@@ -120,14 +119,14 @@ def _sequence(children: Sequence[int], sure: bool, pauses: bool, keeps_place: bo
     return found | (S if succeeds else 0) | intersection(children) & K
 
 
-def branches(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+def branches(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
     """Return the set of a node whose first child decides which of the next two is ticked."""
     asked, then, *otherwise = children
     found = asked & (R | K)
     return found | (then if asked & S else 0) | ((otherwise[0] if otherwise else F) if asked & F else 0)
 
 
-def selection(bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+def selection(bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
     """Return the set of a node that ticks the child whose case equals a variable, or else the last one."""
     names = ("variable", *(f"case_{number}" for number in range(1, len(children))))
     variable, *cases = (bound.values.get(name) for name in names)
@@ -137,7 +136,7 @@ def selection(bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
     return children[next(equal, -1)]
 
 
-def attempt(_bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def attempt(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a node that ticks its last child when one of the others has failed, and then fails."""
     *tried, caught = children
     found = _sequence(tried, sure, pauses=False, keeps_place=False)
@@ -145,7 +144,7 @@ def attempt(_bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     return found & ~F | (ends if found & F else 0)
 
 
-def counting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def counting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a parallel that stops as soon as enough children have succeeded or failed."""
     wanted, failures = bound.value("success_count"), bound.value("failure_count")
     if len(children) > _MOST_COUNTED or not (isinstance(wanted, int) and isinstance(failures, int)):
@@ -161,7 +160,7 @@ def counting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     return _count_all(children, decide, lambda _succeeded, _failed, skipped: K if skipped == count else R)
 
 
-def counting_all(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def counting_all(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a parallel that waits for all its children before it counts."""
     failures, count = bound.value("max_failures"), len(children)
     if count > _MOST_COUNTED or not isinstance(failures, int):
@@ -212,7 +211,7 @@ def _estimate(children: Sequence[int], sure: bool) -> int:
     return intersection(children) & R if sure else ALL
 
 
-def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def by_policy(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of py_trees' Parallel, which decides after all its children were ticked."""
     policy = bound.value("policy")
     if policy is None:
@@ -229,7 +228,7 @@ def by_policy(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     return found | succeeds | runs
 
 
-def passing(_bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+def passing(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
     """Return the set of a decorator that returns its child's result."""
     return children[0]
 
@@ -239,32 +238,32 @@ def turning(turns: dict[int, int]) -> Possible:
     return partial(_turning, tuple(turns.get(each, each) for each in ANSWERS))
 
 
-def _turning(turned: tuple[int, ...], bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def _turning(turned: tuple[int, ...], bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     turns = dict(zip(ANSWERS, turned, strict=True))
     child = _sure_if_interrupted(bound, children[0]) if sure and turns[R] != R else children[0]
     return union(new for old, new in turns.items() if child & old)
 
 
-def _sure_if_interrupted(bound: "BoundNode", child: int) -> int:
+def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
     """Return the sure results of a child whose decorator ends, and resets it, in each tick in which it runs.
 
     A leaf can end in any tick; a branch of several nodes may have to run for some ticks first.
     """
-    return child & R if child & R and not bound.children[0].spec.kind.is_leaf else child
+    return child & R if child & R and not bound.children[0].is_leaf else child
 
 
-def adding(own: int, _bound: "BoundNode", children: Sequence[int], _sure: bool) -> int:
+def adding(own: int, _bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
     """Return the set of a decorator that has results of its own besides its child's."""
     return children[0] | own
 
 
-def run_once(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def run_once(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that is skipped once its child has ended."""
     skips = bound.value("then_skip") is True if sure else bound.value("then_skip") is not False
     return children[0] | (K if skips and children[0] & (S | F) else 0)
 
 
-def guard(condition: str, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that returns another result while a condition, an attribute, is false."""
     otherwise = _otherwise(bound, "else", F, sure)
     holds = constant_condition(bound.values.get(condition))
@@ -273,7 +272,7 @@ def guard(condition: str, bound: "BoundNode", children: Sequence[int], sure: boo
     return children[0] if holds else otherwise
 
 
-def rounds(count: Number, again: int, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def rounds(count: Number, again: int, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that repeats its child, so many times, after one of its results: `S` or `F`."""
     child, most = children[0], count(bound)
     if most is None:
@@ -285,7 +284,7 @@ def rounds(count: Number, again: int, bound: "BoundNode", children: Sequence[int
     return (child & ~again if most == math.inf else child) | (R if child & again else 0)
 
 
-def time_limit(limit_sec: Number, bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def time_limit(limit_sec: Number, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that fails when its child has run for too long, in seconds."""
     child, limit = children[0], limit_sec(bound)
     if limit is not None and limit <= 0:
@@ -296,7 +295,7 @@ def time_limit(limit_sec: Number, bound: "BoundNode", children: Sequence[int], s
     return child | (F if late else 0)
 
 
-def loop(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def loop(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that ticks its child once for each item of a queue."""
     child, queue = children[0], bound.value("queue")
     empty = _otherwise(bound, "if_empty", S, sure)
@@ -307,12 +306,12 @@ def loop(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     return child & (F | R) | (R if progress else 0) | (empty if ends else 0)
 
 
-def each_item(_bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def each_item(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of py_trees' ForEach, whose list is never written in the file."""
     return children[0] & (F | R) if sure else ALL
 
 
-def awaiting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
+def awaiting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that runs until its child returns a given status, then succeeds."""
     wanted = BITS.get(str(bound.value("status")))
     if wanted is None:
@@ -321,7 +320,7 @@ def awaiting(bound: "BoundNode", children: Sequence[int], sure: bool) -> int:
     return (S if child & wanted else 0) | (R if child & ~wanted else 0)
 
 
-def queued(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
+def queued(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
     """Return the set of a leaf whose results are written in the file."""
     queue, eventually = bound.value("queue"), bound.value("eventually")
     if not isinstance(queue, list) or "eventually" in bound.keys:
@@ -329,25 +328,25 @@ def queued(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
     return bits(map(str, queue)) | (BITS[str(eventually)] if eventually else 0)
 
 
-def ticks_counted(bound: "BoundNode", _children: Sequence[int], sure: bool) -> int:
+def ticks_counted(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
     """Return the set of a leaf that runs for some ticks, and then returns the status in the file."""
     end = BITS.get(str(bound.value("completion_status")))
     return unknown(bound, (), sure) if end is None else R | end
 
 
-def number(bound: "BoundNode", name: str) -> float | None:
+def number(bound: "NodeView", name: str) -> float | None:
     """Return the value of an attribute that is a constant number; None for any other."""
     value = bound.value(name)
     return value if isinstance(value, (int, float)) else None
 
 
-def milliseconds(bound: "BoundNode", name: str) -> float | None:
+def milliseconds(bound: "NodeView", name: str) -> float | None:
     """Return the seconds of an attribute that is a constant number of milliseconds; None for any other."""
     value = number(bound, name)
     return None if value is None else value / 1000
 
 
-def _otherwise(bound: "BoundNode", attribute: str, default: int, sure: bool) -> int:
+def _otherwise(bound: "NodeView", attribute: str, default: int, sure: bool) -> int:
     """Return the results that an attribute names; *default* if it is not written."""
     if attribute not in bound.element.attributes:
         return default
@@ -360,6 +359,6 @@ def constant_condition(condition: object) -> bool | None:
     return constant_truth(condition) if isinstance(condition, Script) else None
 
 
-def condition_of_leaf(name: str, bound: "BoundNode", _children: Sequence[int], _sure: bool) -> int:
+def condition_of_leaf(name: str, bound: "NodeView", _children: Sequence[int], _sure: bool) -> int:
     """Return the set of a leaf that succeeds if a condition, an attribute, is true, and else fails."""
     return {None: S | F, True: S, False: F}[constant_condition(bound.values.get(name))]

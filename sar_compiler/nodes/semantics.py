@@ -16,8 +16,8 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, Number, Possibl
 if TYPE_CHECKING:
     from py_trees.common import Status
 
-    from sar_compiler.nodes.binding.bound import BoundNode, Collector
-    from sar_compiler.nodes.btcpp.rewrites import Draft
+    from sar_compiler.nodes.btcpp.draft import Draft
+    from sar_compiler.nodes.collector import Collector, NodeView
 
 WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
 """Effects that do not change the world."""
@@ -97,7 +97,7 @@ class Counterpart(NamedTuple):
     since: str = ""
 
 
-def _ungated(_bound: "BoundNode") -> Mapping[int, Gate]:
+def _ungated(_bound: "NodeView") -> Mapping[int, Gate]:
     return {}
 
 
@@ -131,7 +131,7 @@ class Semantics(NamedTuple):
     possible: Possible | None = None
     order: Order = Order.CHOSEN
     goes_on: int = 0
-    gates: "Callable[[BoundNode], Mapping[int, Gate]]" = _ungated
+    gates: "Callable[[NodeView], Mapping[int, Gate]]" = _ungated
     reactive: bool = False
     steady: bool = False
     changes: int = 0
@@ -232,13 +232,13 @@ class Semantics(NamedTuple):
         """Whether it ticks its children in order until one does not fail."""
         return self.order is Order.IN_ORDER and self.goes_on == F
 
-    def always_ends_with_child(self, bound: "BoundNode") -> bool:
+    def always_ends_with_child(self, bound: "NodeView") -> bool:
         """Return whether it starts its child at once, and continues only when the child is no longer running."""
         if not self.steady or self.possible is None:
             return False
         return self.possible(bound, [R], ALLOWED) in (R, R | F)
 
-    def ends_by(self, bound: "BoundNode") -> int:
+    def ends_by(self, bound: "NodeView") -> int:
         """Return the results of its only child after which it can end, as an outcome set."""
         if self.possible is None:
             return outcome_sets.ALL
@@ -246,7 +246,7 @@ class Semantics(NamedTuple):
         return outcome_sets.union(ends)
 
 
-def _rounds_in(attribute: str, bound: "BoundNode") -> float | None:
+def _rounds_in(attribute: str, bound: "NodeView") -> float | None:
     """Return a number of rounds in BehaviorTree.CPP's notation, in which -1 is endless and less is none."""
     count = outcome_sets.number(bound, attribute)
     if count is None:

@@ -9,8 +9,8 @@ from py_trees.visitors import VisitorBase
 
 from sar_compiler.compiler import CompiledTree, Construction, Origins
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.binding.bound import Collector
-from sar_compiler.nodes.btcpp.rewrites import Draft
+from sar_compiler.nodes.btcpp.draft import Draft
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.models.palette import describe, is_built_in
 from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.spec import NodeSpec

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from sar_compiler.checks.leaf_classes import check_class
-from sar_compiler.nodes.register import RegistrationError
-from sar_compiler.nodes.spec import MARK
+from sar_compiler.nodes.spec import MARK, RegistrationError
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 HEAD = """from typing import Any

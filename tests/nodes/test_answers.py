@@ -6,9 +6,8 @@ from py_trees.common import Status
 
 from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.answers import Identifiers, fill_answer, mistake_in, number_text
-from sar_compiler.nodes.register import RegistrationError
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import MARK
+from sar_compiler.nodes.spec import MARK, RegistrationError
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.ports import Input
 from tests.nodes.leaves import Say

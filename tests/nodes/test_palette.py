@@ -3,7 +3,7 @@
 import pytest
 
 from sar_compiler.checks import check
-from sar_compiler.nodes.binding.bound import Collector
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.models import compare_models, read_models
 from sar_compiler.nodes.models.palette import is_built_in, palette
 from sar_compiler.nodes.registry import Registry, default_registry

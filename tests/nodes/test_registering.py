@@ -11,9 +11,8 @@ from py_trees.composites import Composite
 from sar_compiler.checks import check
 from sar_compiler.leaves import Kind, register
 from sar_compiler.missions import mission_context
-from sar_compiler.nodes.register import RegistrationError
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
-from sar_compiler.nodes.spec import MARK, NodeSpec, Role, Use
+from sar_compiler.nodes.spec import MARK, NodeSpec, RegistrationError, Role, Use
 from sar_compiler.runtime.context import PreviewError, preview_of
 from tests.nodes import leaves
 from tests.trees import forest

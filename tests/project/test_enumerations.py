@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler import load
 from sar_compiler.analysis.simulated import play_scenario
-from sar_compiler.nodes.binding.bound import Collector
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.models.from_use import UseOfNodes
 from sar_compiler.nodes.registry import default_registry

@@ -20,7 +20,8 @@ from sar_compiler.checks.rules.entry_accesses import (
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
 from sar_compiler.checks.rules.unwritten_ends import find_unwritten_ends
 from sar_compiler.checks.rules.written_types import KeyTypeRules
-from sar_compiler.nodes.binding.bound import BoundNode, file_of
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.collector import file_of
 from sar_compiler.nodes.outcome_sets import K, S
 from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity

@@ -8,7 +8,8 @@ may return anything, and no result of it is known to occur.
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, file_of
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.collector import file_of
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits, constant_condition
 from sar_compiler.nodes.semantics import REMOVES, WRITES, Order
 from sar_compiler.nodes.spec import Kind, NodeSpec

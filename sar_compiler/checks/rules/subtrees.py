@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator, Mapping
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.entry_accesses import KeyAccesses
 from sar_compiler.nodes.binding.attributes import condition_meant
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, text_of_output
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
+from sar_compiler.nodes.collector import text_of_output
 from sar_compiler.nodes.spec import Direction
 from sar_compiler.nodes.values import join_words
 from sar_compiler.runtime.expressions import ComparisonChain, Literal, Name, children, parts

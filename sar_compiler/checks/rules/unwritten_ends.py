@@ -11,7 +11,8 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, Place, common_place
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
-from sar_compiler.nodes.binding.bound import BoundNode, file_of
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.collector import file_of
 from sar_compiler.nodes.outcome_sets import ALLOWED, BITS
 from sar_compiler.nodes.semantics import AccessKind, Order
 from sar_compiler.nodes.spec import Kind

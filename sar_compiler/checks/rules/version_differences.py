@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
-from sar_compiler.nodes.binding.bound import BoundNode, Collector
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.key_types import severity_there
 from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
 from sar_compiler.nodes.btcpp import (
@@ -21,6 +21,7 @@ from sar_compiler.nodes.btcpp import (
     Version,
 )
 from sar_compiler.nodes.btcpp.port_types import can_be_converted, is_loop_queue
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
 from sar_compiler.nodes.spec import Direction, NodeSpec
 from sar_compiler.runtime.expressions import Literal, Operation, Script, parts

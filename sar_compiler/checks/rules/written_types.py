@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple, TypeAlias
 
 from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, EntryTable
-from sar_compiler.nodes.binding.bound import BoundNode, file_of
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.key_types import (
     EntryType,
     EntryTypes,
@@ -26,6 +26,7 @@ from sar_compiler.nodes.btcpp.port_types import (
     may_share,
     type_of_constant,
 )
+from sar_compiler.nodes.collector import file_of
 from sar_compiler.nodes.cpp_names import ANY, LONG, REAL, STATUS, TEXT
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.nodes.spec import Direction, Parameter

@@ -4,7 +4,8 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, Literal, TypeAlias
 
-from sar_compiler.nodes.binding.bound import BoundNode, Collector, text_of_output
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.collector import Collector, text_of_output
 from sar_compiler.nodes.numbers import number_in, unit_of_key, unit_words
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
 from sar_compiler.nodes.values import (

@@ -11,13 +11,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT, AttributeBinder
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Collector, Remapping
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
 from sar_compiler.nodes.binding.instances import Instance, expand
 from sar_compiler.nodes.binding.key_types import EntryTypes, report_key_types
 from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
 from sar_compiler.nodes.btcpp import Version
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.language.other_engines import REPLACEMENTS
 from sar_compiler.nodes.models import Model, Models, compare_models, read_models, yielding
 from sar_compiler.nodes.palettes import palettes_with

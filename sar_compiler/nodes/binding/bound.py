@@ -1,19 +1,13 @@
-"""Bound trees: tags, texts and names resolved to their meanings, as plain data, and the findings of binding them."""
+"""Bound trees: tags, texts and names resolved to their meanings, as plain data."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from sar_compiler.nodes.btcpp import NEWEST, OLDEST, Version, VersionChange
 from sar_compiler.nodes.spec import NodeSpec, Parameter
-from sar_compiler.nodes.values import ConversionError
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Span
-from sar_compiler.tree.guessing import Guesses
-from sar_compiler.tree.model import About, Element
-
-if TYPE_CHECKING:
-    from typing_extensions import Unpack
+from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.model import Element
 
 
 class Remapping(NamedTuple):
@@ -88,6 +82,21 @@ class BoundNode:
         self.oneshot = oneshot
         self.subtree: BoundTree | None = None
         self.remapping = _APART
+
+    @property
+    def tag(self) -> str:
+        """Its tag, as it is registered."""
+        return self.spec.tag
+
+    @property
+    def is_leaf(self) -> bool:
+        """Whether such a node has no children."""
+        return self.spec.kind.is_leaf
+
+    @property
+    def counts(self) -> tuple[str, ...]:
+        """Its ports that are numbers of its children."""
+        return self.spec.semantics.counts
 
     @property
     def is_reactive(self) -> bool:
@@ -185,65 +194,3 @@ class Binding:
         """Yield every node of every tree."""
         for tree in self.trees():
             yield from tree.nodes
-
-
-def file_of(element: Element, seen_from: Element) -> str:
-    """Return a phrase that names an element's file; empty if it is the same file."""
-    return "" if element.source is seen_from.source else f" of {element.source.path}"
-
-
-def text_of_output(code: str, element: Element, attribute: str, text: str) -> Diagnostic:
-    """Return the finding about a text in place of the key that an output is written to."""
-    message = f"{attribute}: an output is written to the blackboard, and '{text}' is no key of it"
-    key = text.strip(" ").removeprefix("$").removeprefix("{").removesuffix("}")
-    suggestion = f"{{{key}}}" if key.isidentifier() else None
-    hint = f'write {attribute}="{{key}}"'
-    return element.finding(code, message, value=attribute, suggestion=suggestion, hint=hint)
-
-
-class Collector:
-    """A collection of findings, in the order in which they are reported.
-
-    Attributes:
-        findings: The findings.
-        guesses: Guesses of what was meant.
-        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
-        version: The same, or the newest one.
-    """
-
-    def __init__(self, btcpp: Version | None = None) -> None:
-        self.btcpp = btcpp
-        self.version = btcpp or NEWEST
-        self.findings: list[Diagnostic] = []
-        self.guesses = Guesses()
-
-    def add(
-        self, code: str, message: str, element: Element, span: Span | None = None, **about: "Unpack[About]"
-    ) -> None:
-        """Add a finding about an element; the arguments are those of its method `finding`."""
-        self.findings.append(element.finding(code, message, span, **about))
-
-    def refused_since(
-        self,
-        change: VersionChange,
-        element: Element,
-        message: str,
-        span: Span | None = None,
-        **about: "Unpack[About]",
-    ) -> None:
-        """Report what BehaviorTree.CPP refuses since a version, if the trees are for that or a later one."""
-        if self.version >= change.since:
-            refused = f"BehaviorTree.CPP refuses that since {change.release}"
-            older = f'say that the trees are for an older one: [language] btcpp = "{OLDEST}"'
-            about["hint"] = f"{about['hint']}, or {older}"
-            cause = about.get("common_cause")
-            about["common_cause"] = cause and Cause(f"{cause.text}; {refused}", cause.subject)
-            self.add("btcpp-version", f"{message}; {refused}", element, span, **about)
-
-    def wrong_value(
-        self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"
-    ) -> None:
-        """Report that an attribute's text is not a value of its type, at the wrong part of it if that is known."""
-        span = element.within_value(attribute, *error.place) if error.place else element.value_span(attribute)
-        message, suggestion, hint = f"{attribute}: {error.message}", error.suggestion, error.hint
-        self.add(code, message, element, span, suggestion=suggestion, hint=hint)

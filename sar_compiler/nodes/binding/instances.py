@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.references import Candidates, report_missing
 from sar_compiler.nodes.btcpp import NAMES
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope

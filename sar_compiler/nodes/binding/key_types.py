@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.bound import BoundNode, Collector, file_of
+from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.btcpp import NUMBERS, Version
 from sar_compiler.nodes.btcpp.port_types import (
@@ -15,6 +15,7 @@ from sar_compiler.nodes.btcpp.port_types import (
     type_of_constant,
     type_of_port,
 )
+from sar_compiler.nodes.collector import Collector, file_of
 from sar_compiler.nodes.cpp_names import TEXT
 from sar_compiler.nodes.spec import Direction, Parameter
 from sar_compiler.nodes.values import ConversionError, ValueType, literal_value

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable, Iterator
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.collector import Collector
 
 MAX_NODES = 300_000
 """The largest number of nodes in a tree with its subtrees expanded."""

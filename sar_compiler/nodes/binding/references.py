@@ -4,7 +4,8 @@ import itertools
 from collections.abc import Collection, Mapping
 from graphlib import CycleError, TopologicalSorter
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector, file_of
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.collector import Collector, file_of
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import MOST_LISTED, join_words
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
-from sar_compiler.nodes.binding.bound import BoundNode, BoundTree, Collector
+from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.spec import Skips
 
 _CONDITIONS = ("_skipIf", "_while")

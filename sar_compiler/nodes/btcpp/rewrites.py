@@ -1,12 +1,12 @@
 """Rewriting of nodes of this project and of py_trees as nodes of BehaviorTree.CPP."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TypeVar
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
-from sar_compiler.nodes.binding.bound import Collector
-from sar_compiler.nodes.values import SECONDS, ConversionError, ValueType, blackboard_key, type_of
+from sar_compiler.nodes.btcpp.draft import Draft
+from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.values import SECONDS, ConversionError, blackboard_key
 from sar_compiler.tree.model import Element
 
 T = TypeVar("T")
@@ -15,45 +15,6 @@ ENDLESS = -1
 
 NO_ONESHOT = "register a decorator OneShot in C++"
 NO_FAILURE_IS_RUNNING = "an Inverter, a KeepRunningUntilFailure and an Inverter around its child do the same"
-
-
-@dataclass
-class Draft:
-    """The node that an element is rewritten as.
-
-    Attributes:
-        element: The original element.
-        tag: The tag of the new node.
-        attributes: Its attributes, without the `ID` of the explicit form.
-        explicit: Whether it is written in explicit form.
-        kept: Whether it is kept as it is, because it has no counterpart or needs no note.
-        children: The elements added to a leaf that becomes several nodes.
-    """
-
-    element: Element
-    tag: str
-    attributes: dict[str, str]
-    explicit: bool
-    kept: bool = False
-    children: list[Element] = field(default_factory=list)
-
-    def literal(
-        self, name: str, wanted: type[T], notes: Collector, value_type: ValueType | None = None
-    ) -> T | None:
-        """Return the value of an attribute; None, with a note, if the node must be kept as it is."""
-        text = self.attributes[name]
-        try:
-            if blackboard_key(text, name) is None:
-                value = (value_type or type_of(wanted)).convert(text)
-                assert isinstance(value, wanted)  # noqa: S101 - of a type known here
-                return value
-            message = f"{name}: '{text}' is known when the robot starts, and must be known now"
-            hint = f"write the value in place of '{text}'"
-            notes.add("no-counterpart", message, self.element, value=name, hint=hint)
-        except ConversionError as error:
-            notes.wrong_value(self.element, name, error)
-        self.kept = True
-        return None
 
 
 Rewrite = Callable[[Draft, Collector], None]

@@ -8,10 +8,11 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 
 from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT, ONESHOT_TYPE
-from sar_compiler.nodes.binding.bound import Collector
 from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
 from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
-from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Draft, Rewrite
+from sar_compiler.nodes.btcpp.draft import Draft
+from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Rewrite
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.cpp_names import normalized
 from sar_compiler.nodes.models import Model, read_models, yielding
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in

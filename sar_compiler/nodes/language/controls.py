@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from functools import partial
 
 from sar_compiler.nodes import outcome_sets
-from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.collector import NodeView
 from sar_compiler.nodes.declaring import ENUMS, attribute, input_port, node_spec
 from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
 from sar_compiler.nodes.language.node_rules import report_interruptions, report_out_of_reach, report_policy
@@ -23,12 +23,12 @@ _MEMORY = "Whether to go on with the child that was running (true), or to look a
 _own = partial(own, Kind.CONTROL, skipping=FROM_CHILD)
 
 
-def _after_the_first(_bound: BoundNode) -> Mapping[int, Gate]:
+def _after_the_first(_bound: NodeView) -> Mapping[int, Gate]:
     """Return the gates of the branches: the second child is ticked if the first succeeds, the third if it fails."""
     return {1: Gate((0,), S), 2: Gate((0,), F)}
 
 
-def _one_after_the_other(bound: BoundNode) -> Mapping[int, Gate]:
+def _one_after_the_other(bound: NodeView) -> Mapping[int, Gate]:
     """Return the gates of a try-catch: its children in order, and last the one that handles a failure."""
     *tried, last = range(len(bound.children))
     catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}

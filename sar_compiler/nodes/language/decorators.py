@@ -6,8 +6,8 @@ from functools import partial
 
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
-from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.btcpp import rewrites
+from sar_compiler.nodes.collector import NodeView
 from sar_compiler.nodes.cpp_names import STATUS
 from sar_compiler.nodes.declaring import (
     CLOCK,
@@ -35,20 +35,20 @@ _own = partial(own, Kind.DECORATOR, skipping=FROM_CHILD)
 _stock = partial(stock, Kind.DECORATOR)
 
 
-def _successes(bound: BoundNode) -> float | None:
+def _successes(bound: NodeView) -> float | None:
     """Return the rounds of py_trees' Repeat."""
     count = number(bound, "num_success")
     # py_trees compares the number of successes with it: no success is the last one below 1.
     return math.inf if count is not None and count < 1 else count
 
 
-def _failures(bound: BoundNode) -> float | None:
+def _failures(bound: NodeView) -> float | None:
     """Return the rounds of py_trees' Retry."""
     count = number(bound, "num_failures")
     return None if count is None else max(count, 1)
 
 
-def _within(bound: BoundNode) -> float | None:
+def _within(bound: NodeView) -> float | None:
     """Return the limit of a Timeout in seconds; BehaviorTree.CPP's 0 is no limit."""
     return milliseconds(bound, "msec") or (math.inf if number(bound, "msec") == 0 else None)
 

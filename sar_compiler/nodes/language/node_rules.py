@@ -1,6 +1,6 @@
 """Rules of single nodes: attributes that are each valid by themselves, and do not fit each other or the children."""
 
-from sar_compiler.nodes.binding.bound import BoundNode, Collector
+from sar_compiler.nodes.collector import Collector, NodeView
 from sar_compiler.nodes.values import ConversionError, items_of
 from sar_compiler.tree.guessing import nearest
 
@@ -8,24 +8,24 @@ HOW_TO_SELECT = 'write the names of the children that have to succeed: selected=
 NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
 
 
-def report_out_of_reach(bound: BoundNode, collector: Collector) -> None:
+def report_out_of_reach(bound: NodeView, collector: Collector) -> None:
     """Report attributes that exceed the number of children; negative ones are counted from the end, and always valid."""
     there = len(bound.element.children)
-    for name in bound.spec.semantics.counts:
+    for name in bound.counts:
         wanted = bound.values.get(name)
         if isinstance(wanted, int) and wanted > there > 0:
             message = f"{name}: {wanted} of {there} children can never be"
             collector.add("out-of-reach", message, bound.element, value=name, hint=f"write {there} or fewer")
 
 
-def report_interruptions(bound: BoundNode, collector: Collector) -> None:
+def report_interruptions(bound: NodeView, collector: Collector) -> None:
     """Report the second AsyncSequence in a reactive sequence.
 
     The first one starts over whenever the second one pauses, and interrupts it: neither ends.
     """
     if bound.value("memory") is not False:
         return
-    pausing = [child.element for child in bound.children if child.spec.tag == "AsyncSequence"]
+    pausing = [child.element for child in bound.children if child.tag == "AsyncSequence"]
     for child in pausing[1:]:
         message = (
             f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
@@ -34,13 +34,13 @@ def report_interruptions(bound: BoundNode, collector: Collector) -> None:
         collector.add("interrupted-child", message, child, hint="put them together in an AsyncSequence")
 
 
-def report_no_answer(bound: BoundNode, collector: Collector) -> None:
+def report_no_answer(bound: NodeView, collector: Collector) -> None:
     """Report a queue without statuses."""
     if bound.values.get("queue") == [] and "eventually" not in bound.element.attributes:
         collector.add("wrong-value", NO_ANSWER, bound.element, value="queue")
 
 
-def report_policy(bound: BoundNode, collector: Collector) -> None:
+def report_policy(bound: NodeView, collector: Collector) -> None:
     """Report attributes that do not fit the policy of a Parallel, and selected children that do not exist."""
     element, policy = bound.element, bound.values.get("policy")
     if policy is None:  # a key, or a mistake
@@ -53,7 +53,7 @@ def report_policy(bound: BoundNode, collector: Collector) -> None:
     elif policy != "SuccessOnSelected":
         return
     elif written is None:
-        message = f"<{bound.spec.tag}> needs the attribute 'selected' with SuccessOnSelected"
+        message = f"<{bound.tag}> needs the attribute 'selected' with SuccessOnSelected"
         collector.add("missing-attribute", message, element, hint=HOW_TO_SELECT)
     elif bound.values.get("selected") == []:
         message = "selected: no child is named"
@@ -62,7 +62,7 @@ def report_policy(bound: BoundNode, collector: Collector) -> None:
         _report_names(bound, written, collector)
 
 
-def _report_names(bound: BoundNode, written: str, collector: Collector) -> None:
+def _report_names(bound: NodeView, written: str, collector: Collector) -> None:
     names = [_bound_name(child) for child in bound.children]
     try:
         items_of(written, lambda text: place_of(text, names), blanks=True)
@@ -93,9 +93,9 @@ def place_of(name: str, names: list[str]) -> int:
     raise ConversionError(f"no child is called '{name}'; there are {', '.join(names)}", nearest(name, names))
 
 
-def _bound_name(child: BoundNode) -> str:
+def _bound_name(child: NodeView) -> str:
     """Return the result of `py_trees_nodes._written_name` for a bound child."""
-    if child.spec.tag == "OneShot" and child.children:
+    if child.tag == "OneShot" and child.children:
         inner = _bound_name(child.children[0])
         return inner if child.name == f"{inner}OneShot" else child.name
     return child.name

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
-from sar_compiler.nodes.binding.bound import Collector, file_of
+from sar_compiler.nodes.collector import Collector, file_of
 from sar_compiler.nodes.registry import Registry, is_own_word
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, any_port
 from sar_compiler.nodes.values import (

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, KIND_TAGS
 from sar_compiler.nodes.binding.binder import OF_ANY, is_anothers
-from sar_compiler.nodes.binding.bound import Collector
+from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
 from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, Models, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_own_word

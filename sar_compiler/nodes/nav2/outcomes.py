@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.nodes.collector import NodeView
 from sar_compiler.nodes.outcome_sets import F, K, R, S, intersection, union
 from sar_compiler.nodes.semantics import Gate
 
@@ -25,7 +25,7 @@ def _one_by_one(children: Sequence[int], told: int, goes_on: int) -> tuple[int, 
     return found, True
 
 
-def recovery(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the set of a node that ticks its first child again after a success of the second one."""
     main, recovering = children
     retries = bound.value("number_of_retries")
@@ -37,11 +37,11 @@ def recovery(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     return found | (recovering & R if retries != 0 else 0)
 
 
-def pipeline(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the set of a node that ticks all its children again, up to the furthest one that was reached."""
     if sure:
         # Of those behind a branch it is not known whether that lets them come to an end: it is not reset in between.
-        leaves = [child.spec.kind.is_leaf for child in bound.children]
+        leaves = [child.is_leaf for child in bound.children]
         known = leaves.index(False) + 1 if False in leaves else len(children)
         children = [*children[:known], *[0] * (len(children) - known)]
     found, comes_through = _one_by_one(children, F | R, S | K)
@@ -53,7 +53,7 @@ def pipeline(bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     return found | (S if succeeds else 0) | intersection(children) & K
 
 
-def round_robin(bound: BoundNode, children: Sequence[int], sure: bool, *, wraps: bool | None) -> int:
+def round_robin(bound: NodeView, children: Sequence[int], sure: bool, *, wraps: bool | None) -> int:
     """Return the set of a node that ticks its children in turn.
 
     Args:
@@ -90,7 +90,7 @@ def _not_wrapping(children: Sequence[int]) -> int:
     return found | intersection(children) & K
 
 
-def nonblocking(_bound: BoundNode, children: Sequence[int], _sure: bool) -> int:
+def nonblocking(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
     """Return the set of a node that ticks all its children in every tick."""
     found, comes_through = _one_by_one(children, F, S | R)
     if not comes_through:
@@ -99,7 +99,7 @@ def nonblocking(_bound: BoundNode, children: Sequence[int], _sure: bool) -> int:
     return found | runs | intersection(children) & S
 
 
-def persistent(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the set of a sequence whose place is on the blackboard."""
     if not sure:
         return union(children) & (F | R) | S
@@ -107,23 +107,23 @@ def persistent(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
     return found | (S if comes_through else 0)
 
 
-def paused(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+def paused(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the set of a node that works with its first child until it is paused."""
     work = children[0]
     own = (S if work & (S | K) else 0) | work & (F | R)
     return own | R | (0 if sure else union(children[1:]) & F)
 
 
-def now_and_then(own: int, _bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+def now_and_then(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that ticks its child at the start, and then now and then, and has results of its own."""
     return children[0] | own | (0 if sure else R)
 
 
-def once_until_reset(_bound: BoundNode, children: Sequence[int], sure: bool) -> int:
+def once_until_reset(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the set of a decorator that fails once its child has ended, until it is reset."""
     return children[0] | (F if not sure and children[0] & (S | F) else 0)
 
 
-def after_a_failure(_bound: BoundNode) -> Mapping[int, Gate]:
+def after_a_failure(_bound: NodeView) -> Mapping[int, Gate]:
     """Return the gates of a recovery: it is ticked if what is before it fails."""
     return {1: Gate((0,), F)}
