@@ -26,9 +26,9 @@ BIN := $(VENV)/bin
 # What the environment is made of: each version with the hashes of its files, of all that these extras and the interfaces need.
 LOCK := requirements.lock
 EXTRAS := ros sim search view web report groot2 record lsp mcp dev
-KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py)
+KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py sar_compiler/analysis/state_search/*.py)
 # What ticks trees is tested compiled and as it is.
-KERNEL_TESTS := tests/runtime tests/conformance tests/analysis/verify tests/analysis/simulate
+KERNEL_TESTS := tests/runtime tests/conformance tests/analysis/state_search tests/analysis/verify tests/analysis/simulate
 # Which lines of it that reaches, as it is; kept with the environment.
 KERNEL_COVERAGE := $(VENV)/.kernel-coverage
 PEERS := build/peers
@@ -77,7 +77,7 @@ test: env $(KERNEL_COVERAGE)
 
 # Done again where the kernel, or what it is tested with, has changed.
 $(KERNEL_COVERAGE): $(KERNEL) $(shell find $(KERNEL_TESTS) -name '*.py' -o -name '*.json') $(VENV)/.packages | env
-	COVERAGE_FILE=$@.new SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov sar_compiler/runtime/kernel --cov-report= --cov-fail-under=0 $(KERNEL_TESTS)
+	COVERAGE_FILE=$@.new SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov sar_compiler/runtime/kernel --cov sar_compiler/analysis/state_search --cov-report= --cov-fail-under=0 $(KERNEL_TESTS)
 	@mv $@.new $@
 
 # An environment for each Python, below build/; what pythonX.Y does not start is left out, and said.
@@ -159,7 +159,7 @@ site: env
 
 clean:
 	rm -rf .cache $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage*
-	rm -f sar_compiler_kernel__mypyc*.so sar_compiler/runtime/kernel/*.so sar_compiler/runtime/kernel/compiled.json
+	rm -f sar_compiler_kernel__mypyc*.so sar_compiler/runtime/kernel/*.so sar_compiler/analysis/state_search/*.so sar_compiler/runtime/kernel/compiled.json
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- the environment ---------------------------------------------------------------------------------

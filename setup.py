@@ -36,8 +36,8 @@ def description() -> str:
     return re.sub(r"\[([^][]+)\]\((?!https?:)[^)]*\)", r"\1", text)
 
 
-KERNEL = Path("sar_compiler/runtime/kernel")
-RECORD = KERNEL / "compiled.json"
+KERNEL = (Path("sar_compiler/runtime/kernel"), Path("sar_compiler/analysis/state_search"))
+RECORD = KERNEL[0] / "compiled.json"
 _OF_METADATA = {"dist_info", "egg_info"}
 OPTIONS = ("--config-file=", "--ignore-missing-imports", "--follow-imports=silent")
 
@@ -49,9 +49,12 @@ def kernel() -> "list[Extension]":
     """
     from mypyc.build import mypycify
 
-    sources = sorted(path for path in KERNEL.glob("*.py") if path.stem != "__init__")
+    sources = sorted(path for folder in KERNEL for path in folder.glob("*.py") if path.stem != "__init__")
     # A compiled module is used only beside the source that it was made of: as that is before mypyc reads it.
-    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sources}
+    digests = {
+        ".".join(path.with_suffix("").parts): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sources
+    }
     arguments = [*OPTIONS, "--python-executable", sys.executable, *map(str, sources)]
     try:
         # As mypy's own setup.py has it: where it need not be fast, half the time of the build can be saved.

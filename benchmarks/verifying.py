@@ -33,14 +33,13 @@ from benchmarks.figures import (
     plain,
 )
 from benchmarks.trees import around, document, sequence
+from sar_compiler.analysis.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import read_property_file
-from sar_compiler.budget import Budget
+from sar_compiler.budget import Budget, Progress
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.resources import shipped
-from sar_compiler.runtime.kernel.searching import Progress
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.gathering import read_tree_file
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.verify.verdicts import Verdict as Verdict
     from sar_compiler.analysis.verify.verdicts import Verification as Verification
     from sar_compiler.budget import Budget as Budget
+    from sar_compiler.budget import Progress as Progress
     from sar_compiler.compiler import CompiledTree as CompiledTree
     from sar_compiler.errors import SarError as SarError
     from sar_compiler.errors import UndecidableError as UndecidableError
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from sar_compiler.opener import UnreadableFileError as UnreadableFileError
     from sar_compiler.ros.host_programs import running as running
     from sar_compiler.ros.runner import TreeRunner as TreeRunner
-    from sar_compiler.runtime.kernel.searching import Progress as Progress
     from sar_compiler.tree.diagnostic import Diagnostic as Diagnostic
     from sar_compiler.tree.diagnostic import TreeError as TreeError
     from sar_compiler.tree.severity import Severity as Severity

@@ -17,13 +17,10 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import NamedTuple, TypeVar, cast
 
 from sar_compiler.commands import INTERRUPTED, status_of_interrupt
 from sar_compiler.errors import SarError
-
-if TYPE_CHECKING:
-    from sar_compiler.runtime.kernel.searching import Progress
 
 T = TypeVar("T")
 
@@ -35,6 +32,24 @@ _RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _POLL_SEC = 0.05
 # Of the time that it was given, results may take so much more after a search has used it up; and of the memory, until it is left behind at once.
 _MORE_TIME, _MORE_MEMORY = 0.2, 0.5
+
+
+class Progress(NamedTuple):
+    """The progress of the search.
+
+    Attributes:
+        states: How many states were found.
+        expanded: How many of them were gone through.
+        steps: How many steps there were.
+        depth: How many ticks lead to the state in hand.
+        broken: The properties that are broken so far, by their names.
+    """
+
+    states: int
+    expanded: int
+    steps: int
+    depth: int
+    broken: tuple[str, ...] = ()
 
 
 class BudgetSpentError(SarError):
@@ -72,7 +87,7 @@ class Budget:
         max_memory_mb: float = math.inf,
         patience_sec: float = 2.0,
         clock: Callable[[], float] = time.process_time,
-        on_progress: Callable[["Progress"], object] = lambda _progress: None,
+        on_progress: Callable[[Progress], object] = lambda _progress: None,
         memory: Callable[[], float] | None = None,
     ) -> None:
         self.reason = ""
@@ -83,7 +98,7 @@ class Budget:
         self._published: Callable[[], object] | None = None
         self._on_progress, self._memory = on_progress, memory or memory_mb
 
-    def report(self, progress: "Progress") -> bool:
+    def report(self, progress: Progress) -> bool:
         """Report how far a search is; return whether it has to end."""
         self._on_progress(progress)
         return self.is_spent()

@@ -19,6 +19,10 @@ class UndecidableError(SarError):
     """The runs of a tree cannot be searched."""
 
 
+class UnsteadyError(UndecidableError):
+    """The same tick, played twice with the same choices, did not ask the same questions."""
+
+
 class NodeError(SarError):
     """A node cannot go on.
 

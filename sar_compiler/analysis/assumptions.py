@@ -8,13 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from sar_compiler.analysis.leaf_words import LeafWords, report_script, unknown_in, word
-from sar_compiler.compiler.simulated_tree import (
+from sar_compiler.analysis.simulated_tree import (
     Assumptions,
     SimulatedTree,
     described_parents,
     put_in_place,
     self_ticking_parents,
 )
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders
@@ -25,7 +26,6 @@ from sar_compiler.nodes.spec import NodeSpec, Role
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.runtime.variables import UNKNOWN
 from sar_compiler.tree.guessing import nearest

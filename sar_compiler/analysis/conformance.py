@@ -12,13 +12,13 @@ from operator import and_, or_
 from typing import NamedTuple
 
 from sar_compiler.analysis.property_watch import PropertyWatch, WatchAlarm, only_when, undeclared
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.searching import Judgement
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.analysis.verify.properties import LeftOut, Properties, PropertyFile, properties_of
 from sar_compiler.analysis.verify.recorded_runs import FoundTick, LostTick, TreeRuns, Way, ticks_of
 from sar_compiler.analysis.verify.state import Prepared
-from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
-from sar_compiler.runtime.kernel.searching import Judgement
-from sar_compiler.runtime.stub_leaf import StubLeaf
 
 _RUNNING, _HALTED = "RUNNING", "HALTED"
 _MOST_TOLD = 12

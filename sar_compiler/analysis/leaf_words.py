@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any, NamedTuple
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree, match_rank
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.checks.rules.entry_accesses import entry_table_of
-from sar_compiler.compiler.simulated_tree import SimulatedTree, match_rank
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import type_of
@@ -16,7 +17,6 @@ from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.tree.guessing import nearest
 

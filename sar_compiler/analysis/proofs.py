@@ -15,9 +15,9 @@ from sar_compiler.analysis.assumptions import (
     take_controls,
 )
 from sar_compiler.analysis.leaf_words import LeafWords
+from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.analysis.trying import TrialBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.analysis.verify.properties import PropertyFile, read_property_file
-from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.documents.located import Document
 from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.errors import SarError

@@ -10,21 +10,21 @@ from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.chances import Spending
+from sar_compiler.analysis.state_search.trail import Guarded, Trail
+from sar_compiler.analysis.stub_leaf import FactVariables, StubLeaf, StubLeafError
 from sar_compiler.analysis.verify.limits import spending_conditions
 from sar_compiler.analysis.verify.properties import ConditionError, Properties, PropertyFile, properties_of
 from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
 from sar_compiler.analysis.verify.state import Alphabet, Prepared
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.chances import Spending
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.kernel.trail import Guarded, Trail
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf, StubLeafError
 from sar_compiler.runtime.variables import ScriptValue, VariableError
 from sar_compiler.runtime.walking import pre_order
 

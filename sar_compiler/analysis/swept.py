@@ -14,9 +14,9 @@ from sar_compiler.analysis.leaf_words import EventPattern, LeafWords
 from sar_compiler.analysis.simulate.replaying import ReusedTree
 from sar_compiler.analysis.simulate.running import Drawn, Failure, Player, ScenarioPlayer, failures
 from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.sweep import Played
 from sar_compiler.analysis.tree_analysis import stage_of
-from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.project import Additions, ProjectTree, Workspace

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
 from sar_compiler.analysis.simulate.running import Coverage, Covered, Failure, Run
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord, ValueChange
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.plain import as_json, plain, speakable, value_as_script
 
 

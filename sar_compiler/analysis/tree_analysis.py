@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.predict import Prediction
     from sar_compiler.analysis.property_watch import PropertyWatch
     from sar_compiler.analysis.simulate.scenario_files import Stage
+    from sar_compiler.analysis.simulated_tree import SimulatedTree
     from sar_compiler.analysis.verify.properties import PropertyFile
     from sar_compiler.analysis.verify.verdicts import Verification
     from sar_compiler.budget import Budget
     from sar_compiler.compiler import CompiledTree
-    from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.runtime.events import Event
 
 

@@ -6,18 +6,18 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.verify.properties import without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules.entry_accesses import key_accesses_of
-from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import count_within_limits
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
 from sar_compiler.runtime.events import Event
-from sar_compiler.runtime.kernel.tick_steps import TickSteps
 from sar_compiler.runtime.ports import PortError
 from sar_compiler.runtime.scripting import NodeScriptError
 from sar_compiler.runtime.variables import UnknownVariableError, unknown_value_of

@@ -15,9 +15,9 @@ from sar_compiler.tree.guessing import did_you_mean
 if TYPE_CHECKING:
     from sar_compiler.analysis.simulate.running import Coverage, Failure, Run
     from sar_compiler.analysis.simulate.scenario_files import Stage
+    from sar_compiler.analysis.simulated_tree import SimulatedTree
     from sar_compiler.analysis.trace_view import PlayedScenario
     from sar_compiler.budget import Budget
-    from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.runtime.expressions import Script
 
 
@@ -103,8 +103,8 @@ def _play(
     """Play a scenario, and print the error if it cannot be played."""
     from sar_compiler.analysis.simulate.running import ScenarioPlayer, failures
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
+    from sar_compiler.analysis.simulated_tree import OnlyDescribedError
     from sar_compiler.analysis.trace_view import PlayedScenario
-    from sar_compiler.compiler.simulated_tree import OnlyDescribedError
     from sar_compiler.runtime.evaluation import Program
     from sar_compiler.tree.diagnostic import TreeError
 

@@ -30,9 +30,8 @@ from sar_compiler.terminal import ProgressLine, painter
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.verify.verdicts import Verification
-    from sar_compiler.budget import Budget
+    from sar_compiler.budget import Budget, Progress
     from sar_compiler.documents.located import Document
-    from sar_compiler.runtime.kernel.searching import Progress
 
 MAX_STATES = 1_000_000
 _COLOURS = {"proved": "advice", "does not hold": "error", "not decided": "warning"}
@@ -84,7 +83,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
     Raises:
         TreeError: If a file has mistakes.
     """
-    from sar_compiler.compiler.simulated_tree import OnlyDescribedError
+    from sar_compiler.analysis.simulated_tree import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
 
     started = time.monotonic()

@@ -16,8 +16,8 @@ from sar_compiler.opener import is_file
 from sar_compiler.tree.showing import in_one_line
 
 if TYPE_CHECKING:
+    from sar_compiler.analysis.simulated_tree import SimulatedTree
     from sar_compiler.analysis.verify.counterfactual import Counterfactual
-    from sar_compiler.compiler.simulated_tree import SimulatedTree
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState, NodeState
     from sar_compiler.project import Workspace

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 from py_trees.behaviours import Dummy
 
+from sar_compiler.analysis.simulated_tree import compile_simulated
+from sar_compiler.analysis.state_search.searching import explore
 from sar_compiler.analysis.verify.properties import without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.outcome_sets import BITS
 from sar_compiler.nodes.registry import Registry, load_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.searching import explore
 from tests.node_forms import Form, forms, reads_keys
 from tests.trees import forest_of
 

@@ -14,12 +14,12 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler import load
+from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.cli.compile import main
-from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.testing import assert_scenario_holds
 from search_and_rescue.actions.zones import AbandonZones
 from search_and_rescue.failsafes import (

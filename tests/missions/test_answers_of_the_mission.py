@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.analysis.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.compiler import bind_main, compile_tree, preview_tree
-from sar_compiler.compiler.simulated_tree import Assumptions, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.testing import simulate

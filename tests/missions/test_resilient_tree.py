@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from py_trees.common import Status
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree, compile_simulated
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import SimulatedTree, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.forest import load_forest
 from sar_compiler.tree.gathering import read_tree_file
 

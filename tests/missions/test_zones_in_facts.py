@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 
+from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated
 from sar_compiler.nodes.registry import default_registry
 from search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZone
 from search_and_rescue.record import MissionRecord

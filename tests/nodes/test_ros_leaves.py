@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.compiler.simulated_tree import compile_simulated
+from sar_compiler.analysis.simulated_tree import compile_simulated
 from sar_compiler.errors import SarError
 from sar_compiler.loaded_tree import load
 from sar_compiler.nodes import ros_leaves

@@ -8,10 +8,10 @@ import types
 
 import pytest
 
+from sar_compiler.analysis.numbered_board import NumberedBoard
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import MAX_DEPTH, parse
 from sar_compiler.runtime.script_code import quick_script

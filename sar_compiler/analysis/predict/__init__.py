@@ -13,6 +13,12 @@ from typing import Any
 import numpy as np
 
 from sar_compiler.analysis.predict.weighed_graph import Between, Flags, WeighedGraph
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.chances import Chances, CountedTimes
+from sar_compiler.analysis.state_search.graph import Graph
+from sar_compiler.analysis.state_search.searching import Judgement, explore
+from sar_compiler.analysis.state_search.tick_steps import TickSteps
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.analysis.verify.properties import (
     LeftOut,
     Monitors,
@@ -23,16 +29,10 @@ from sar_compiler.analysis.verify.properties import (
 )
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.budget import Budget
-from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.budget import Budget, Progress
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.values import MILLISECONDS, SECONDS
 from sar_compiler.runtime.kernel.cells import SUCCESS, WORDS
-from sar_compiler.runtime.kernel.chances import Chances, CountedTimes
-from sar_compiler.runtime.kernel.graph import Graph
-from sar_compiler.runtime.kernel.searching import Judgement, Progress, explore
-from sar_compiler.runtime.kernel.tick_steps import TickSteps
-from sar_compiler.runtime.stub_leaf import StubLeaf
 
 _USUAL = WORDS[SUCCESS]
 _ROUNDING = 1e-9

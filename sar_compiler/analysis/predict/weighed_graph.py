@@ -21,10 +21,10 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
+from sar_compiler.analysis.state_search.chances import Chances
+from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import middle
-from sar_compiler.runtime.kernel.chances import Chances
-from sar_compiler.runtime.kernel.graph import Graph
 
 Flags: TypeAlias = npt.NDArray[Any]
 Indices: TypeAlias = npt.NDArray[Any]

@@ -6,14 +6,14 @@ what the first one began with, and depends on its scenario alone.
 
 from functools import partial
 
+from sar_compiler.analysis.numbered_board import NumberedBoard
 from sar_compiler.analysis.simulate.running import Player, RunVariables
 from sar_compiler.analysis.simulate.scenario_files import Scenario
-from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.user_nodes import UserNode
-from sar_compiler.runtime.numbered_board import NumberedBoard
 
 # What scripts do is remembered by what entries hold: a tree that is not made anew from time to time would remember ever more.
 _MOST_CHOICES = 50_000

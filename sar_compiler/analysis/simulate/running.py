@@ -12,7 +12,9 @@ from py_trees.common import Status
 
 from sar_compiler.analysis.leaf_words import EventPattern
 from sar_compiler.analysis.simulate.scenario_files import OWN, AnswerStep, Scenario
-from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.chances import TOLERANCE_SEC
+from sar_compiler.analysis.stub_leaf import FactVariables, StubLeaf
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.runtime.answers import STATUSES, Answer, chances, middle, nominal
@@ -20,11 +22,9 @@ from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
 from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.chances import TOLERANCE_SEC
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.stub_leaf import FactVariables, StubLeaf
 from sar_compiler.runtime.variables import (
     Enums,
     ScriptValue,

@@ -13,9 +13,10 @@ from sar_compiler.analysis.assumptions import (
     take_controls,
 )
 from sar_compiler.analysis.leaf_words import EventPattern, LeafWords, parameters, seconds, span_sec, word
+from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated, match_rank
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.checks.configuration import path_inside
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import Assumptions, SimulatedTree, compile_simulated, match_rank
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.documents.yaml_files import read_yaml
 from sar_compiler.nodes.binding.bound import Binding
@@ -24,7 +25,6 @@ from sar_compiler.opener import SCENARIO
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.runtime.evaluation import Program
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest

@@ -8,6 +8,8 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.searching import Report
 from sar_compiler.analysis.verify.branches import has_parallels
 from sar_compiler.analysis.verify.composing import proved_apart
 from sar_compiler.analysis.verify.properties import ConditionError, Properties, PropertyFile, properties_of
@@ -26,9 +28,7 @@ from sar_compiler.analysis.verify.verdicts import (
     Verdict,
     Verification,
 )
-from sar_compiler.budget import Budget
-from sar_compiler.compiler.simulated_tree import SimulatedTree
-from sar_compiler.runtime.kernel.searching import Progress, Report
+from sar_compiler.budget import Budget, Progress
 from sar_compiler.runtime.variables import unknown_value_of
 
 

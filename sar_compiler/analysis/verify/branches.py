@@ -11,22 +11,27 @@ from dataclasses import dataclass
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Running
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree, is_answered
+from sar_compiler.analysis.state_search.branch_nodes import (
+    Automaton,
+    BranchDeed,
+    BranchResult,
+    FlatComposition,
+)
+from sar_compiler.analysis.state_search.graph import Graph
+from sar_compiler.analysis.state_search.liveness import components, is_fair
+from sar_compiler.analysis.state_search.searching import explore
 from sar_compiler.analysis.verify.properties import Rules, without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import IsWanted
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules.entry_accesses import PlaceFinder, entry_table_of
-from sar_compiler.compiler.simulated_tree import SimulatedTree, is_answered
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import Entry
-from sar_compiler.runtime.kernel.branch_nodes import Automaton, BranchDeed, BranchResult, FlatComposition
 from sar_compiler.runtime.kernel.branching import TryCatchNode
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.counting import CountingNode
-from sar_compiler.runtime.kernel.graph import Graph
-from sar_compiler.runtime.kernel.liveness import components, is_fair
-from sar_compiler.runtime.kernel.searching import explore
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.user_nodes import UserNode
 

@@ -19,6 +19,8 @@ from itertools import groupby
 
 from py_trees.behaviour import Behaviour
 
+from sar_compiler.analysis.state_search.graph import Graph
+from sar_compiler.analysis.state_search.searching import Report
 from sar_compiler.analysis.verify.branches import Assembly, Branch, branches_of, searched
 from sar_compiler.analysis.verify.properties import Properties, Rules, without_properties
 from sar_compiler.analysis.verify.state import Prepared
@@ -28,8 +30,6 @@ from sar_compiler.analysis.verify.unknown_values import explored
 from sar_compiler.analysis.verify.verdicts import Questions, Verdict, Verification
 from sar_compiler.runtime.events import TickRecord
 from sar_compiler.runtime.kernel.counting import ParallelAllNode, ParallelNode
-from sar_compiler.runtime.kernel.graph import Graph
-from sar_compiler.runtime.kernel.searching import Report
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.ports import Input

@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.verify.recorded_runs import FoundTick, TreeRuns, Way
-from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.expressions import Assignment, name_uses
 from sar_compiler.runtime.script import parse

@@ -6,8 +6,11 @@ from enum import Enum
 from pathlib import Path
 
 from sar_compiler.analysis.leaf_words import LeafWords, parameters
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.searching import Judgement
+from sar_compiler.analysis.state_search.trail import Guarded
+from sar_compiler.analysis.stub_leaf import FactVariables
 from sar_compiler.analysis.verify.state import Prepared
-from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
 from sar_compiler.errors import SarError, UndecidableError
@@ -17,9 +20,6 @@ from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.searching import Judgement
-from sar_compiler.runtime.kernel.trail import Guarded
-from sar_compiler.runtime.stub_leaf import FactVariables
 from sar_compiler.runtime.variables import Enums, ScriptValue
 
 ROOT = "root"

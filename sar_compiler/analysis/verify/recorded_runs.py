@@ -6,10 +6,10 @@ That leaves out when timers were up and what a leaf has meant by a status, which
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.verify.properties import Rules, without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.compiler.simulated_tree import SimulatedTree
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 from sar_compiler.runtime.kernel.cells import WORDS

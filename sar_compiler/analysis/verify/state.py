@@ -7,14 +7,14 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.analysis.leaf_words import EventPattern
-from sar_compiler.compiler.simulated_tree import SimulatedTree
+from sar_compiler.analysis.numbered_board import NumberedBoard
+from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.numbering import StateStore
+from sar_compiler.analysis.state_search.tick_steps import TickSteps
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.kernel.numbering import StateStore
-from sar_compiler.runtime.kernel.tick_steps import TickSteps
-from sar_compiler.runtime.numbered_board import NumberedBoard
-from sar_compiler.runtime.stub_leaf import StubLeaf
 
 # How many states are searched for what grows, and how many names are reported.
 _SAMPLE = 5000

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+from sar_compiler.analysis.state_search.graph import Breach, Edge, Graph
+from sar_compiler.analysis.state_search.liveness import Lasso
+from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import Event, TickRecord
-from sar_compiler.runtime.kernel.graph import Breach, Edge, Graph
-from sar_compiler.runtime.kernel.liveness import Lasso
-from sar_compiler.runtime.kernel.tick_steps import TickSteps
 
 IsWanted = Callable[[TickSteps], bool]
 """Returns whether a tick that was just played is the one that is looked for."""

@@ -8,6 +8,14 @@ from librt.vecs import vec
 from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 
+from sar_compiler.analysis.state_search.branch_nodes import BranchNode
+from sar_compiler.analysis.state_search.chances import ChanceNode, Chances, WeighedSteps
+from sar_compiler.analysis.state_search.choices import Choices
+from sar_compiler.analysis.state_search.forking import ForkingTicker
+from sar_compiler.analysis.state_search.searching import Judgement
+from sar_compiler.analysis.state_search.stub_nodes import ChosenTimes, LeafNodes
+from sar_compiler.analysis.state_search.tick_steps import TickSteps
+from sar_compiler.analysis.state_search.trail import Trail
 from sar_compiler.analysis.verify.properties import Rules
 from sar_compiler.analysis.verify.state import Prepared, StateValues
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
@@ -17,16 +25,8 @@ from sar_compiler.nodes.outcome_sets import ALL, BITS, WORD_OF
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.answers import nominal
 from sar_compiler.runtime.events import Event, TickRecord, changes_in, value_changes, with_end
-from sar_compiler.runtime.kernel.branch_nodes import BranchNode
 from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.chances import ChanceNode, Chances, WeighedSteps
-from sar_compiler.runtime.kernel.choices import Choices
-from sar_compiler.runtime.kernel.forking import ForkingTicker
-from sar_compiler.runtime.kernel.searching import Judgement
-from sar_compiler.runtime.kernel.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.runtime.kernel.table import flatten
-from sar_compiler.runtime.kernel.tick_steps import TickSteps
-from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode

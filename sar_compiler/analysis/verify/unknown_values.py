@@ -5,9 +5,9 @@ A run is not followed beyond such a tick. So what is shown of the other runs is 
 
 from collections.abc import Sequence
 
+from sar_compiler.analysis.state_search.graph import Breach, Graph
+from sar_compiler.analysis.state_search.searching import A_STATE, Judgement, Report, Stepper, explore
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.runtime.kernel.graph import Breach, Graph
-from sar_compiler.runtime.kernel.searching import A_STATE, Judgement, Report, Stepper, explore
 from sar_compiler.runtime.variables import unknown_value_of
 
 

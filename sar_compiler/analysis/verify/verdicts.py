@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from enum import Enum
 from html import escape
 
+from sar_compiler.analysis.state_search.graph import Breach
+from sar_compiler.analysis.state_search.liveness import endings, lasso, owing_for_ever
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.analysis.verify.properties import LeftOut, Properties
 from sar_compiler.analysis.verify.state_space import StateSpace, Trace
-from sar_compiler.runtime.kernel.graph import Breach
-from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
 from sar_compiler.runtime.kernel.tree_nodes import TreeNode
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.runtime.variables import unknown_value_of
 
 

@@ -1,11 +1,11 @@
-"""The kernel: what ticks trees.
+"""The kernel: the nodes that tick.
 
-A tree in flat form is a list of nodes over vectors of cells, which are all that it remembers between two ticks, but for
-the blackboard and for what leaves keep to themselves.
+A tree in flat form is a list of nodes over vectors of cells. The cells are all that the tree remembers between two ticks, except for the
+blackboard and for what leaves keep to themselves.
 
-Where the package was built with a C compiler at hand, mypyc has compiled these modules. They are the same files, and do
-the same: a compiled module is used only if it was made of the file that lies beside it. `SAR_KERNEL=python` in the
-environment uses the files in any case, `SAR_KERNEL=compiled` refuses to.
+mypyc compiles these modules, and those of `sar_compiler.analysis.state_search`, where the package is built with a C compiler. A compiled
+module behaves as its source does, and is used only if it was made of the source beside it. `SAR_KERNEL=python` in the environment uses
+the sources in any case, `SAR_KERNEL=compiled` refuses to.
 """
 
 import hashlib
@@ -20,20 +20,29 @@ from types import ModuleType
 
 from sar_compiler.runtime.without_librt import stand_in
 
-_FOLDER = Path(__file__).parent
-_RECORD = _FOLDER / "compiled.json"
-"""Of which sources the compiled modules were made; written by `setup.py`."""
+_PACKAGE = Path(__file__).parents[2]
+_FOLDERS = {
+    f"{_PACKAGE.name}.{name}": _PACKAGE.joinpath(*name.split("."))
+    for name in ("runtime.kernel", "analysis.state_search")
+}
+"""The packages whose modules are compiled; the second one may be missing."""
+_RECORD = _FOLDERS[__name__] / "compiled.json"
+"""The digests of the sources of the compiled modules; written by `setup.py`."""
 
 
-def digests(folder: Path = _FOLDER) -> dict[str, str]:
-    """Return the digest of each source of the kernel, by its file name."""
-    sources = sorted(path for path in folder.glob("*.py") if path.stem != "__init__")
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sources}
+def digests() -> dict[str, str]:
+    """Return the digest of each source that is here, by its module."""
+    return {
+        f"{package}.{path.stem}": hashlib.sha256(path.read_bytes()).hexdigest()
+        for package, folder in _FOLDERS.items()
+        for path in sorted(folder.glob("*.py"))
+        if path.stem != "__init__"
+    }
 
 
 def _state() -> str:
     """Return whether the compiled modules can be used; see `STATE`."""
-    if not any((_FOLDER / f"cells{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
+    if not any((_RECORD.parent / f"cells{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
         return "absent"
     # What they share lies beside the package, and in librt; whoever has only the package cannot import them.
     if not all(importlib.util.find_spec(name) for name in ("sar_compiler_kernel__mypyc", "librt")):
@@ -64,15 +73,15 @@ if _WANTED == "compiled" and not IS_COMPILED:
 
 
 class _Sources:
-    """Finds the sources of this package, where compiled modules would be found first."""
+    """Finds the sources, where compiled modules would be found first."""
 
     @staticmethod
     def find_spec(name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG004
         """Return where the source of a module is; None for modules of others."""
         package, _, module = name.rpartition(".")
-        if package != __name__:
+        if package not in _FOLDERS:
             return None
-        return importlib.util.spec_from_file_location(name, _FOLDER / f"{module}.py")
+        return importlib.util.spec_from_file_location(name, _FOLDERS[package] / f"{module}.py")
 
 
 stand_in()

@@ -4,6 +4,7 @@ from typing import Any, Final
 
 from py_trees.common import Status
 
+from sar_compiler.errors import UnsteadyError
 from sar_compiler.runtime.kernel.cells import (
     CALLED,
     ENDED,
@@ -14,7 +15,6 @@ from sar_compiler.runtime.kernel.cells import (
     WORDS,
     number_of,
 )
-from sar_compiler.runtime.kernel.choices import UnsteadyError
 from sar_compiler.runtime.kernel.timing import Countdown
 from sar_compiler.runtime.kernel.tree_nodes import OwnNode, Part, Ticker, TreeNode, reset
 from sar_compiler.runtime.leaf_protocol import NoStatusError

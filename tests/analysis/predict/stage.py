@@ -7,8 +7,8 @@ from sar_compiler.analysis.assumptions import read_assumptions
 from sar_compiler.analysis.predict import predict
 from sar_compiler.analysis.simulate.replaying import ReusedTree
 from sar_compiler.analysis.simulate.scenario_files import Scenario
+from sar_compiler.analysis.simulated_tree import compile_simulated
 from sar_compiler.analysis.verify.properties import parse_property_file
-from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import TAGS, bound, simulated_tree

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sar_compiler.runtime.kernel.searching import A_STATE, NOTHING, Judgement, Stepper, explore
+from sar_compiler.analysis.state_search.searching import A_STATE, NOTHING, Judgement, Stepper, explore
 
 
 class HandMade(Stepper):

@@ -1,11 +1,11 @@
 """Small trees of the leaves of `leaves.py`, verified."""
 
 from sar_compiler.analysis.assumptions import read_assumptions
+from sar_compiler.analysis.simulated_tree import compile_simulated
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import parse_property_file
 from sar_compiler.analysis.verify.verdicts import ProofStatus
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.nodes.registry import load_registry
 from tests.trees import forest
 

@@ -4,7 +4,8 @@ import itertools
 
 import pytest
 
-from sar_compiler.runtime.kernel.choices import Choices, UnsteadyError
+from sar_compiler.analysis.state_search.choices import Choices
+from sar_compiler.errors import UnsteadyError
 
 
 def played(tick):

@@ -6,13 +6,9 @@ import sys
 
 import pytest
 
-from sar_compiler.analysis.verify.properties import parse_property_file, properties_of
-from sar_compiler.analysis.verify.state import Prepared
-from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.kernel.liveness import endings, lasso, owing_for_ever
-from sar_compiler.runtime.kernel.numbering import Middles
-from sar_compiler.runtime.kernel.searching import (
+from sar_compiler.analysis.state_search.liveness import endings, lasso, owing_for_ever
+from sar_compiler.analysis.state_search.numbering import Middles
+from sar_compiler.analysis.state_search.searching import (
     A_MIDDLE,
     A_NEW_MIDDLE,
     A_STATE,
@@ -20,7 +16,11 @@ from sar_compiler.runtime.kernel.searching import (
     NOTHING,
     explore,
 )
-from sar_compiler.runtime.kernel.trail import Trail
+from sar_compiler.analysis.state_search.trail import Trail
+from sar_compiler.analysis.verify.properties import parse_property_file, properties_of
+from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from tests.analysis.verify.handmade import HandMade
 from tests.analysis.verify.random_branches import random_branches, random_properties
 from tests.analysis.verify.random_trees import random_parallel

@@ -4,8 +4,8 @@ import random
 
 import pytest
 
-from sar_compiler.runtime.kernel.graph import Numbers
-from sar_compiler.runtime.kernel.liveness import components, endings, is_fair, lasso, owing_for_ever
+from sar_compiler.analysis.state_search.graph import Numbers
+from sar_compiler.analysis.state_search.liveness import components, endings, is_fair, lasso, owing_for_ever
 from tests.analysis.verify.handmade import explored, numbers
 
 

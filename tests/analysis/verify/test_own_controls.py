@@ -5,11 +5,11 @@ import re
 
 import pytest
 
+from sar_compiler.analysis.simulated_tree import OnlyDescribedError, compile_simulated
 from sar_compiler.analysis.verification_view import verification_as_json, verification_as_text
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, OWN_RECORDS
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import OnlyDescribedError, compile_simulated
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.tree.diagnostic import TreeError

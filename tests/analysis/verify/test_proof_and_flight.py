@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.analysis.simulated_tree import compile_simulated
 from sar_compiler.analysis.verify.properties import without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import compile_simulated
 from sar_compiler.runtime.events import TICKED
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree

@@ -4,14 +4,14 @@ import contextlib
 
 import pytest
 
+from sar_compiler.analysis.state_search.choices import Choices
+from sar_compiler.analysis.state_search.searching import explore
 from sar_compiler.analysis.verify.properties import without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import StateSpace
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import ANSWERED
 from sar_compiler.runtime.kernel.cells import STATUSES
-from sar_compiler.runtime.kernel.choices import Choices
-from sar_compiler.runtime.kernel.searching import explore
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import bound, simulated_tree

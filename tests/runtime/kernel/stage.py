@@ -11,6 +11,7 @@ from librt.vecs import vec
 from mypy_extensions import i32
 from py_trees.common import Status
 
+from sar_compiler.analysis.numbered_board import NumberedBoard
 from sar_compiler.compiler import CompiledTree, bind_main, compile_tree
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.nodes.registry import Registry, default_registry
@@ -24,7 +25,6 @@ from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.tree_nodes import Visit
-from sar_compiler.runtime.numbered_board import NumberedBoard
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.variables import Enums
 from sar_compiler.runtime.walking import pre_order

@@ -2,11 +2,8 @@
 
 from collections.abc import Callable
 
-from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.kernel.cells import WORDS
-from sar_compiler.runtime.kernel.entry_cells import Memo
-from sar_compiler.runtime.kernel.forking import ENTERED, KNOWN, ForkingTicker
-from sar_compiler.runtime.kernel.searching import (
+from sar_compiler.analysis.state_search.forking import ENTERED, KNOWN, ForkingTicker
+from sar_compiler.analysis.state_search.searching import (
     A_MIDDLE,
     A_NEW_MIDDLE,
     A_STATE,
@@ -15,7 +12,10 @@ from sar_compiler.runtime.kernel.searching import (
     Judgement,
     Stepper,
 )
-from sar_compiler.runtime.kernel.state_code import StateCode
+from sar_compiler.analysis.state_search.state_code import StateCode
+from sar_compiler.errors import UndecidableError
+from sar_compiler.runtime.kernel.cells import WORDS
+from sar_compiler.runtime.kernel.entry_cells import Memo
 from sar_compiler.runtime.kernel.tree import FlatTree
 
 Judge = Callable[[int, int, bool | None], Judgement]

@@ -6,8 +6,8 @@ from typing import Final
 from librt.vecs import append, vec
 from mypy_extensions import i16, i32, i64
 
-from sar_compiler.runtime.kernel.numbering import StateStore
-from sar_compiler.runtime.kernel.trail import Waits
+from sar_compiler.analysis.state_search.numbering import StateStore
+from sar_compiler.analysis.state_search.trail import Waits
 
 Edge = tuple[int, int]
 """A tick: the number of the state that it leads to, and the leaves and timers that it goes on waiting for, as bits."""

@@ -3,18 +3,18 @@
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from sar_compiler.analysis.state_search.choices import Choices
+from sar_compiler.analysis.state_search.trail import Trail
+from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.errors import SarError
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
-from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.entry_cells import Memo, OutcomeMemo
 from sar_compiler.runtime.kernel.table import known_node
 from sar_compiler.runtime.kernel.times import Times
-from sar_compiler.runtime.kernel.trail import Trail
 from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, Part, Ticker, TreeNode
 from sar_compiler.runtime.language_nodes import ScriptCondition
-from sar_compiler.runtime.stub_leaf import StubLeaf
 
 
 class Reply:

@@ -1,15 +1,15 @@
 """Searching the states of a tree breadth first."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from librt.vecs import append, vec
 from mypy_extensions import i32, i64, mypyc_attr
 
-from sar_compiler.runtime.kernel.graph import Breach, Graph, Steps
-from sar_compiler.runtime.kernel.numbering import Middles, Numbering
-from sar_compiler.runtime.kernel.trail import Waits
+from sar_compiler.analysis.state_search.graph import Breach, Graph, Steps
+from sar_compiler.analysis.state_search.numbering import Middles, Numbering
+from sar_compiler.analysis.state_search.trail import Waits
+from sar_compiler.budget import Progress
 
 # Who waits for a report, or wants to stop, does not wait long for so many ticks.
 _REPORT_EVERY: Final = 256
@@ -99,25 +99,6 @@ class Stepper:
     def path(self) -> tuple[int, ...]:
         """Return the choices of the last step."""
         raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class Progress:
-    """The progress of the search.
-
-    Attributes:
-        states: How many states were found.
-        expanded: How many of them were gone through.
-        steps: How many steps there were.
-        depth: How many ticks lead to the state in hand.
-        broken: The properties that are broken so far, by their names.
-    """
-
-    states: int
-    expanded: int
-    steps: int
-    depth: int
-    broken: tuple[str, ...] = ()
 
 
 Report = Callable[[Progress], bool | None]

@@ -15,8 +15,8 @@ if and only if every bit is missing in some tick of the component: one round can
 looks for what is set in all ticks inside. If there is something, every run that stays here waits for it for ever, also one that stays in a
 part of the component, where there is only more of it. So no component is taken apart further.
 
-This is weak fairness. Strong fairness ("what is tried again and again succeeds one day") would promise more than a robot keeps: a zone
-behind a wall is tried for ever and never reached. It would also hide the livelock of the shipped tree, which swings between zone and base.
+This is weak fairness. Strong fairness ("what is tried again and again succeeds one day") would promise more than a robot keeps: a goal
+behind a wall is tried for ever and never reached. It would also hide the livelock of a robot that swings between a goal and its base.
 And its components would have to be taken apart again and again (Streett acceptance).
 
 Why the bits are on ticks and not on states. Two states in a row may both have a leaf RUNNING, in one activation or in two: the branch was
@@ -42,7 +42,7 @@ from typing import Final
 from librt.vecs import append, vec
 from mypy_extensions import i32, i64, u8
 
-from sar_compiler.runtime.kernel.graph import Edge, Graph, behind
+from sar_compiler.analysis.state_search.graph import Edge, Graph, behind
 
 
 @dataclass(frozen=True)

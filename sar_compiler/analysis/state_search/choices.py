@@ -1,10 +1,6 @@
 """The possible results of one tick: every combination of choices, one after another."""
 
-from sar_compiler.errors import UndecidableError
-
-
-class UnsteadyError(UndecidableError):
-    """The same tick, played twice with the same choices, did not ask the same questions."""
+from sar_compiler.errors import UnsteadyError
 
 
 class Choices:

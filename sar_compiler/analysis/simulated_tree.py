@@ -14,6 +14,7 @@ from typing import Any
 from py_trees import decorators
 from py_trees.behaviour import Behaviour
 
+from sar_compiler.analysis.stub_leaf import FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.compiler import Arguments, Builder, CompiledTree, Construction, compile_with
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_answer, fill_text, number_text
@@ -40,7 +41,6 @@ from sar_compiler.runtime.leaf_protocol import NoStatusError
 from sar_compiler.runtime.parents import OwnDecorator, Parent, behaviour_class
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.stub_leaf import FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.runtime.variables import UNKNOWN
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -178,7 +178,7 @@ class Assumptions:
 
     Attributes:
         facts: Facts with their values at the start; they replace those of the leaves, or add to them.
-        answers: What leaves can answer, by a leaf's path (`Patrol/NavigateToZone`), its name or its tag; where
+        answers: What leaves can answer, by a leaf's path (`Patrol/MoveTo`), its name or its tag; where
             several fit, the path counts before the name, and the name before the tag.
     """
 

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 from mypy_extensions import i32
 
+from sar_compiler.analysis.state_search.choices import Choices
+from sar_compiler.analysis.state_search.stub_nodes import LeafNodes
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING
-from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.counting import ParallelNode
-from sar_compiler.runtime.kernel.stub_nodes import LeafNodes
 from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
 from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, DecoratorNode, Part, Ticker, TreeNode
 

@@ -4,10 +4,10 @@ from collections import deque
 
 import pytest
 
+from sar_compiler.analysis.numbered_board import NumberedBoard
 from sar_compiler.runtime.blackboard import Board, Scope
 from sar_compiler.runtime.frozen import FrozenValueError
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.numbered_board import NumberedBoard
 
 
 @pytest.fixture

@@ -3,16 +3,16 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.runtime.answers import Answer
-from sar_compiler.runtime.blackboard import Board, Scope
-from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
-from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.numbered_board import NumberedBoard
-from sar_compiler.runtime.stub_leaf import (
+from sar_compiler.analysis.numbered_board import NumberedBoard
+from sar_compiler.analysis.stub_leaf import (
     FactVariables,
     StubLeaf,
     StubLeafError,
 )
+from sar_compiler.runtime.answers import Answer
+from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED
+from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.variables import Enums
 
 ARRIVED = Answer("SUCCESS", "arrived", when="left > 0", then="at = 'zone'; left -= 1")

@@ -48,7 +48,7 @@ class NumberedBoard(Board):
         board.is_numbered = True
         assert isinstance(board, NumberedBoard)  # noqa: S101 - the line above says so
         board.cells = cells
-        cells.freeze = board._freeze_lent
+        cells.freeze = board.freeze_lent
         for name in {**values, **kinds}:
             if name in kinds:
                 board.declare(name, kinds[name])
@@ -143,6 +143,7 @@ class NumberedBoard(Board):
             message = f"the entry '{name.removeprefix(self.prefix + '/')}' holds {error}"
             raise FrozenValueError(message) from error
 
-    def _freeze_lent(self, place: int, value: object) -> Hashable:
+    def freeze_lent(self, place: int, value: object) -> Hashable:
+        """Return the immutable form of what a leaf has been lent and may have changed; called by the cells."""
         name, held = self.cells.names[place], self.cells.content(place)
         return held._replace(frozen=self._freeze(name, value)) if held else None

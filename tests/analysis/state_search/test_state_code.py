@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 from librt.vecs import vec
 from mypy_extensions import i32
 
+from sar_compiler.analysis.state_search.numbering import Numbering
+from sar_compiler.analysis.state_search.state_code import StateCode
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SUCCESS
-from sar_compiler.runtime.kernel.numbering import Numbering
-from sar_compiler.runtime.kernel.state_code import StateCode
 
 FIRST_CELLS = [INVALID] * 3 + [0, 7]
 FIRST_VALUES = [(), "x"]

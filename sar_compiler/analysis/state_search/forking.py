@@ -34,12 +34,12 @@ to that, since a node that keeps a state of its own would break it.
 
 from typing import Final
 
+from sar_compiler.analysis.state_search.choices import Choices
+from sar_compiler.analysis.state_search.numbering import Middles
+from sar_compiler.analysis.state_search.state_code import StateCode
+from sar_compiler.analysis.state_search.trail import Trail, Waits
 from sar_compiler.runtime.kernel.cells import CALLED
-from sar_compiler.runtime.kernel.choices import Choices
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from sar_compiler.runtime.kernel.numbering import Middles
-from sar_compiler.runtime.kernel.state_code import StateCode
-from sar_compiler.runtime.kernel.trail import Trail, Waits
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode
 
 KNOWN: Final = 6

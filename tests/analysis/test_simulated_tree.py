@@ -6,19 +6,19 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
-from sar_compiler.compiler import bind_main
-from sar_compiler.compiler.simulated_tree import (
+from sar_compiler.analysis.simulated_tree import (
     Assumptions,
     OnlyDescribedError,
     compile_simulated,
     match_rank,
     put_in_place,
 )
+from sar_compiler.analysis.stub_leaf import StubLeaf
+from sar_compiler.compiler import bind_main
 from sar_compiler.leaves import Answer, Kind, register
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
 from sar_compiler.runtime.kernel.timing import SleepNode
-from sar_compiler.runtime.stub_leaf import StubLeaf
 from sar_compiler.tree.diagnostic import TreeError
 from tests.nodes.leaves import Radio
 from tests.trees import document, forest, forest_of

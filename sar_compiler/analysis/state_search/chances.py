@@ -13,13 +13,13 @@ from typing import Any, Final, NamedTuple
 from librt.vecs import vec
 from mypy_extensions import i32, i64
 
+from sar_compiler.analysis.state_search.forking import ForkingTicker
+from sar_compiler.analysis.state_search.searching import NOTHING
+from sar_compiler.analysis.state_search.stub_nodes import LeafNodes, Reply, StubNode
+from sar_compiler.analysis.state_search.tick_steps import Judge, TickSteps
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.runtime.answers import Answer, chances
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED
-from sar_compiler.runtime.kernel.forking import ForkingTicker
-from sar_compiler.runtime.kernel.searching import NOTHING
-from sar_compiler.runtime.kernel.stub_nodes import LeafNodes, Reply, StubNode
-from sar_compiler.runtime.kernel.tick_steps import Judge, TickSteps
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker
