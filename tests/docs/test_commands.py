@@ -172,7 +172,7 @@ def test_the_table_of_the_launch_file_s_arguments_is_complete():
     }
     explained = {
         code
-        for heading, _, cells in tables(Path("docs/start/quick-start.md"))
+        for heading, _, cells in tables(Path("docs/how-to/run-on-a-robot.md"))
         if heading == "Arguments of the launch file"
         for code in codes(cells[0])
     }

@@ -43,9 +43,7 @@ MORE = {
     "sar-compile mcp": ["../how-to/agents.md#tools"],
     "sar-compile approve": ["../how-to/agents.md#the-gate"],
     "sar-compile explain": ["../findings/README.md"],
-    "sar-compile nodes --from-use": [
-        "../start/quick-start.md#the-first-five-minutes-with-somebody-elses-workspace"
-    ],
+    "sar-compile nodes --from-use": ["../how-to/from-btcpp.md#check-a-whole-workspace"],
     "sar-compile completion": ["../start/install.md#completion-in-the-shell"],
     "sar-run": ["../how-to/run-a-mission.md"],
     "sar-run --params": ["parameters.md"],
@@ -57,8 +55,8 @@ MORE = {
     "sar-run --record": ["../how-to/other-tools.md#a-recording"],
     "sar-run --check": ["../missions/search-and-rescue.md#before-the-flight"],
     "sar-run --guardian": ["../concepts/security.md#the-guardian"],
-    "sar-run --engine": ["../start/quick-start.md#what-ticks-the-tree"],
-    "sar-run --executor": ["../start/quick-start.md#what-ticks-the-tree"],
+    "sar-run --engine": ["../how-to/run-on-a-robot.md#what-ticks-the-tree"],
+    "sar-run --executor": ["../how-to/run-on-a-robot.md#what-ticks-the-tree"],
     "sar-run --journal": ["journal.md"],
     "sar-run --properties": ["../how-to/watch-a-run.md"],
     "sar-run --approved": ["../how-to/agents.md#the-gate"],

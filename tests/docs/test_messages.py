@@ -17,7 +17,7 @@ from tests.processes import BIN
 TROUBLESHOOTING = Path("docs/operate/troubleshooting.md")
 PARAMETERS = Path("docs/reference/parameters.md")
 TREES = Path("docs/reference/tree-files.md")
-LEAVES = Path("docs/how-to/write-a-leaf.md")
+LEAVES = Path("docs/reference/leaf-classes.md")
 # The section of troubleshooting whose messages come from other programs, and those whose mistakes are made
 # in test_mistakes_typed.
 NOT_HERE = ("What other programs say", "Installing", "Wrong usage, status 2")

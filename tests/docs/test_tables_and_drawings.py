@@ -25,7 +25,7 @@ from search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from tests.docs.markdown import blocks, codes, tables
 
 README = Path("README.md")
-LEAVES = Path("docs/how-to/write-a-leaf.md")
+LEAVES = Path("docs/reference/leaf-classes.md")
 MISSION = Path("docs/missions/search-and-rescue.md")
 TREE = Path("trees/search_and_rescue.xml")
 
@@ -34,29 +34,6 @@ def block_with(page, text):
     found = [block.text for block in blocks(page) if text in block.text]
     assert found, f"{page} has no block with '{text}'"
     return found[0]
-
-
-def test_the_readme_shows_the_shipped_tree():
-    shown = parse_xml(block_with(README, "<root"), "readme.xml").root
-    shipped = read_tree_file(TREE).root
-    assert [(each.tag, each.attributes) for each in shown.iterate()] == [
-        (each.tag, each.attributes) for each in shipped.iterate()
-    ]
-
-
-def test_the_readme_shows_the_findings_that_two_slips_bring():
-    text = TREE.read_text(encoding="utf-8")
-    for right, wrong in (
-        ("<DetectSurvivor/>", "<DetectSurvivr/>"),
-        (
-            '<NotifyBase detect_node="DetectSurvivor"/>',
-            '<NotifyBase detect_node="Patrol"/>',
-        ),
-    ):
-        assert text.count(right) == 1
-        text = text.replace(right, wrong)
-    findings = check(Forest.of(parse_xml(text, "mission.xml")), default_registry())
-    assert block_with(README, "DetectSurvivr") == "".join(f"{finding.render()}\n" for finding in findings)
 
 
 def test_the_leaf_of_the_readme_answers_in_a_tree(tmp_path, monkeypatch):
@@ -86,14 +63,6 @@ def test_the_memory_flags_are_explained_as_they_are():
         if "memory flags" in heading and cells[1] in {"true", "false"}
     }
     assert explained == memory_flags()
-
-
-def test_the_readme_says_which_composites_have_memory_and_which_have_none():
-    (told,) = re.findall(r"\*\*Memory\*\*: .*?\n\n", README.read_text(encoding="utf-8"), re.DOTALL)
-    having, _, lacking = told.partition(". ")
-    flags = memory_flags()
-    assert codes(having) == [name for name in flags if flags[name] == "true"]
-    assert set(codes(lacking)) >= {name for name in flags if flags[name] == "false"}
 
 
 def memory_flags():

@@ -21,21 +21,38 @@ from tests.docs.markdown import blocks
 from tests.processes import BIN
 from tests.slowness import without_progress
 
+README = Path("README.md").resolve()
 TREES = Path("docs/reference/tree-files.md").resolve()
 LEAVES = Path("docs/how-to/write-a-leaf.md").resolve()
+CLASSES = Path("docs/reference/leaf-classes.md").resolve()
 ROS_LEAVES = Path("docs/how-to/leaves-by-attributes.md").resolve()
-TEN_MINUTES = Path("docs/how-to/from-btcpp.md").resolve()
-TUTORIAL = Path("docs/tutorial/README.md").resolve()
-WORLD = Path("docs/reference/world.md").resolve()
+TUTORIAL = sorted(Path("docs/tutorial").resolve().glob("[1-6]-*.md"))
+# Followed without ROS, with the number of their blocks of commands.
+PLAIN = {
+    "concepts/behaviour-trees": 1,
+    "concepts/statuses": 2,
+    "concepts/blackboard": 1,
+    "concepts/facts": 2,
+    "concepts/proofs": 1,
+    "how-to/from-btcpp": 6,
+    "how-to/from-py-trees": 2,
+    "reference/world": 1,
+}
+RUNS = Path("docs/concepts/before-during-after.md").resolve()
 
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0
 
 
-def follow(page, folder):
-    """Do what a page says; return how many blocks of commands there were, and what went otherwise."""
+def follow(page, folder, below=""):
+    """Do what a page says, or one of its sections; return the number of blocks of commands, and the differences."""
     typed, otherwise = 0, []
     every = blocks(page)
+    if below:
+        lines = page.read_text(encoding="utf-8").splitlines()
+        first = lines.index(below) + 1
+        last = next(n for n, line in enumerate([*lines, "## "], 1) if n > first and line.startswith("## "))
+        every = [block for block in every if first < block.line < last]
     for block, following in zip(every, [*every[1:], None], strict=True):
         if block.file:
             path = folder / block.file
@@ -88,22 +105,30 @@ def test_a_tree_is_written_as_the_page_says(tmp_path):
     assert otherwise == [], "\n".join(otherwise)
 
 
-def test_a_world_is_written_as_the_page_says(tmp_path):
-    typed, otherwise = follow(WORLD, tmp_path)
-    assert typed == 1
+@pytest.mark.parametrize("page", PLAIN)
+def test_a_page_that_needs_no_ros_does_what_it_says(page, tmp_path):
+    typed, otherwise = follow(Path(f"docs/{page}.md").resolve(), tmp_path)
+    assert typed == PLAIN[page]
     assert otherwise == [], "\n".join(otherwise)
 
 
-def test_a_tree_of_others_is_brought_along_as_the_page_says(tmp_path):
-    typed, otherwise = follow(TEN_MINUTES, tmp_path)
-    assert typed == 5
+def test_the_first_minute_of_the_readme_shows_what_one_sees(tmp_path):
+    typed, otherwise = follow(README, tmp_path, "## 60 seconds")
+    assert typed == 2
     assert otherwise == [], "\n".join(otherwise)
 
 
 @pytest.mark.ros
-def test_the_tutorial_does_what_it_says(tmp_path):
-    typed, otherwise = follow(TUTORIAL, tmp_path)
-    assert typed == 9
+def test_the_lessons_of_the_tutorial_do_what_they_say_one_after_the_other(tmp_path):
+    done = [follow(page, tmp_path) for page in TUTORIAL]
+    assert [typed for typed, _ in done] == [2, 2, 2, 2, 2, 4]
+    assert [each for _, otherwise in done for each in otherwise] == []
+
+
+@pytest.mark.ros
+def test_one_file_of_properties_serves_before_during_and_after_a_run(tmp_path):
+    typed, otherwise = follow(RUNS, tmp_path)
+    assert typed == 3
     assert otherwise == [], "\n".join(otherwise)
 
 
@@ -141,7 +166,7 @@ def test_the_package_of_the_page_registers_its_leaves_by_entry_point(tmp_path):
     "fragment",
     [
         pytest.param(block.text, id=f"{page.name}:{block.line}")
-        for page in (TREES, LEAVES)
+        for page in (TREES, LEAVES, CLASSES)
         for block in blocks(page)
         if block.language == "xml" and not block.file
     ],

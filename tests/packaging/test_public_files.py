@@ -81,7 +81,7 @@ def test_the_readme_leads_to_the_policy_the_declaration_and_the_citation():
     readme = text("README.md")
     for name in ("SECURITY.md", "QUALITY_DECLARATION.md", "CITATION.cff"):
         assert f"({name})" in readme, name
-    assert "further" in anchors(Path("README.md"))
+    assert "where-next" in anchors(Path("README.md"))
 
 
 def test_the_public_ci_runs_what_the_private_one_runs_for_every_python(workflow):
