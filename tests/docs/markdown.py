@@ -138,7 +138,9 @@ def codes(text: str) -> list[str]:
 def commands(page: Path) -> list[ShellCommand]:
     """Return the commands in the `sh` blocks of a page."""
     found: list[ShellCommand] = []
-    made: set[str] = set()
+    # Lessons, whose names begin with their numbers, are followed one after the other.
+    lessons = page.parent.glob("[0-9]-*.md") if page.name[0].isdigit() else ()
+    made = {block.file for each in lessons if each.name < page.name for block in blocks(each) if block.file}
     for block in blocks(page):
         if block.file:
             made.add(block.file)

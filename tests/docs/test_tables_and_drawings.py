@@ -9,7 +9,6 @@ from pathlib import Path
 import yaml
 from py_trees.common import Status
 
-from sar_compiler.checks import check
 from sar_compiler.compiler.outline import unicode_tree
 from sar_compiler.leaves import Clock, register
 from sar_compiler.missions import Journal
@@ -18,9 +17,7 @@ from sar_compiler.missions.parameter_reader import RunParameters
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.testing import compiled
-from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.gathering import read_tree_file
-from sar_compiler.tree.xml import parse_xml
 from search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from tests.docs.markdown import blocks, codes, tables
 
