@@ -31,7 +31,10 @@ KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py sar_compiler/anal
 KERNEL_TESTS := tests/runtime tests/conformance tests/analysis/state_search tests/analysis/verify tests/analysis/simulate
 # Which lines of it that reaches, as it is; kept with the environment.
 KERNEL_COVERAGE := $(VENV)/.kernel-coverage
-PEERS := build/peers
+# The project as `pip install` brings it, without ROS.
+PLAIN := build/plain
+# The driver of BehaviorTree.CPP for `make bench`, built by hand (benchmarks/README.md).
+export BTCPP_DRIVER ?=
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
@@ -44,7 +47,7 @@ help:
 	@echo "make nav2-test    missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
 	@echo "make lint         style and types"
 	@echo "make soak         the long tests, and ten times as many random inputs"
-	@echo "make bench        the benchmarks, against the record and other libraries (QUICK=1 a trial, ONLY=verify some, SAVE=1 a new record)"
+	@echo "make bench        the benchmarks, against the record and BehaviorTree.CPP (QUICK=1 a trial, ONLY=proofs some, SAVE=1 a new record)"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
 	@echo "make schemas      renew schemas/ from the shipped nodes, and the pages made of findings and commands"
 	@echo "make golden       renew the golden files of compiled trees"
@@ -71,7 +74,7 @@ demo: env
 # where bytecode is not kept. Coverage is reported where all has passed, so that what failed stands last.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: env $(KERNEL_COVERAGE)
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0
+	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0
 	$(BIN)/python -m coverage combine --quiet --keep --append $(KERNEL_COVERAGE)
 	$(BIN)/python -m coverage report
 
@@ -120,9 +123,8 @@ soak: env
 	SAR_ROUNDS=10 $(BIN)/python -m pytest -v -m "slow or random"
 	SAR_TEST_EXECUTOR=single-threaded $(BIN)/python -m pytest -v tests/faults
 
-bench: env $(PEERS)/.installed
+bench: env $(PLAIN)/.installed
 	$(BIN)/python -m benchmarks $(if $(QUICK),--quick) $(if $(SAVE),--save) $(foreach name,$(ONLY),--only $(name))
-	$(if $(QUICK)$(ONLY),,$(BIN)/python benchmarks/robots.py)
 
 mutants: env
 	$(BIN)/python -m tests.mutants --seed $(SEED) --count $(COUNT)
@@ -256,12 +258,10 @@ release: require
 	$(SAY) "made for $(RELEASED); done:" && ls dist && \
 	echo "make: nothing is uploaded. To publish: git push --follow-tags, and twine upload dist/sar_compiler-*"
 
-# What the project is compared with, and the project as it is installed without ROS. A library that cannot be installed is left
-# out, and the benchmarks say so. What setuptools leaves in build/ would be installed the next time.
-$(PEERS)/.installed: pyproject.toml setup.py $(shell find sar_compiler schemas trees -name '*.py' -o -name '*.json*' -o -name '*.x*') $(VENV)/.python-$(WANTED)
-	rm -rf $(PEERS)
-	$(PYTHON) -m venv $(PEERS)
-	-for library in py_trees behaviortreepy; do $(PEERS)/bin/python -m pip install --quiet $$library; done
-	SAR_KERNEL=python $(PEERS)/bin/python -m pip install --quiet .
-	rm -rf build/lib build/bdist.* *.egg-info
-	touch $@
+# What setuptools leaves in build/ would be installed the next time. What it takes is a row of the benchmarks.
+$(PLAIN)/.installed: pyproject.toml setup.py $(shell find sar_compiler search_and_rescue schemas trees -name '*.py' -o -name '*.json*' -o -name '*.x*') $(VENV)/.python-$(WANTED)
+	$(SAY) "the project without ROS, into $(PLAIN) (two minutes)"
+	@rm -rf $(PLAIN)
+	@$(BIN)/python -m benchmarks.timing $(PLAIN).json sh -c '$(PYTHON) -m venv $(PLAIN) && $(PLAIN)/bin/python -m pip install --quiet .'
+	@rm -rf build/lib build/bdist.* *.egg-info
+	@mv $(PLAIN).json $@

@@ -6,6 +6,7 @@ the time limit that expired, the script that was false, the command with its aut
 `python -m benchmarks.explaining [WORDS…]` prints the score, of those causes whose names contain one of the words.
 """
 
+import multiprocessing
 import os
 import re
 import shutil
@@ -13,19 +14,20 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from pathlib import Path
+from queue import Queue
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.figures import Effort, Figure, Missing, Result
-from benchmarks.startup import SCRIPTS
+from benchmarks.commands import SCRIPTS
 
-NOT_NAMED = "a planted cause that `why` does not name first"
-_DOMAIN = "86"
+# Each in a process of its own.
+_DOMAINS = ("71", "72", "73", "74")
 _FAST, _SLOW = "1000", "20"
 # How long a run, and what a run waits for, may take; seconds.
 _RUN_SEC, _TRIGGER_SEC = 120.0, 60.0
@@ -391,28 +393,32 @@ CAUSES = (
 """The planted causes, a kind each."""
 
 
-def measure(effort: Effort) -> Iterator[Result]:
-    """Yield which share of the planted causes `why` does not name first, and print what it names in place of each."""
-    import importlib.util
+def score(causes: Sequence[PlantedCause]) -> list[tuple[str, bool]]:
+    """Print what `why` names first for each cause, several at a time; return what, and whether it is the cause."""
+    domains = multiprocessing.Manager().Queue()
+    for domain in _DOMAINS:
+        domains.put(domain)
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(len(_DOMAINS), spawn, _set_domain, (domains,)) as pool:
+        said = pool.map(_first_named, [CAUSES.index(cause) for cause in causes])
+        found = []
+        for cause, text in zip(causes, said, strict=True):
+            is_named = re.search(cause.named, text) is not None
+            print(f"  {'named' if is_named else 'MISSED'}: {cause.kind}: {text or 'nothing'}", flush=True)
+            found.append((text, is_named))
+    print(f"  {sum(is_named for _, is_named in found)} of {len(causes)} causes are named first")
+    return found
 
-    if not (importlib.util.find_spec("rclpy") and importlib.util.find_spec("nav2_msgs")):
-        yield Missing(NOT_NAMED, "", "there is no ROS 2")
-        return
-    missed = show(CAUSES if effort.share == 1 else CAUSES[::10])
-    yield Figure(NOT_NAMED, "", missed, missed, missed, missed, "share")
+
+def _set_domain(domains: "Queue[str]") -> None:
+    """Give a process a ROS domain of its own, so that its runs and those of others do not see each other."""
+    os.environ["ROS_DOMAIN_ID"] = domains.get()
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
-def show(causes: Sequence[PlantedCause]) -> float:
-    """Print what `why` names first for each cause, and the score; return the share that is not named."""
-    missed = 0
-    for cause in causes:
-        with TemporaryDirectory() as folder:
-            said = first_named(cause, Path(folder))
-        is_named = re.search(cause.named, said) is not None
-        missed += not is_named
-        print(f"  {'named' if is_named else 'MISSED'}: {cause.kind}: {said or 'nothing'}", flush=True)
-    print(f"  {len(causes) - missed} of {len(causes)} causes are named first")
-    return missed / max(len(causes), 1)
+def _first_named(number: int) -> str:
+    with TemporaryDirectory() as folder:
+        return first_named(CAUSES[number], Path(folder))
 
 
 def first_named(cause: PlantedCause, folder: Path) -> str:
@@ -457,8 +463,7 @@ def _run(cause: PlantedCause, folder: Path, journal: Path) -> None:
         cause.speed,
     ]
     command += ["--journal", journal, *cause.options, "--ros-args", *ros]
-    env = {**os.environ, "ROS_DOMAIN_ID": _DOMAIN, "PYTHONPATH": str(folder)}
-    os.environ["ROS_DOMAIN_ID"] = _DOMAIN
+    env = {**os.environ, "PYTHONPATH": str(folder)}
     if cause.act is not None:
         _commander()
     with (folder / "log").open("w", encoding="utf-8") as log:
@@ -484,4 +489,4 @@ def _await(pattern: str, log: Path, run: "subprocess.Popen[str]") -> None:
 
 
 if __name__ == "__main__":
-    show([each for each in CAUSES if not sys.argv[1:] or any(word in each.kind for word in sys.argv[1:])])
+    score([each for each in CAUSES if not sys.argv[1:] or any(word in each.kind for word in sys.argv[1:])])

@@ -1,71 +1,32 @@
-"""Figures: what was measured beside its references, in turns, as medians with their spread."""
+"""The harness: how often something is measured, and when a measurement is refused.
+
+Both sides of a ratio are warmed by one call that does not count, and are timed by the same number of calls in turns. A measurement has two halves.
+If their medians differ by more than `AGREE` it is made again, and after `ATTEMPTS` the row states that it could not be measured.
+"""
 
 import gc
-import multiprocessing
-import resource
 import statistics
 import time
-import tracemalloc
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
-from typing import NamedTuple, ParamSpec, TypeVar
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
-T = TypeVar("T")
-P = ParamSpec("P")
-
-LOOP = "a loop in Python"
-"""The reference of what has no other: a fixed piece of work, so that a faster machine makes no difference."""
-
-# Linux counts the memory of a process in these.
-_KIBIBYTE = 1024
+AGREE = 1.5
+"""The two halves of a measurement may differ by this factor."""
+ATTEMPTS = 4
 _AT_LEAST_SEC = 0.05
-_LOOPS = 200_000
-_FEW = 3
+_MOST_CALLS = 10_000_000
+_GROWTH = 10
 
-
-class Figure(NamedTuple):
-    """One thing beside one reference.
-
-    Attributes:
-        subject: What was measured.
-        against: What it is compared with; empty for a figure that is the same on any machine, such as bytes.
-        ratio: The median of the ratios of all rounds; more is worse.
-        low: Their lower quartile.
-        high: Their upper quartile.
-        ours: The median of the subject itself, in `unit`.
-        unit: A key of `tables.UNITS`.
-    """
-
-    subject: str
-    against: str
-    ratio: float
-    low: float
-    high: float
-    ours: float
-    unit: str
-
-
-class Missing(NamedTuple):
-    """Something that could not be measured.
-
-    Attributes:
-        subject: What; empty for whatever stands beside this reference.
-        against: Beside which reference; empty for any.
-        reason: Why.
-    """
-
-    subject: str
-    against: str
-    reason: str
+Calls = Callable[[int], float]
+"""Makes this number of calls, and returns the mean seconds of one."""
 
 
 class Effort(NamedTuple):
     """How much is measured.
 
     Attributes:
-        rounds: How often each thing is measured.
-        share: How large trees are and how long searches go on, as a share of the whole; 1 but for a trial.
+        rounds: The number of rounds of a short measurement.
+        share: The size of trees, files and journals, as a share of the size in the table; 1 but for a trial.
     """
 
     rounds: int
@@ -73,123 +34,104 @@ class Effort(NamedTuple):
 
     @property
     def few(self) -> int:
-        """How often something that takes long is measured."""
-        return min(self.rounds, _FEW)
+        """The number of rounds of a measurement that takes seconds."""
+        return min(self.rounds, 4)
 
-    def size(self, whole: int) -> int:
+    def size(self, whole: int, least: int = 10) -> int:
         """Return a size for this effort."""
-        return max(int(whole * self.share), 10)
+        return max(int(whole * self.share), least)
 
 
-Result = Figure | Missing
+class UnmeasurableError(Exception):
+    """There is no number that could be trusted, or something that the measurement needs is missing."""
+
+
+class Comparison(NamedTuple):
+    """One thing beside another.
+
+    Attributes:
+        ratio: The median of the ratios of all rounds.
+        ours: The median of the first, in seconds.
+        theirs: The median of the second, in seconds.
+    """
+
+    ratio: float
+    ours: float
+    theirs: float
 
 
 def timed(action: Callable[[], object], count: int = 1) -> float:
-    """Return the CPU seconds of this process that an action takes, as the mean of so many times in a row."""
+    """Return the CPU seconds of this process that an action takes, as the mean of this number of calls."""
     gc.collect()
     start = time.process_time()
     for _ in range(count):
-        made = action()
-    seconds = time.process_time() - start
-    del made
-    return seconds / count
+        action()
+    return (time.process_time() - start) / count
 
 
-def often(seconds: Callable[[int], float]) -> Callable[[], float]:
-    """Let something be done so often in a row that the time can be measured.
+def measured(once: Callable[[], Sequence[float]], rounds: int) -> list[tuple[float, ...]]:
+    """Return the values of several rounds, an even number of them; the medians of both halves agree in each value.
 
     Args:
-        seconds: Does it so many times, and returns the mean time.
-    """
-    count = max(1, int(_AT_LEAST_SEC / max(seconds(1), 1e-7)))
-    return lambda: seconds(count)
-
-
-def loop() -> float:
-    """Return the CPU seconds of a fixed piece of work: calls, attributes, dictionaries and lists."""
-
-    def work() -> None:
-        table: dict[int, list[int]] = {}
-        for number in range(_LOOPS):
-            table.setdefault(number % 1000, []).append(number)
-
-    return timed(work)
-
-
-def in_turns(actions: Mapping[str, Callable[[], T]], rounds: int) -> dict[str, list[T]]:
-    """Return what each action says in each round; a round is one call of every action."""
-    taken: dict[str, list[T]] = {name: [] for name in actions}
-    for _ in range(rounds):
-        for name, action in actions.items():
-            taken[name].append(action())
-    return taken
-
-
-def compared(
-    subject: str, ours: Sequence[float], references: Mapping[str, Sequence[float]], unit: str = "s"
-) -> Iterator[Figure]:
-    """Yield the figures of what was measured in the same rounds as its references."""
-    for against, theirs in references.items():
-        ratios = [one / other for one, other in zip(ours, theirs, strict=True)]
-        yield Figure(subject, against, *quartiles(ratios), statistics.median(ours), unit)
-
-
-def plain(subject: str, value: float, unit: str) -> Figure:
-    """Return a figure without a reference.
+        once: Measures one round.
+        rounds: How often.
 
     Raises:
-        ValueError: If it is not above 0: then its gauge does not work.
+        UnmeasurableError: The halves differ in each attempt, or a value is not above 0.
     """
-    if value <= 0:
-        message = f"{subject}: {value} {unit} is no figure; what it is measured with does not work"
-        raise ValueError(message)
-    return Figure(subject, "", value, value, value, value, unit)
+    half = max(1, rounds // 2)
+    apart = ""
+    for _ in range(ATTEMPTS):
+        taken = [tuple(once()) for _ in range(2 * half)]
+        if any(value <= 0.0 for values in taken for value in values):
+            raise UnmeasurableError("the measurement shows 0, so it does not work")
+        apart = _apart(taken[:half], taken[half:])
+        if not apart:
+            return taken
+    raise UnmeasurableError(f"{apart}, in {ATTEMPTS} attempts")
 
 
-def quartiles(values: Sequence[float]) -> tuple[float, float, float]:
-    """Return the median, the lower and the upper quartile."""
-    if len(values) == 1:
-        return values[0], values[0], values[0]
-    low, median, high = statistics.quantiles(values, n=4, method="inclusive")
-    return median, low, high
+def medians(once: Callable[[], Sequence[float]], rounds: int) -> tuple[float, ...]:
+    """Return the median of each value; see `measured`."""
+    return tuple(map(statistics.median, zip(*measured(once, rounds), strict=True)))
 
 
-def alone(measured: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    """Measure in a process of its own: what one leaves behind in memory slows the next one down."""
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
-        return process.submit(measured, *args, **kwargs).result()
+def compared(once: Callable[[], tuple[float, float]], rounds: int) -> Comparison:
+    """Return how two things compare that one round measures in turns; see `measured`."""
+    taken = measured(once, rounds)
+    ours, theirs = zip(*taken, strict=True)
+    ratio = statistics.median(one / other for one, other in taken)
+    return Comparison(ratio, statistics.median(ours), statistics.median(theirs))
 
 
-def traced_peak(action: Callable[[], object]) -> int:
-    """Return the most memory that Python holds at a time for an action, in bytes."""
-    gc.collect()
-    tracemalloc.start()
-    kept = action()
-    size = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    del kept
-    return size
+def compared_calls(ours: Calls, theirs: Calls, rounds: int) -> Comparison:
+    """Return how calls of two things compare, by equal numbers of calls.
 
-
-def most_memory() -> int:
-    """Return the most memory that this process had since its program was started, in bytes.
-
-    `getrusage` would say what the process had before as well, as a copy of the one that has started it.
+    Raises:
+        UnmeasurableError: See `measured`.
     """
-    return _memory("VmHWM")
+    count = max(enough_calls(ours), enough_calls(theirs))
+    return compared(lambda: (ours(count), theirs(count)), rounds)
 
 
-def memory_now(process: int | str = "self") -> int:
-    """Return the memory that a process, by default this one, has now, in bytes."""
-    return _memory("VmRSS", process)
+def enough_calls(calls: Calls) -> int:
+    """Return the number of calls that take long enough to be timed; the first call does not count.
+
+    The first call of many things does more than all later ones: it fills caches, or runs every leaf of a tree that remembers.
+    """
+    calls(1)
+    count = 1
+    while (taken := calls(count) * count) < _AT_LEAST_SEC and count < _MOST_CALLS:
+        wanted = count * _AT_LEAST_SEC / max(taken, 1e-9)
+        # Not at once: the second call may still be slower than later ones.
+        count = min(int(min(wanted * 1.1, count * _GROWTH)) + 1, _MOST_CALLS)
+    return count
 
 
-def _memory(field: str, process: int | str = "self") -> int:
-    status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
-    return int(status.partition(f"{field}:")[2].split()[0]) * _KIBIBYTE
-
-
-def cpu_of_children() -> float:
-    """Return the CPU seconds of all child processes that have ended."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
+def _apart(one: Sequence[Sequence[float]], other: Sequence[Sequence[float]]) -> str:
+    """Return by how much two halves differ, if that is too much; else an empty string."""
+    for first, second in zip(zip(*one, strict=True), zip(*other, strict=True), strict=True):
+        low, high = sorted((statistics.median(first), statistics.median(second)))
+        if high > AGREE * low:
+            return f"the two halves differ by a factor of {high / low:.1f}"
+    return ""

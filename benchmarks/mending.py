@@ -1,4 +1,4 @@
-"""How many trees with a slip are mended by the suggestions of their findings alone.
+"""Trees with a typo, and what becomes of them by the suggestions of their findings alone.
 
 The shipped trees, in XML and in YAML, with one slip of the hand each: a letter left out, doubled, changed, or put before its neighbour, in a tag, in
 the name of an attribute or in its value. Names of nodes, which may be anything, and numbers, of which any is as good, have none.
@@ -6,17 +6,13 @@ the name of an attribute or in its value. Names of nodes, which may be anything,
 
 import random
 import re
-import shutil
 import string
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from benchmarks.figures import Effort, Figure, Result
 from sar_compiler.agent.mending import mend
-from sar_compiler.checks.fixing import is_safe
 from sar_compiler.project import Workspace
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
@@ -24,9 +20,7 @@ from sar_compiler.tree.difference import difference
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 
-NOT_AS_BEFORE, ERRORS_LEFT = "a slip, not as before", "a slip, errors left"
 TREES = sorted(Path("trees").glob("*.xml"))
-_MUTANTS = 500
 _SEED = 30
 
 
@@ -99,25 +93,6 @@ def _make_slip(chance: random.Random, root: ET.Element) -> str | None:
     return where
 
 
-def measure(effort: Effort) -> Iterator[Result]:
-    """Yield which share of the trees is not as it was before the slip, or has errors left, when suggestions are taken."""
-    made = list(slips(effort.size(_MUTANTS)))
-    with TemporaryDirectory() as folder:
-        for path in TREES:
-            shutil.copy(path, folder)
-        taken = [mended(each, Path(folder), lambda _finding: True) for each in made]
-        safely = [mended(each, Path(folder), is_safe) for each in made]
-    yield _figure(NOT_AS_BEFORE, _share(not each.is_as_before for each in taken))
-    yield _figure(ERRORS_LEFT, _share(each.has_errors for each in taken))
-    for where in ("tag", "attribute", "value"):
-        chosen = [each for each, slip in zip(taken, made, strict=True) if slip.where == where]
-        yield _figure(
-            f"{NOT_AS_BEFORE}: in a{'n' * (where == 'attribute')} {where}",
-            _share(not each.is_as_before for each in chosen),
-        )
-    yield _figure(f"{NOT_AS_BEFORE}, by --fix", _share(not each.is_as_before for each in safely))
-
-
 class Mended(NamedTuple):
     """What has become of a tree with a slip.
 
@@ -138,12 +113,3 @@ def mended(each: Slip, folder: Path, is_meant: Callable[[Diagnostic], bool]) -> 
     tree = mend(path, lambda read: Workspace(read=read).load_file(path), is_meant)
     is_as_before = not tree.is_malformed and not difference(parse(each.right), tree.forest.main)
     return Mended(is_as_before, any(finding.severity is Severity.ERROR for finding in tree.findings))
-
-
-def _figure(subject: str, share: float) -> Figure:
-    return Figure(subject, "", share, share, share, share, "share")
-
-
-def _share(are_so: Iterable[bool]) -> float:
-    found = list(are_so)
-    return sum(found) / max(len(found), 1)

@@ -1,81 +1,80 @@
-"""What a run has measured, the record that it is compared with, and the guard."""
+"""What a run has measured, the record that it is compared with, and the table that is made of it."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.figures import Figure, Missing
+from benchmarks.rows import Result, Row, write_result, write_table
 
-RECORD = Path(__file__).with_name("recorded.json")
+RECORD, PAGE = (Path(__file__).with_name(name) for name in ("recorded.json", "README.md"))
 WORSE = 1.5
-"""A ratio that is so many times the recorded one is a failure."""
+"""A value that is so many times the recorded one is a failure."""
+BEGIN, END = "<!-- made by `make bench` -->\n", "<!-- end -->\n"
 
 
 class Run(NamedTuple):
     """What has been measured.
 
     Attributes:
-        surroundings: The machine, the date and the versions, by what they are called.
-        figures: The figures of each benchmark.
-        missing: What each benchmark could not measure.
+        conditions: The machine, the date and the versions, by their names.
+        results: The result of each row, by what it measures.
     """
 
-    surroundings: Mapping[str, str]
-    figures: dict[str, list[Figure]]
-    missing: dict[str, list[Missing]]
+    conditions: Mapping[str, str]
+    results: Mapping[str, Result]
 
 
-def worse(run: Run, recorded: Run) -> list[str]:
-    """Return what is `WORSE` times the recorded ratio, or more; a line for each."""
-    before = {(name, *each[:2]): each.ratio for name, figures in recorded.figures.items() for each in figures}
+def find_worse(rows: Iterable[Row], run: Run, recorded: Run) -> list[str]:
+    """Return a line for each value that is `WORSE` times the recorded one, or more."""
     lines = []
-    for name, figures in run.figures.items():
-        for figure in figures:
-            ratio = before.get((name, *figure[:2]))
-            if ratio and figure.ratio >= WORSE * ratio:
-                beside = f" beside {figure.against}" if figure.against else ""
-                lines.append(
-                    f"{name}: {figure.subject}{beside}: {figure.ratio:.3g}, recorded was {ratio:.3g}: "
-                    f"{figure.ratio / ratio:.1f} times as much"
-                )
+    for row in rows:
+        now, before = (each.results.get(row.what, Result()).values for each in (run, recorded))
+        for limit, value, old in zip(row.limits, now, before, strict=False):
+            low, high = (value, old) if limit.is_least else (old, value)
+            if low > 0.0 and high >= WORSE * low:
+                lines.append(f"{row.what}: {limit.write(value)}, recorded was {limit.write(old)}")
     return lines
 
 
 def merged(run: Run, recorded: Run) -> Run:
-    """Return the record with what a run of some benchmarks has measured in its place."""
-    return Run(run.surroundings, {**recorded.figures, **run.figures}, {**recorded.missing, **run.missing})
+    """Return the record with the results of a run of some benchmarks in place of the old ones."""
+    return Run(run.conditions, {**recorded.results, **run.results})
 
 
 def load(path: Path) -> Run:
-    """Return the record; nothing if there is none."""
+    """Return the record; an empty one if there is none."""
     if not path.exists():
-        return Run({}, {}, {})
+        return Run({}, {})
     data = json.loads(path.read_bytes())
-    return Run(
-        data["surroundings"],
-        {name: [Figure(*each) for each in figures] for name, figures in data["figures"].items()},
-        {name: [Missing(*each) for each in missing] for name, missing in data["missing"].items()},
-    )
+    results = {
+        what: Result(tuple(values), note, is_missed)
+        for what, (values, note, is_missed) in data["results"].items()
+    }
+    return Run(data["conditions"], results)
 
 
-def save(run: Run, path: Path) -> None:
-    """Write the record, with one figure in each line."""
-    surroundings = json.dumps(run.surroundings, indent=1)
-    path.write_text(
-        f'{{"surroundings": {surroundings},\n"figures": {_by_name(run.figures)},\n'
-        f'"missing": {_by_name(run.missing)}}}\n',
-        encoding="utf-8",
-    )
+def save(rows: Iterable[Row], run: Run, path: Path) -> None:
+    """Write the record, with one row in each line."""
+    lines = [
+        f"{json.dumps(row.what)}: {json.dumps([[float(f'{value:.4g}') for value in result.values], *result[1:]])}"
+        for row in rows
+        if (result := run.results.get(row.what)) is not None
+    ]
+    conditions = json.dumps(run.conditions, indent=1)
+    text = ",\n".join(lines)
+    path.write_text(f'{{"conditions": {conditions},\n"results": {{\n{text}\n}}}}\n', encoding="utf-8")
 
 
-def _by_name(lists: Mapping[str, Sequence[Figure]] | Mapping[str, Sequence[Missing]]) -> str:
-    parts = []
-    for name, each in lists.items():
-        lines = ",\n".join(json.dumps([_rounded(value) for value in entry]) for entry in each)
-        parts.append(f"{json.dumps(name)}: [\n{lines}\n]")
-    return "{" + ",\n".join(parts) + "}"
+def write_tables(rows: Iterable[Row], run: Run) -> str:
+    """Return the table of the conditions, and that of all rows."""
+    conditions = write_table([("Condition", "Value"), *run.conditions.items()])
+    lines = [(row.what, row.goal, write_result(row, run.results.get(row.what)), row.how) for row in rows]
+    return f"\n{conditions}\n{write_table([('Row', 'Goal', 'Result', 'How it is measured'), *lines])}"
 
 
-def _rounded(value: str | float) -> str | float:
-    return value if isinstance(value, str) else float(f"{value:.4g}")
+def rewrite(rows: Iterable[Row], run: Run, path: Path) -> None:
+    """Put the tables of a run into the page, in place of those between its two marks."""
+    before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    text = f"{before}{BEGIN}{write_tables(rows, run)}{END}{rest.partition(END)[2]}"
+    path.write_text(text, encoding="utf-8")

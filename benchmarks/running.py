@@ -1,77 +1,121 @@
-"""Running the benchmarks, each in a process of its own."""
+"""Running the benchmarks, each in a process of its own; a row that fails does not stop the others."""
 
 import datetime as dt
+import multiprocessing
 import os
 import platform
-import shutil
-import subprocess
+import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib import metadata
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
-from benchmarks import (
-    editing,
-    explaining,
-    flying,
-    journaling,
-    large_files,
-    mending,
-    ordering,
-    paging,
-    pipeline,
-    predicting,
-    startup,
-    sweeping,
-    ticking,
-    verifying,
-    watched_properties,
-    watching,
-)
-from benchmarks.figures import Effort, Figure, Missing, Result, alone
-from benchmarks.peers import PYTHON
+from benchmarks import editing, files, journals, missions, project, proofs, scores, ticks
+from benchmarks.figures import Effort, UnmeasurableError
 from benchmarks.record import Run
+from benchmarks.rows import Benchmark, MissedError, Result, Row, rows_of, write_result
 from sar_compiler.runtime import kernel
 
-BENCHMARKS: Mapping[str, Callable[[Effort], Iterator[Result]]] = {
-    "ticking": ticking.measure,
-    "pipeline": pipeline.measure,
-    "startup": startup.measure,
-    "flight": flying.measure,
-    "journal": journaling.measure,
-    "watching": watching.measure,
-    "page": paging.measure,
-    "verify": verifying.measure,
-    "sweep": sweeping.measure,
-    "predict": predicting.measure,
-    "order": ordering.measure,
-    "properties": watched_properties.measure,
-    "large-files": large_files.measure,
-    "editing": editing.measure,
-    "mending": mending.measure,
-    "explaining": explaining.measure,
+BENCHMARKS: Mapping[str, Benchmark] = {
+    "files": files.BENCHMARK,
+    "editing": editing.BENCHMARK,
+    "journals": journals.BENCHMARK,
+    "proofs": proofs.BENCHMARK,
+    "ticks": ticks.BENCHMARK,
+    "missions": missions.BENCHMARK,
+    "scores": scores.BENCHMARK,
+    "project": project.BENCHMARK,
 }
+ROWS: Sequence[Row] = tuple(rows_of(BENCHMARKS))
+
+_ROW_SEC = 240
+"""The most time that a row may take."""
 
 
-def measured(names: Sequence[str], effort: Effort) -> tuple[Run, bool]:
-    """Measure each benchmark in a process of its own; return also whether one has failed."""
-    run, failed = Run(surroundings(), {}, {}), False
+def measure_benchmarks(names: Sequence[str], effort: Effort) -> tuple[Run, bool]:
+    """Measure each benchmark in a process of its own; return also whether a row has failed.
+
+    What one measurement leaves in memory would slow the next one down.
+    """
+    results: dict[str, Result] = {}
+    is_failed = False
+    conditions = describe_conditions()
     for name in names:
         start = time.monotonic()
-        results, failure = alone(results_of, name, effort)
-        if failure:
-            failed = True
-            results.append(Missing("", "", f"it failed: {failure.strip().splitlines()[-1]}"))
-            print(failure, file=sys.stderr)
-        run.figures[name] = [each for each in results if isinstance(each, Figure)]
-        run.missing[name] = [each for each in results if isinstance(each, Missing)]
-        print(f"{name}: {len(run.figures[name])} figures in {time.monotonic() - start:.0f} s", flush=True)
-    return run, failed
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+            try:
+                found, has_failed = process.submit(measure_rows, name, effort).result()
+            except Exception as error:  # noqa: BLE001 - the process may have died
+                found = {
+                    row.what: Result(note=f"its process failed: {error}") for row in BENCHMARKS[name].rows
+                }
+                has_failed = True
+        results |= found
+        is_failed |= has_failed
+        print(f"{name}: {time.monotonic() - start:.0f} s", flush=True)
+    return Run(conditions, results), is_failed
 
 
-def surroundings() -> dict[str, str]:
+def measure_rows(name: str, effort: Effort) -> tuple[dict[str, Result], bool]:
+    """Measure the rows of a benchmark one after the other, and print each; return also whether one has failed."""
+    benchmark = BENCHMARKS[name]
+    results: dict[str, Result] = {}
+    is_failed = False
+    try:
+        with benchmark.set_up(effort) as stage:
+            for row in benchmark.rows:
+                start = time.monotonic()
+                results[row.what], has_failed = _measure_row(row, stage, effort)
+                is_failed |= has_failed
+                text = write_result(row, results[row.what])
+                print(f"  {row.what}: {text} [{time.monotonic() - start:.0f} s]", flush=True)
+    except Exception as error:  # noqa: BLE001 - rows after it are reported as not measured
+        is_failed |= not isinstance(error, UnmeasurableError)
+        reason = _report_failure(error)
+        results = {row.what: results.get(row.what, Result(note=reason)) for row in benchmark.rows}
+    return results, is_failed
+
+
+def _measure_row(row: Row, stage: object, effort: Effort) -> tuple[Result, bool]:
+    try:
+        with _limited(_ROW_SEC):
+            return Result(*row.measure(stage, effort)), False
+    except MissedError as error:
+        return Result(note=str(error), is_missed=True), False
+    except UnmeasurableError as error:
+        return Result(note=str(error)), False
+    except Exception as error:  # noqa: BLE001 - the other rows are measured all the same
+        return Result(note=_report_failure(error)), True
+
+
+def _report_failure(error: Exception) -> str:
+    if isinstance(error, UnmeasurableError):
+        return str(error)
+    print("".join(traceback.format_exception(error)), file=sys.stderr, flush=True)
+    return f"it failed: {type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
+
+
+@contextmanager
+def _limited(seconds: int) -> Iterator[None]:
+    """Raise TimeoutError in the main thread after some seconds."""
+
+    def on_alarm(_number: int, _frame: FrameType | None) -> None:
+        raise TimeoutError(f"not done in {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, on_alarm)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def describe_conditions() -> dict[str, str]:
     """Return what the figures depend on, besides the project."""
     cpu = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("model name\t: ")[2].partition("\n")[0]
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
@@ -81,33 +125,5 @@ def surroundings() -> dict[str, str]:
         "load before": f"{os.getloadavg()[0]:.1f} processes in the last minute",
         "system": f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
         "kernel of this project": kernel.describe(),
-        "py_trees": metadata.version("py_trees"),
-        "peers": _peers(),
-        "SPIN": _spin(),
+        "BehaviorTree.CPP": ticks.describe_driver(),
     }
-
-
-def results_of(name: str, effort: Effort) -> tuple[list[Result], str]:
-    """Return what a benchmark has measured and, if it has failed, why; the others are measured all the same."""
-    results: list[Result] = []
-    try:
-        results.extend(BENCHMARKS[name](effort))
-    except Exception:  # noqa: BLE001 - whatever it is, it is told
-        return results, traceback.format_exc()
-    return results, ""
-
-
-def _peers() -> str:
-    if not PYTHON.exists():
-        return "not installed"
-    wanted = "('behaviortreepy', 'py_trees')"
-    code = f"import importlib.metadata as m; print(*(f'{{d.name}} {{d.version}}' for d in m.distributions() if d.name in {wanted}), sep=', ')"
-    done = subprocess.run([PYTHON, "-c", code], capture_output=True, text=True, check=True)
-    return done.stdout.strip() or "not installed"
-
-
-def _spin() -> str:
-    program = shutil.which("spin")
-    if program is None:
-        return "not installed"
-    return subprocess.run([program, "-V"], capture_output=True, text=True, check=True).stdout.strip()

@@ -1,18 +1,24 @@
-"""Tree files of any size that this project, BehaviorTree.CPP and the builder in `peer.py` read alike."""
+"""Tree files of any size that this project and BehaviorTree.CPP read alike."""
 
 import itertools
 import random
 from collections.abc import Callable, Iterable, Mapping
 
 FAN_OUT = 10
+_PALETTE = '<TreeNodesModel><Action ID="Try"/><Condition ID="Check"/></TreeNodesModel>\n'
 
 
-def document(body: str) -> str:
+def document(body: str, tree_id: str = "Main") -> str:
     """Return a file with one tree."""
     return (
-        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
-        f'<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n</root>\n'
+        f'<root BTCPP_format="4" main_tree_to_execute="{tree_id}">\n'
+        f'<BehaviorTree ID="{tree_id}">\n{body}\n</BehaviorTree>\n</root>\n'
     )
+
+
+def described(body: str, tree_id: str = "Main") -> str:
+    """Return a file with one tree whose leaves are `Try`, an action, and `Check`, a condition."""
+    return document(body, tree_id).replace("</root>", f"{_PALETTE}</root>")
 
 
 def around(opening: str, nodes: Iterable[str]) -> str:
@@ -33,11 +39,6 @@ def balanced(nodes: Iterable[str]) -> str:
     return level[0]
 
 
-def leaves(count: int, tag: str = "Leaf") -> list[str]:
-    """Return leaves; each has a name of its own."""
-    return [f'<{tag} name="n{number}"/>' for number in range(count)]
-
-
 def in_turn(*forms: str) -> Callable[[int], list[str]]:
     """Return nodes that take turns; as many as there are forms have the same number."""
 
@@ -48,46 +49,48 @@ def in_turn(*forms: str) -> Callable[[int], list[str]]:
     return nodes
 
 
-scripts = in_turn('<Script code="k{0} := 1"/>', '<ScriptCondition code="k{0} == 1"/>')
-"""Each entry is written, then read."""
+def mission(seed: int, tree_id: str = "Main", *, has_scripts: bool = False) -> str:
+    """Return a file with a mission as people write them, of some 20 to 60 nodes: steps, second ways, checks, tries, time limits."""
+    draw = random.Random(seed)  # noqa: S311 - the same tree in every run
+    numbers = itertools.count()
+
+    def leaf(tag: str) -> str:
+        return f'<{tag} name="{tag}{next(numbers)}"/>'
+
+    def step(depth: int) -> str:
+        kind = draw.random()
+        if depth == 0 or kind < 0.2:  # noqa: PLR2004 - shares of kinds
+            return leaf("Try")
+        inner = [step(depth - 1) for _ in range(draw.randint(2, 3))]
+        wrappers = (
+            lambda: around("Fallback", inner[:2]),
+            lambda: around("Fallback", [leaf("Check"), inner[0]]),
+            lambda: around('RetryUntilSuccessful num_attempts="3"', [sequence(inner)]),
+            lambda: around('Timeout msec="60000"', [sequence(inner)]),
+            lambda: around("ReactiveSequence", [leaf("Check"), sequence(inner)]),
+            lambda: around("SequenceWithMemory", inner),
+        )
+        return draw.choice(wrappers)()
+
+    steps = [step(2) for _ in range(4)]
+    if has_scripts:
+        steps = ['<Script code="tries := 0"/>', *steps, '<Script code="tries = tries + 1"/>']
+        steps.append('<ScriptCondition code="tries == 1"/>')
+    return described(around('Sequence name="Mission"', steps), tree_id)
 
 
-def copies(count: int) -> list[str]:
-    """Return nodes of which each reads the entry that the one before has written."""
-    inner = (f'<SetBlackboard value="{{k{at}}}" output_key="k{at + 1}"/>' for at in range(count - 1))
-    return ['<Script code="k0 := 1"/>', *inner]
-
-
-def deep(levels: int) -> str:
-    """Return sequences in each other, each with a leaf before the next one."""
-    body = '<Leaf name="last"/>'
-    for level in reversed(range(levels - 1)):
-        body = sequence([f'<Leaf name="n{level}"/>', body])
-    return body
-
-
-def one_running(count: int) -> str:
-    """Return a balanced tree whose last leaf runs on, with all before it done: how a mission mostly is."""
-    return balanced([*leaves(count - 1), around("KeepRunningUntilFailure", leaves(1))])
-
-
-def skippable(count: int) -> str:
-    """Return leaves of which each asks first whether it is to be skipped, and is not."""
-    asked = (f'<Leaf name="n{number}" _skipIf="battery == 0"/>' for number in range(count - 1))
-    return balanced(['<Script code="battery := 7"/>', *asked])
-
-
-def navigating(count: int) -> str:
-    """Return what Nav2's trees are like: a path is followed, with recoveries behind it; so many leaves in all.
+def navigation(recoveries: int) -> str:
+    """Return a tree as Nav2's: a path is followed, with recoveries behind it.
 
     Nav2's own controls are BehaviorTree.CPP's that come nearest, so that both engines have them.
     """
-    recoveries = [sequence(leaves(max(2, count - 6))), *leaves(1)]
-    path = around("Fallback", [*leaves(1), *leaves(1)])
-    follow = around("Fallback", [around("KeepRunningUntilFailure", leaves(1)), *leaves(1)])
+    done = "<Leaf/>"
+    runs = around("KeepRunningUntilFailure", [done])
+    path = around("Fallback", [done, done])
+    follow = around("Fallback", [runs, done])
     drive = around("ReactiveSequence", [path, follow])
-    tries = around("Fallback", [drive, around("ReactiveFallback", recoveries)])
-    return around('RetryUntilSuccessful num_attempts="6"', [tries])
+    recovery = around("ReactiveFallback", [sequence([done] * recoveries), done])
+    return around('RetryUntilSuccessful num_attempts="6"', [around("Fallback", [drive, recovery])])
 
 
 _WRAPPERS = (
@@ -124,7 +127,7 @@ def mixed(count: int) -> str:
 
 def _mixed_leaf(draw: random.Random, number: int) -> str:
     kinds = (
-        f'<Leaf name="n{number}"/>',
+        "<Leaf/>",
         "<AlwaysSuccess/>",
         "<AlwaysFailure/>",
         f'<Script code="k{number % 9} := {number}"/>',
@@ -133,23 +136,25 @@ def _mixed_leaf(draw: random.Random, number: int) -> str:
     return around("KeepRunningUntilFailure", [leaf]) if draw.random() < _RUNNING else leaf
 
 
-_PARALLEL = 'Parallel success_count="-1" failure_count="1"'
+def one_running(count: int) -> str:
+    """Return a balanced tree whose last leaf keeps running after all before it have succeeded."""
+    leaves = ["<Leaf/>"] * (count - 1)
+    return balanced([*leaves, around("KeepRunningUntilFailure", ["<Leaf/>"])])
 
-SHAPES: Mapping[str, Callable[[int], str]] = {
-    "wide": lambda count: sequence(leaves(count)),
-    "balanced": lambda count: balanced(leaves(count)),
-    "one leaf runs": one_running,
-    "built-in leaves": lambda count: balanced(["<AlwaysSuccess/>"] * count),
-    "leaves that begin and end": lambda count: balanced(leaves(count, "Prepared")),
-    "mixed": mixed,
-    "deep": deep,
-    "ports": lambda count: balanced(copies(count)),
-    "scripts": lambda count: balanced(scripts(count)),
-    "conditions": skippable,
-    "Nav2's shape": navigating,
-    "parallel": lambda count: around(_PARALLEL, leaves(count)),
-    "parallel, all running": lambda count: around(
-        _PARALLEL, [around("KeepRunningUntilFailure", [leaf]) for leaf in leaves(count)]
-    ),
+
+_RUNS = around("KeepRunningUntilFailure", ["<AlwaysSuccess/>"])
+_CASES = " ".join(f'case_{number}="{number}"' for number in range(1, 6))
+CONSTRUCTS: Mapping[str, str] = {
+    "Sleep": '<Sleep msec="100000000"/>',
+    "Timeout": around('Timeout msec="100000000"', [_RUNS]),
+    "Delay": around('Delay delay_msec="100000000"', ["<AlwaysSuccess/>"]),
+    "_while": '<AlwaysSuccess _while="mode == 3"/>',
+    "Switch5": around(f'Switch5 variable="{{mode}}" {_CASES}', ["<AlwaysSuccess/>"] * 6),
 }
-"""What trees are like, by a name for it; each makes the tree with so many leaves."""
+"""Nodes that cost more than others, by their names."""
+
+
+def of_constructs(construct: str, count: int) -> str:
+    """Return a tree in each of whose ticks a construct is ticked so many times."""
+    parallel = around('Parallel success_count="-1" failure_count="1"', [construct] * count)
+    return sequence(['<Script code="mode := 3"/>', parallel])

@@ -1,0 +1,95 @@
+"""What a command costs: the seconds that pass, the CPU time of all its processes, and the most memory that one of them has."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.figures import UnmeasurableError
+
+SCRIPTS = Path(sys.executable).parent
+"""The project's commands in the environment that measures; it has ROS."""
+PLAIN = Path(__file__).parents[1] / "build" / "plain" / "bin"
+"""The commands in an environment that has only what `pip install .` brings (`make build/plain/.installed`)."""
+
+# Small, and without the site's packages, because the memory of a process counts what its parent had when it was started.
+_LAUNCHER = """
+import json, os, sys, time
+start = time.perf_counter()
+process = os.posix_spawnp(sys.argv[2], sys.argv[2:], os.environ)
+_, status, usage = os.wait4(process, 0)
+passed = time.perf_counter() - start
+cost = [passed, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024 / 1e6, os.waitstatus_to_exitcode(status)]
+with open(sys.argv[1], "w") as file:
+    json.dump(cost, file)
+"""
+
+
+class Cost(NamedTuple):
+    """What a command has cost.
+
+    Attributes:
+        passed: The seconds that passed.
+        cpu: The CPU seconds of it and of all processes that it has waited for.
+        memory: The most memory that one of these had, in MB.
+        printed: What it printed on standard output.
+    """
+
+    passed: float
+    cpu: float
+    memory: float
+    printed: str
+
+
+def run(
+    command: Sequence[str | Path],
+    *,
+    statuses: Sequence[int] = (0,),
+    more: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+) -> Cost:
+    """Run a command to its end.
+
+    Args:
+        command: The command.
+        statuses: The exit statuses that it may have.
+        more: Environment variables beside those of this process.
+        folder: Its working folder.
+
+    Raises:
+        UnmeasurableError: It has another exit status.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        cost = Path(place, "cost.json")
+        launch = [sys.executable, "-I", "-S", "-c", _LAUNCHER, str(cost), *map(str, command)]
+        done = subprocess.run(
+            launch, capture_output=True, text=True, check=True, env={**os.environ, **(more or {})}, cwd=folder
+        )
+        passed, cpu, memory, status = json.loads(cost.read_bytes())
+    if status not in statuses:
+        said = (done.stderr or done.stdout).strip().splitlines()[-1:]
+        raise UnmeasurableError(f"{Path(command[0]).name} {command[1]} ended with {status}: {''.join(said)}")
+    return Cost(passed, cpu, memory, done.stdout)
+
+
+def plain(name: str) -> Path:
+    """Return a program of the environment without ROS.
+
+    Raises:
+        UnmeasurableError: The environment is missing.
+    """
+    if not (PLAIN / name).exists():
+        raise UnmeasurableError("build/plain is missing: `make bench` installs it")
+    return PLAIN / name
+
+
+def require_ros() -> None:
+    """Raise UnmeasurableError if this environment has no ROS 2."""
+    from importlib.util import find_spec
+
+    if not (find_spec("rclpy") and find_spec("nav2_msgs")):
+        raise UnmeasurableError("there is no ROS 2 in this environment")
