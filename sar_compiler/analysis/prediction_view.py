@@ -43,6 +43,8 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     if found.unknown:
         names = ", ".join("/".join(path) for path in found.unknown)
         yield f"\nOf these leaves no chance is known, so that some numbers have two bounds: {names}"
+    for reason in found.undecided:
+        yield f"\nNot decided, so that some numbers have two bounds: {reason}"
     if not found.complete:
         yield (
             "\nNot all states were gone through: what is behind the others may be anything. A time between two takes a state for each tick of it: "
@@ -102,6 +104,7 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
             for each in prediction.influences
         ],
         "unknown": ["/".join(path) for path in prediction.unknown],
+        "undecided": list(prediction.undecided),
         "left_out": [{"property": each.name, "missing": list(each.missing)} for each in prediction.left_out],
         "states": prediction.states,
         "steps": prediction.steps,

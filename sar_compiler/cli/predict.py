@@ -34,7 +34,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
     """Predict the runs of a tree, and print what is to be expected.
 
     Returns:
-        0; 1 if the tree's runs cannot be gone through, or not all of them within the budget, or there is nothing to plot; 130 after Ctrl-C.
+        0; 1 if the tree's runs cannot be gone through, or not all of them, or there is nothing to plot; 130 after Ctrl-C.
 
     Raises:
         TreeError: If a file has mistakes.
@@ -76,5 +76,5 @@ def predict_file(arguments: argparse.Namespace) -> int:
         return FINDINGS
     if arguments.plot is not None:
         write_text(arguments.plot, views.prediction_as_svg(found))
-    is_whole = found.complete and not found.stopped and not budget.is_interrupted
+    is_whole = found.complete and not found.stopped and not found.undecided and not budget.is_interrupted
     return OK if is_whole else budget.exit_status

@@ -29,6 +29,8 @@ from sar_compiler.analysis.verify.properties import (
 )
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.analysis.verify.unknown_values import explored, search_decidable
+from sar_compiler.analysis.verify.verdicts import AN_END
 from sar_compiler.budget import Budget, Progress
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.values import MILLISECONDS, SECONDS
@@ -77,6 +79,8 @@ class Prediction:
         complete: Whether all states were gone through; what is behind the others may be anything.
         stopped: Whether it was stopped before that, or before all numbers were worked out: those that are missing have the bounds 0 and 1.
         left_out: The properties that say nothing about this tree.
+        undecided: The reasons for which some runs were not followed, or some conditions not evaluated, because they need unknown values.
+            Chances have bounds that are right whatever these values are; times, the distribution and the influences are not computed.
     """
 
     success: Between
@@ -92,6 +96,7 @@ class Prediction:
     complete: bool
     stopped: bool = False
     left_out: tuple[LeftOut, ...] = ()
+    undecided: tuple[str, ...] = ()
 
     def quantile(self, share: float) -> float | None:
         """Return the time by which this share of the runs that end has ended, seconds; None if that is not known."""
@@ -119,14 +124,28 @@ def predict(
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree's runs cannot be gone through, or a tick of one raises an error.
+        UndecidableError: If the tree's runs cannot be gone through, or a tick of one raises an error for another reason than an unknown value.
     """
     _require_few_ticks(simulated, period_sec)
     prepared = Prepared.of(simulated)
     properties = properties_of(file, prepared, tags)
-    chances = Chances(CountedTimes(period_sec))
+    search = partial(
+        _predicted, prepared=prepared, period_sec=period_sec, max_states=max_states, budget=budget or Budget()
+    )
+    found, reasons = search_decidable(properties, search)
+    if AN_END in reasons:
+        found = replace(found, success=_ANYTHING, ends=_ANYTHING)
+    kept = {name: found.properties.get(name, _ANYTHING) for name in properties.names}
+    undecided = tuple(dict.fromkeys((*found.undecided, *reasons.values())))
+    return replace(found, properties=kept, undecided=undecided)
+
+
+def _predicted(
+    properties: Properties, *, prepared: Prepared, period_sec: float, max_states: int, budget: Budget
+) -> Prediction:
+    """Return what is to be expected of a tree's runs; raises `ConditionError` as well."""
+    simulated, chances = prepared.simulated, Chances(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _remembering(properties.rules), chances=chances)
-    budget = budget or Budget()
     nothing = _nothing_known(properties)
 
     def report(progress: Progress) -> bool:
@@ -134,7 +153,7 @@ def predict(
         return budget.report(progress)
 
     budget.publish(lambda: nothing)
-    graph = explore(stepper.steps, max_states, report)
+    graph, unknown = explored(stepper, max_states, report)
     _require_no_error(graph, simulated)
     nothing = replace(
         nothing,
@@ -142,6 +161,7 @@ def predict(
         steps=graph.step_count,
         complete=graph.complete,
         stopped=graph.stopped,
+        undecided=() if unknown is None or unknown.error is None else (simulated.explain(unknown.error),),
     )
     budget.publish(partial(replace, nothing, stopped=True))
     return _Reckoning(stepper, graph, chances, properties, period_sec).prediction(nothing, budget)
@@ -289,11 +309,14 @@ class _Reckoning:
             ("success", lambda: weighed.bounds(self._succeeded, unknown)),
             ("ends", lambda: weighed.bounds(self._ends, unknown)),
             ("properties", self._properties_kept),
-            ("time_sec", lambda: self._time_sec(self._ends)),
-            ("success_sec", lambda: self._time_sec(self._succeeded)),
-            ("influences", self._influences),
-            ("distribution", partial(self._distribution, budget)),
         ]
+        if not found.undecided:
+            parts += [
+                ("time_sec", lambda: self._time_sec(self._ends)),
+                ("success_sec", lambda: self._time_sec(self._succeeded)),
+                ("influences", self._influences),
+                ("distribution", partial(self._distribution, budget)),
+            ]
         for name, work_out in parts:
             found = replace(found, **{name: work_out()})
             budget.publish(partial(replace, found, stopped=True))

@@ -68,7 +68,7 @@ class EndTick(NamedTuple):
 
 
 class WeighedGraph:
-    """What a search has found, with how likely each step is. No tick may raise an error.
+    """What a search has found, with how likely each step is. What is missing of an answer's chance are ticks that need an unknown value.
 
     Args:
         graph: The states and steps; `going_on` of what these do has the number of a weight.
@@ -76,7 +76,8 @@ class WeighedGraph:
     """
 
     def __init__(self, graph: Graph, chances: Chances) -> None:
-        self._states, self._count = len(graph.states), graph.places
+        # The last place stands for all that is not known.
+        self._states, self._count = len(graph.states), graph.places + 1
         self._choices = chances.choices
         steps = _steps_of(graph)
         labels = np.array([waits[0] for waits in graph.waits] or [0])[steps[2]]
@@ -86,14 +87,32 @@ class WeighedGraph:
         self._low, self._high, self._middle = _tables([choice.bounds for choice in self._choices])
         self._choice_at = np.full(self._count, -1)
         self._choice_at[steps[0]] = weights[:, 0]
-        order = np.argsort(steps[0], kind="stable")
-        self._source, self._target = steps[0][order], steps[1][order]
-        self._answer, self._share = answers[order], shares[order]
+        source, answer, share = self._not_followed(graph, steps[0], answers, shares)
+        order = np.argsort(np.concatenate([steps[0], source]), kind="stable")
+        self._source = np.concatenate([steps[0], source])[order]
+        self._target = np.concatenate([steps[1], np.full(len(source), self._count - 1)])[order]
+        self._answer, self._share = (
+            np.concatenate([answers, answer])[order],
+            np.concatenate([shares, share])[order],
+        )
         # Only time passes in a step without a weight; a step to a middle does not end its tick.
         ticks = np.where(labels < 0, -labels, 1) * (steps[1] < self._states)
-        self._ticks = ticks[order]
+        self._ticks = np.concatenate([ticks, np.zeros(len(source), ticks.dtype)])[order]
         wide = self._low < self._high
         self._varying = np.flatnonzero(np.any(wide[self._choice_at], axis=1))
+
+    def _not_followed(
+        self, graph: Graph, source: Indices, answers: Indices, shares: Reals
+    ) -> tuple[Indices, Indices, Reals]:
+        """Return the places and answers after which ticks need an unknown value, and which share of each answer's chance these are."""
+        width = self._low.shape[1]
+        followed = np.bincount(source * width + answers, shares, self._count * width).reshape(-1, width)
+        missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
+        ends = self._wide(np.frombuffer(bytes(graph.ends), np.uint8).astype(bool))
+        ends[graph.expanded : self._states] = ends[-1] = True
+        missing[ends] = 0.0
+        places, found = np.nonzero(missing > _ROUNDING)
+        return places, found, missing[places, found]
 
     def bounds(self, goal: Flags, unknown: Flags) -> Between:
         """Return the chance of coming to some states.
@@ -102,12 +121,10 @@ class WeighedGraph:
             goal: Which states these are.
             unknown: The states of which nobody knows what follows.
         """
-        least, most = self.values(goal, unknown)
+        possible = self._wide(goal | unknown)
+        possible[-1] = True
+        least, most = self._optimum(self._wide(goal), -1)[0], self._optimum(possible, 1)[0]
         return Between(float(least[0]), float(most[0]))
-
-    def values(self, goal: Flags, unknown: Flags) -> tuple[Reals, Reals]:
-        """Return the least and the greatest chance of coming to some states, from each place; see `bounds`."""
-        return self._optimum(self._wide(goal), -1)[0], self._optimum(self._wide(goal | unknown), 1)[0]
 
     def _wide(self, states: Flags) -> Flags:
         """Return which places some states are."""

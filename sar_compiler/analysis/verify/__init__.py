@@ -4,7 +4,7 @@ The tree is compiled with stub leaves and brought into flat form; every combinat
 every state that can be reached, those that fewest ticks lead to first.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -12,24 +12,20 @@ from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Report
 from sar_compiler.analysis.verify.branches import has_parallels
 from sar_compiler.analysis.verify.composing import proved_apart
-from sar_compiler.analysis.verify.properties import ConditionError, Properties, PropertyFile, properties_of
+from sar_compiler.analysis.verify.properties import Properties, PropertyFile, properties_of
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import StateSpace
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.analysis.verify.unknown_values import explored
+from sar_compiler.analysis.verify.unknown_values import explored, search_decidable
 from sar_compiler.analysis.verify.verdicts import (
-    AN_END,
-    EVERY_LEAF,
-    NO_ERROR,
-    NO_LIVELOCK,
     OWN_RECORDS,
     ProofStatus,
     Questions,
     Verdict,
     Verification,
+    questions_of,
 )
 from sar_compiler.budget import Budget, Progress
-from sar_compiler.runtime.variables import unknown_value_of
 
 
 def verify(
@@ -45,7 +41,7 @@ def verify(
     """Search the states of a tree and answer every question.
 
     A larger tree with parallel branches that share nothing is proved branch by branch (`composing`), if that leads to answers.
-    A property whose condition needs an unknown value is not decided; the others are, without it.
+    A property whose condition needs an unknown value is not decided; the others are, without it. Likewise the end of a run, and what depends on it.
 
     Args:
         simulated: The tree with stub leaves; it is used up.
@@ -70,26 +66,14 @@ def verify(
         forgets=forgets,
         plainly=plainly,
     )
-    return _decided(properties_of(file, prepared, tags), search)
-
-
-def _decided(properties: Properties, search: Callable[[Properties], Verification]) -> Verification:
-    """Return the result of a search, in which a property is not decided that needs an unknown value."""
-    try:
-        return search(properties)
-    except ConditionError as error:
-        if unknown_value_of(error) is None or error.owner not in properties.names:
-            raise
-        undecided = Verdict(error.owner, ProofStatus.UNDECIDED, error.reason)
-    found = _decided(properties.without(undecided.question), search)
-    verdicts = list(found.verdicts)
-    verdicts.insert(len(_asked_of_all(properties)) + properties.names.index(undecided.question), undecided)
-    return replace(found, verdicts=tuple(verdicts))
-
-
-def _asked_of_all(properties: Properties) -> list[str]:
-    """Return the questions that are asked of every tree."""
-    return [NO_ERROR, EVERY_LEAF, *([AN_END, NO_LIVELOCK] if properties.has_end else ())]
+    properties = properties_of(file, prepared, tags)
+    found, reasons = search_decidable(properties, search)
+    if not reasons:
+        return found
+    verdicts = {each.question: each for each in found.verdicts}
+    verdicts |= {each: Verdict(each, ProofStatus.UNDECIDED, reason) for each, reason in reasons.items()}
+    in_order = dict.fromkeys((*questions_of(properties), *verdicts))
+    return replace(found, verdicts=tuple(verdicts[each] for each in in_order))
 
 
 def _searched(
@@ -104,8 +88,7 @@ def _searched(
     """Search the states of a tree, branch by branch if that is needed; raises `ConditionError` as well."""
     simulated = prepared.simulated
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
-    asked = [*_asked_of_all(properties), *properties.names]
-    asked += [OWN_RECORDS] if stepper.claims else []
+    asked = [*questions_of(properties), *([OWN_RECORDS] if stepper.claims else ())]
 
     def report(progress: Progress) -> bool:
         budget.publish(partial(_so_far, asked, progress, properties, simulated))

@@ -456,9 +456,13 @@ class Properties:
         beside = {event for event, some in guarded.items() if heard & {each.number for each in some}}
         return (heard | beside).difference(each.number for some in guarded.values() for each in some)
 
-    def without(self, name: str) -> "Properties":
-        """Return the properties without one of them."""
-        return self.only([number for number, each in enumerate(self.names) if each != name])
+    def without(self, owner: str) -> "Properties":
+        """Return the properties without one of them, or without the end of a run and those that depend on it."""
+        if owner in self.names:
+            return self.only([number for number, each in enumerate(self.names) if each != owner])
+        lasting = set(range(self.rules.monitors.count)).difference(self.owing)
+        others = self.only(sorted(lasting))
+        return replace(others, rules=replace(others.rules, ends=_never_over), has_end=False)
 
     def only(self, numbers: Sequence[int]) -> "Properties":
         """Return some of the properties, by their numbers in ascending order."""

@@ -3,16 +3,48 @@
 A run is not followed beyond such a tick. So what is shown of the other runs is right, and what is said of all runs is not decided.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from sar_compiler.analysis.state_search.graph import Breach, Graph
 from sar_compiler.analysis.state_search.searching import A_STATE, Judgement, Report, Stepper, explore
+from sar_compiler.analysis.verify.properties import ConditionError, Properties
 from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.analysis.verify.verdicts import questions_of
 from sar_compiler.runtime.variables import unknown_value_of
+
+DecidableResult = TypeVar("DecidableResult")
+
+
+def search_decidable(
+    properties: Properties, search: Callable[[Properties], DecidableResult]
+) -> tuple[DecidableResult, dict[str, str]]:
+    """Search without the conditions that need an unknown value, of properties and of the end of a run.
+
+    Args:
+        properties: The properties of the tree.
+        search: Searches it with some of them.
+
+    Returns:
+        The result, and the reason for each question that is left out, by the question.
+
+    Raises:
+        ConditionError: If a condition cannot be evaluated for another reason.
+    """
+    try:
+        return search(properties), {}
+    except ConditionError as error:
+        if unknown_value_of(error) is None:
+            raise
+        owner, reason = error.owner, error.reason
+    others = properties.without(owner)
+    found, reasons = search_decidable(others, search)
+    left_out = set(questions_of(properties)).difference(questions_of(others))
+    return found, {**dict.fromkeys(left_out, reason), **reasons}
 
 
 def explored(
-    stepper: TreeStepper, max_states: int, report: Report, names: Sequence[str]
+    stepper: TreeStepper, max_states: int, report: Report, names: Sequence[str] = ()
 ) -> tuple[Graph, Breach | None]:
     """Search the states of a tree; see `explore`.
 

@@ -109,6 +109,12 @@ NO_LIVELOCK = "every run ends"
 OWN_RECORDS = "classes of your own do what their records say"
 
 
+def questions_of(properties: Properties) -> list[str]:
+    """Return the questions about a tree: those that are asked of every tree, and its properties."""
+    ends = [AN_END, NO_LIVELOCK] if properties.has_end else []
+    return [NO_ERROR, EVERY_LEAF, *ends, *properties.names]
+
+
 class Questions:
     """Answers questions about the runs of a tree.
 

@@ -147,17 +147,69 @@ def test_what_must_hold_at_the_end_counts_there():
     assert predicted("<ForceSuccess><X/></ForceSuccess>", chances, text).properties["counted"] == exactly(0.7)
 
 
-@pytest.mark.parametrize(
-    ("body", "reason"),
-    [
-        ('<Sequence><P/><Script code="a = b + 1"/></Sequence>', "there is no variable 'b'"),
-        ('<Sequence><M distance="{d}"/><Script code="d += 1"/></Sequence>', "answers: {M: ["),
-    ],
-)
-def test_no_number_is_computed_where_a_tick_raises_an_error_or_needs_an_unknown_value(body, reason):
-    with pytest.raises(UndecidableError, match="a tick raises an error: ") as caught:
-        predicted(body, "P: [{answer: SUCCESS, p: 0.3}]")
-    assert reason in str(caught.value)
+def test_no_number_is_computed_where_a_tick_raises_an_error():
+    with pytest.raises(UndecidableError, match=r"a tick raises an error: .*there is no variable 'b'"):
+        predicted('<Sequence><P/><Script code="a = b + 1"/></Sequence>', "P: [{answer: SUCCESS, p: 0.3}]")
+
+
+FAR = '<ScriptCondition code="d &gt; 1"/>'
+MEASURED = {
+    "a condition": (f'<Fallback><A/><Sequence><M distance="{{d}}"/>{FAR}</Sequence></Fallback>', (0.9, 0.96)),
+    "all runs": (f'<Sequence><ForceSuccess><M distance="{{d}}"/></ForceSuccess>{FAR}</Sequence>', (0.0, 1.0)),
+    "beside a leaf": (
+        f'<Sequence><M distance="{{d}}"/><Fallback>{FAR}<A/></Fallback></Sequence>',
+        (0.0, 0.6),
+    ),
+    "a branch": (f'<Sequence><A/><Fallback><M distance="{{d}}"/>{FAR}</Fallback></Sequence>', (0.54, 0.9)),
+    "a round": (
+        f'<RetryUntilSuccessful num_attempts="-1"><Sequence><A/><M distance="{{d}}"/><Inverter>{FAR}</Inverter></Sequence></RetryUntilSuccessful>',
+        (0.0, 1.0),
+    ),
+    "no run": ('<Sequence><A/><M distance="{d}"/></Sequence>', (0.54, 0.54)),
+}
+MEASURES = f"{INDEPENDENT}\nM: [{{answer: SUCCESS, p: 0.6}}, {{answer: FAILURE, p: 0.4}}]"
+DECIDED = 'M: [{{status: SUCCESS, p: 0.6, then: "d := {}"}}, {{status: FAILURE, p: 0.4, then: "d := {}"}}]'
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_what_needs_an_unknown_value_makes_bounds_that_hold_for_every_value(name):
+    body, (low, high) = MEASURED[name]
+    found = predicted(body, MEASURES)
+    assert found.success == pytest.approx((low, high))
+    assert bool(found.undecided) == (name != "no run")
+    assert all("answers: {M: [{status: SUCCESS" in reason for reason in found.undecided)
+    if found.undecided:
+        assert (found.time_sec, found.success_sec, found.distribution, found.influences) == (
+            None,
+            None,
+            (),
+            (),
+        )
+    for values in ((0, 0), (0, 2), (2, 0), (2, 2)):
+        exact = predicted(body, f"{INDEPENDENT}\n{DECIDED.format(*values)}").success
+        assert low - 1e-9 <= exact.low <= exact.high <= high + 1e-9
+
+
+def test_only_chances_whose_condition_needs_an_unknown_value_are_not_decided():
+    text = "{open: {at_end: d < 5}, known: {never: A FAILURE}, guarded: {never: A starts, while: d > 1}}"
+    found = predicted('<Sequence><M distance="{d}"/><A/></Sequence>', MEASURES, f"properties: {text}")
+    assert found.success == exactly(0.54)
+    assert list(found.properties) == ["known", "guarded", "open"]
+    assert found.properties["known"] == exactly(1 - 0.6 * 0.1)
+    assert found.properties["open"] == found.properties["guarded"] == (0.0, 1.0)
+    assert len(found.undecided) == 2
+
+
+def test_where_the_end_needs_an_unknown_value_nothing_is_said_of_ends():
+    text = (
+        "end: d > 1\nproperties: {first: {never: M FAILURE}, owed: {after: M starts, eventually: A SUCCESS}}"
+    )
+    found = predicted('<Sequence><M distance="{d}"/><A/></Sequence>', MEASURES, text)
+    assert found.success == found.ends == found.properties["owed"] == (0.0, 1.0)
+    assert found.time_sec is None
+    assert found.properties["first"].high < 1e-6  # the root is ticked for ever
+    (reason,) = found.undecided
+    assert reason.startswith("'d > 1' cannot be evaluated")
 
 
 @pytest.mark.parametrize(

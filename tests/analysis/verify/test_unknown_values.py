@@ -134,11 +134,29 @@ def test_a_condition_that_fails_for_another_reason_ends_the_search_all_the_same(
         verified(body, "properties: {open: {at_end: e == 1}, kept: {never: A FAILURE}}")
 
 
-def test_an_end_that_needs_an_unknown_value_leaves_nothing_to_decide():
-    with pytest.raises(UndecidableError, match=r"^end: 'd > 1' cannot be evaluated"):
-        verified(
-            f"<Sequence>{MEASURES}<A/></Sequence>", "{end: d > 1, properties: {kept: {never: A FAILURE}}}"
-        )
+def test_an_end_that_needs_an_unknown_value_leaves_open_only_what_depends_on_it():
+    texts = {
+        "violated": "{never: A FAILURE}",
+        "kept": "{before: A starts, comes: M SUCCESS}",
+        "owed": "{after: M SUCCESS, eventually: A SUCCESS}",
+        "open": "{never: A starts, while: d > 2}",
+        "at the end": "{at_end: root == 'SUCCESS'}",
+    }
+    lines = "".join(f"\n  {name}: {text}" for name, text in texts.items())
+    found = verified(f"<Sequence>{MEASURES}<A/></Sequence>", f"end: d > 1\nproperties:{lines}")
+    assert [each.question for each in found.verdicts] == [NO_ERROR, EVERY_LEAF, AN_END, NO_LIVELOCK, *texts]
+    decided = {NO_ERROR: PROVED, EVERY_LEAF: PROVED, "violated": BROKEN, "kept": PROVED}
+    for each in found.verdicts:
+        assert each.outcome is decided.get(each.question, UNDECIDED), each.question
+        assert each.question in decided or each.reason.endswith(HINT)
+    assert verdict(found, "at the end").reason.startswith("'d > 1' cannot be evaluated")
+    assert verdict(found, "open").reason.startswith("'d > 2' cannot be evaluated")
+
+
+def test_an_end_that_fails_for_another_reason_ends_the_search_all_the_same():
+    body = f'<Sequence>{MEASURES}<Fallback><A/><Script code="e := 1"/></Fallback></Sequence>'
+    with pytest.raises(UndecidableError, match=r"^end: 'e == 1' cannot be evaluated"):
+        verified(body, "{end: e == 1, properties: {kept: {never: A FAILURE}}}")
 
 
 def test_a_file_can_say_that_a_value_is_not_known():
@@ -180,7 +198,7 @@ def command(capsys, tmp_path):
             ["sweep", "--unusual", "0.1", "--runs", "20", "--jobs", "1"],
             "nothing can be counted: the run with seed",
         ),
-        (["predict"], "nothing can be predicted: a tick raises an error:"),
+        (["predict"], "Not decided, so that some numbers have two bounds: "),
     ],
     ids=lambda words: words[0] if isinstance(words, list) else "",
 )
