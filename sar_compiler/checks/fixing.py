@@ -29,6 +29,10 @@ _MARKUP = re.compile(
     re.DOTALL,
 )
 _ATTRIBUTE = re.compile(r"[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*')")
+_ENTRY = re.compile(r"""(?:'[^'\n]*'|"[^"\n]*"|[^\s'",:{}]+)\s*:\s*(?:"[^"\n]*"|'[^'\n]*')""")
+"""An attribute in YAML whose value is in quotation marks."""
+_BEHIND_ENTRY = re.compile(r"\s*,\s*|")
+_REST_OF_LINE = re.compile(r"[ \t]*(\r\n|\r|\n|$)")
 
 
 def _same_but_case(written: str, suggestion: str) -> bool:
@@ -243,10 +247,23 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
 
 
 def _without_attribute(finding: Diagnostic, start: int) -> Fix | None:
-    """Return the fix that leaves an attribute of XML out, with the blanks before it."""
+    """Return the fix that leaves an attribute out, with the blanks before it in XML; in YAML with its line, or the comma beside it."""
     text = finding.source.text
-    found = _ATTRIBUTE.match(text, start)
-    return None if found is None else Fix(finding, len(text[:start].rstrip()), found.end(), "")
+    if finding.source.form is Form.XML:
+        found = _ATTRIBUTE.match(text, start)
+        return None if found is None else Fix(finding, len(text[:start].rstrip()), found.end(), "")
+    start -= text[start - 1] in "'\""
+    entry, before = _ENTRY.match(text, start), len(text[:start].rstrip())
+    if entry is None:
+        return None
+    if text[before - 1] == ",":
+        return Fix(finding, before - 1, entry.end(), "")
+    if text[before - 1] == "{":
+        behind = _BEHIND_ENTRY.match(text, entry.end())
+        return Fix(finding, start, behind.end() if behind else entry.end(), "")
+    rest = _REST_OF_LINE.match(text, entry.end())
+    line = finding.source.offset(finding.span.line, 1)
+    return None if rest is None else Fix(finding, line, rest.end(), "")
 
 
 def _other_tag(finding: Diagnostic, start: int, end: int) -> Fix:

@@ -111,6 +111,21 @@ YAML = (
     "        children:\r\n          - {}  # why\r\n"
 )
 IN_YAML = {
+    "an output beside others": (
+        "LoopInt: {queue: '1', value: '', children: [ZonesRemaining]}",
+        ", value: ''",
+        "",
+    ),
+    "an output before others": (
+        'LoopInt: {"value": "{}", queue: \'1\', children: [ZonesRemaining]}',
+        '"value": "{}", ',
+        "",
+    ),
+    "an output in its line": (
+        "LoopInt:\r\n              value: ''\r\n              queue: '1'\r\n              children: [ZonesRemaining]",
+        "              value: ''\r\n",
+        "",
+    ),
     "a plain value": ("Sequence: {memory: ture, children: [ZonesRemaining, LogNoDetection]}", "ture", "true"),
     "a script in single quotes": (
         "ScriptCondition: {code: '@a == 1 and @b == ''x'''}",

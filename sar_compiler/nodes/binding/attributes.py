@@ -24,7 +24,7 @@ from sar_compiler.runtime.expressions import (
     Script,
     parts,
 )
-from sar_compiler.tree.diagnostic import Advice, Form, Severity
+from sar_compiler.tree.diagnostic import Advice, Severity
 from sar_compiler.tree.guessing import Guesses, unit_in
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
@@ -237,13 +237,8 @@ class AttributeBinder:
             return
         if parameter.direction is _OUTPUT and not parameter.required and text.strip(" ") in ("", "{}"):
             message = f"{name}: the output is written nowhere, because no key is named"
-            hint = f'leave {name} out, or write {name}="{{key}}"'
-            suggestion: str | None = ""
-            if bound.element.source.form is not Form.XML:
-                hint, suggestion = f"{hint}; --fix leaves it out in XML only", None
-            self._collector.add(
-                "ignored-attribute", message, bound.element, name=name, suggestion=suggestion, hint=hint
-            )
+            advice = Advice(suggestion="", hint=f'leave {name} out, or write {name}="{{key}}"')
+            self._collector.add("ignored-attribute", message, bound.element, name=name, **advice)
             return
         if parameter.direction is _OUTPUT:
             self._collector.findings.append(text_of_output("wrong-value", bound.element, name, text))
