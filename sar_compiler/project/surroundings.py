@@ -1,7 +1,7 @@
 """The surroundings of a tree file: its configuration, and the palettes and trees around it that nobody has named.
 
 Every command, the language server and the tools of agents find them here, so that what is known of a file does not depend on who
-asks. Files around are read only where a file uses a node that nobody describes, a name in capitals that may be an enumeration, or a
+asks. Files around are read only where a file uses a node that nobody describes, a name that may be an enumeration, or a
 tree that it lacks; and a command says which ones were used.
 """
 

@@ -10,6 +10,7 @@ from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.models.from_use import UseOfNodes
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.project.project import Project
 from sar_compiler.tree.diagnostic import Severity, TreeError
 from sar_compiler.tree.xml import parse_xml
 from tests.trees import document
@@ -86,6 +87,26 @@ def test_verify_proves_that_no_tick_raises(tree: Path, declare) -> None:
 def test_validate_finds_nothing_in_declared_names(tree: Path, declare) -> None:
     declare(tree.parent)
     assert load(tree).check() == []
+
+
+@pytest.mark.parametrize("case", ["red", "Red"])
+def test_a_palette_around_a_file_declares_names_in_lower_case(tree: Path, case: str) -> None:
+    declare_in_palette_around(tree.parent)
+    for path in (tree, tree.parent / "enums.xml"):
+        text = path.read_text(encoding="utf-8").replace("RED", case).replace("BLUE", "blue")
+        path.write_text(text, encoding="utf-8")
+    assert load(tree).check() == []
+    assert load(tree).simulate().until_end().root == "SUCCESS"
+
+
+def test_names_of_keys_let_no_palette_around_a_file_be_read(tree: Path, monkeypatch) -> None:
+    declare_in_palette_around(tree.parent)
+    script = "a := 1; b += a; 'red' == c"
+    nodes = f'<Sequence><Script code="{script}"/><SetBlackboard output_key="c" value="red"/><SubTree ID="S" d="1"/></Sequence>'
+    inner = '<BehaviorTree ID="S"><ScriptCondition code="d == 1 &amp;&amp; true" _description="some words"/></BehaviorTree>'
+    tree.write_text(document(nodes).replace("</root>", f"{inner}</root>"), encoding="utf-8")
+    monkeypatch.setattr(Project, "_palettes_around", property(lambda _: pytest.fail("read")))
+    load(tree).check()
 
 
 def test_a_palette_of_other_enumerations_around_a_file_is_not_used(tree: Path, tmp_path: Path) -> None:

@@ -37,9 +37,13 @@ _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
 ENUM_TAG = "Enum"
-_SCRIPTS = ("code", "if")
-_CAPITALIZED = re.compile(r"(?<![\w'{@.])[A-Z]\w*(?![\w'}])")
 """An enumeration of the C++ program: the name, and its number if that is known; BehaviorTree.CPP does not read it."""
+_SCRIPT = re.compile(
+    r"code|if|case_\d+|_(?:(?:failure|success|skip)If|while|on(?:Success|Failure|Halted)|post)"
+)
+_NAME = re.compile(r"(?<![\w'{@.])[A-Za-z_]\w*(?![\w'}])")
+_KEY = re.compile(r"\{(\w+)\}|(\w+)\s*(?::=|[-+*/]?=(?!=))")
+_QUOTED = re.compile(r"'[^']*'")
 FROM_USE = {"made": "from use"}
 """What is noted beside a description that was made from the use of a node, and guesses its types and directions."""
 LIBRARY = {"library": "py_trees"}
@@ -209,16 +213,25 @@ def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
 
 
 def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
-    """Return the names in scripts and cases that begin as enumerations do, and that neither a file nor a palette declares."""
+    """Return the names in scripts and cases that may be enumerations, and that neither a file nor a palette declares.
+
+    These are names that are no keys of the files, and names in capitals, which hardly are.
+    """
     files = tuple(files)
-    values = (
-        value
-        for tree_file in files
-        for element in tree_file.root.iterate()
-        for name, value in element.attributes.items()
-        if name in _SCRIPTS or name.startswith(("_", "case_"))
-    )
-    names = {name for value in values for name in _CAPITALIZED.findall(value)}
+    names: set[str] = set()
+    keys = {"true", "false"}
+    for element in (each for tree_file in files for each in tree_file.root.iterate()):
+        if element.tag == SUBTREE_TAG:
+            keys.update(element.attributes)
+        for name, value in element.attributes.items():
+            keys.update(*_KEY.findall(value))
+            if _SCRIPT.fullmatch(name):
+                names.update(_NAME.findall(_QUOTED.sub("", value)))
+            elif value.strip("{} ") == "=":
+                keys.add(name)
+            elif element.tag.endswith("_port") or name.endswith(("key", "variable")):
+                keys.add(value)
+    names = {each for each in names if each not in keys or each[0].isupper()}
     return names - {*map(_described_name, _enums([*files, *palettes]))}
 
 
