@@ -16,7 +16,7 @@ from sar_compiler.analysis.predict.weighed_graph import Between, Flags, WeighedG
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.chances import Chances, CountedTimes
 from sar_compiler.analysis.state_search.graph import Graph
-from sar_compiler.analysis.state_search.searching import Judgement, explore
+from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.analysis.verify.properties import (

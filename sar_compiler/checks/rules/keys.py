@@ -56,13 +56,13 @@ def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield the findings about the types of keys alone."""
     for top in context.bound.tops:
         board = entry_table_of(top, context.key_accesses)
-        rules = KeyTypeRules(board, context.bound.key_types[top], context.btcpp)
+        rules = KeyTypeRules(board, context.bound.key_types[top], context.btcpp, context.bound.models.enums)
         for entry in board.entries:
             yield from rules.misfits(entry)
 
 
 def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
-    rules = KeyTypeRules(board, context.bound.key_types[board.top], context.btcpp)
+    rules = KeyTypeRules(board, context.bound.key_types[board.top], context.btcpp, context.bound.models.enums)
     for entry in board.entries:
         yield from rules.misfits(entry)
         if entry.given or entry.is_parameter:

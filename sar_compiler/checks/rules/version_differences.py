@@ -7,7 +7,7 @@ from typing import NamedTuple
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.key_types import severity_there
+from sar_compiler.nodes.binding.key_types import severity_there, unknown_conversion
 from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
 from sar_compiler.nodes.btcpp import (
     DROPS_EXPLICIT,
@@ -20,10 +20,10 @@ from sar_compiler.nodes.btcpp import (
     VERSIONS,
     Version,
 )
-from sar_compiler.nodes.btcpp.port_types import can_be_converted, is_loop_queue
+from sar_compiler.nodes.btcpp.port_types import can_be_converted, is_loop_queue, needs_converter
 from sar_compiler.nodes.collector import Collector
 from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
-from sar_compiler.nodes.spec import Direction, NodeSpec
+from sar_compiler.nodes.spec import Direction, NodeSpec, Provenance
 from sar_compiler.runtime.expressions import Literal, Operation, Script, parts
 from sar_compiler.runtime.tokens import TokenKind, tokenize
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
@@ -57,7 +57,11 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
     for bound, types in context.nodes_with(_readable_types):
         for name, cpp in types.items():
             text = bound.element.attributes.get(name)
-            if not text or bound.values.get(name) is None or can_be_converted(text, cpp, context.version):
+            if not text or bound.values.get(name) is None:
+                continue
+            if can_be_converted(text, cpp, context.version):
+                if needs_converter(cpp) and bound.spec.provenance is Provenance.DESCRIBED:
+                    yield unknown_conversion(bound.element, name, bound.element.value_span(name), cpp)
                 continue
             kind = "items" if is_loop_queue(cpp) else cpp
             message = f"{name}: '{text}' is read here, and BehaviorTree.CPP cannot read it as {kind}"

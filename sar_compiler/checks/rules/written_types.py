@@ -1,9 +1,11 @@
 """Values that the ports of a key cannot read, or that BehaviorTree.CPP cannot write to it."""
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Collection, Iterator
 from typing import NamedTuple, TypeAlias
 
-from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, EntryTable
+from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, EntryTable, is_of_root
+from sar_compiler.checks.rules.scripts import is_condition, raised_always
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.key_types import (
     EntryType,
@@ -13,6 +15,7 @@ from sar_compiler.nodes.binding.key_types import (
     fits,
     port_label,
     severity_there,
+    unknown_conversion,
 )
 from sar_compiler.nodes.btcpp import LISTS, NEWEST, NUMBERS, Version
 from sar_compiler.nodes.btcpp.port_types import (
@@ -24,17 +27,27 @@ from sar_compiler.nodes.btcpp.port_types import (
     is_untyped,
     is_whole,
     may_share,
+    needs_converter,
     type_of_constant,
 )
 from sar_compiler.nodes.collector import file_of
 from sar_compiler.nodes.cpp_names import ANY, LONG, REAL, STATUS, TEXT
 from sar_compiler.nodes.semantics import AccessKind
-from sar_compiler.nodes.spec import Direction, Parameter
-from sar_compiler.nodes.values import literal_value
+from sar_compiler.nodes.spec import Direction, Parameter, Provenance
+from sar_compiler.nodes.values import ConversionError, literal_value
 from sar_compiler.runtime.blackboard import Scope
-from sar_compiler.runtime.expressions import Assignment, Expression, Literal, Name, Prefix, Script
+from sar_compiler.runtime.expressions import (
+    Access,
+    Assignment,
+    Expression,
+    Literal,
+    Name,
+    Prefix,
+    Script,
+    name_uses,
+)
 from sar_compiler.runtime.queues import queue_items
-from sar_compiler.tree.diagnostic import Diagnostic, Span
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
 from sar_compiler.tree.model import Element
 
 _MOST_COPIES = 50
@@ -66,6 +79,11 @@ class _TypedPort(NamedTuple):
     def writes(self) -> bool:
         """Whether the node writes the entry with the type of the port."""
         return self.parameter.direction is not Direction.INPUT
+
+    @property
+    def is_of_user(self) -> bool:
+        """Whether it reads texts only if the C++ code defines how, as far as its model shows."""
+        return needs_converter(self.cpp) and self.bound.spec.provenance is Provenance.DESCRIBED
 
     @property
     def shown(self) -> str:
@@ -133,11 +151,15 @@ class KeyTypeRules:
         board: The entries.
         types: The types that ports and constants give them.
         btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
+        enums: The names of enumerations.
     """
 
-    def __init__(self, board: EntryTable, types: EntryTypes, btcpp: Version | None) -> None:
+    def __init__(
+        self, board: EntryTable, types: EntryTypes, btcpp: Version | None, enums: Collection[str]
+    ) -> None:
         self._board = board
         self._types = types
+        self._enums = enums
         self._version = btcpp or NEWEST
         self._severity = severity_there(btcpp)
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
@@ -175,6 +197,8 @@ class KeyTypeRules:
             yield from self._unreadable(writes, readers)
             if scripts and writes and not entry.given:
                 yield from self._late_scripts(writes[0], scripts, first)
+            if scripts and entry.given:
+                yield from self._failing_scripts(entry)
 
     def _port(self, use: EntryAccess) -> _TypedPort | None:
         bound, name = use.bound, use.access.attribute
@@ -297,11 +321,14 @@ class KeyTypeRules:
             what = f"{shown} is copied with its type to '{write.key}', which is {first.label(element)}"
             yield self._refused(f"{write.attribute}: {what}", element, write.span, None)
             return
-        for port in ports:
-            finding = self._refused_by(port, write, values, first)
-            if finding is not None:
-                yield finding
-                return
+        refused = filter(None, (self._refused_by(port, write, values, first) for port in ports))
+        # Only C++ code says whether a text can be read as a type of the user's.
+        is_text = set(types) == {TEXT}
+        open_ = (
+            port for port in ports if is_text and port.is_of_user and (port.reads or not write.is_constant)
+        )
+        notes = (unknown_conversion(element, write.attribute, write.span, port.cpp) for port in open_)
+        yield from itertools.islice(itertools.chain(refused, notes), 1)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
@@ -352,11 +379,14 @@ class KeyTypeRules:
         for port in ports:
             if not port.reads or port.parameter is writer.port.parameter:
                 continue
+            name, element = port.parameter.name, port.bound.element
             if not any(can_be_read(each, port.cpp, self._version) for each in types):
-                name, element = port.parameter.name, port.bound.element
                 line = f"line {writer.element.line}{file_of(writer.element, element)}"
                 what = f"'{port.bound.keys[name]}' is {port.shown} here, and {types[0]} is written to it ({line})"
                 yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
+                return
+            if port.is_of_user and set(types) == {TEXT}:
+                yield unknown_conversion(element, name, element.value_span(name), port.cpp)
                 return
 
     def _late_scripts(
@@ -380,6 +410,39 @@ class KeyTypeRules:
                     "cpp-type-mismatch", message, value=name, hint=hint, severity=self._severity
                 )
 
+    def _failing_scripts(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
+        """Yield scripts that a subtree is given, and that raise an error in every tick."""
+        for place, use in itertools.product(entry.given, entry.uses):
+            constants, element = place.remapping.constants, place.element
+            port = self._port(use)
+            script = _script_in(constants.get(entry.key, ""), port) if port is not None else None
+            if port is None or script is None:
+                continue
+            name = port.parameter.name
+            span = element.value_span(entry.key if entry.key in element.attributes else "ID")
+            what = f"{entry.key}: the script for {port_label(name, port.bound, element)}"
+            for error in raised_always(script, is_condition=is_condition(port.bound, name))[0]:
+                message = f"{what} raises an error in every tick: {error.message}"
+                yield element.finding("failing-script", message, span, hint=error.hint)
+            given = [made for text in constants.values() if (made := _script_in(text, port)) is not None]
+            uses = [each for made in given for each in name_uses(made)]
+            made_there = {each.name for each in uses if each.access is Access.CREATE}
+            for each in name_uses(script):
+                is_known = each.name in made_there or is_of_root(each.name)
+                if not is_known and not self._is_written(use.instance.scope, each.name):
+                    hint = f"write a text in quotes, '{each.name}', or a key that is written before"
+                    if each.name[0].isupper():
+                        hint = f"{hint}; [language.enums] in sar.toml declares an enumeration"
+                    message = f"{what} reads '{each.name}', which nothing writes"
+                    severity = Severity.WARNING
+                    yield element.finding("unwritten-key", message, span, hint=hint, severity=severity)
+                    break
+
+    def _is_written(self, scope: Scope, key: str) -> bool:
+        """Return whether a name in a script is a key that something may write, or an enumeration."""
+        entry = self._entries.get(scope.owner(key))
+        return key in self._enums or (entry is not None and (entry.is_made or entry.is_parameter))
+
     def _refused(
         self, message: str, element: Element, span: Span, port: _TypedPort | None, *, is_new: bool = False
     ) -> Diagnostic:
@@ -391,6 +454,15 @@ class KeyTypeRules:
         elif port is not None and not port.bound.spec.is_foreign and not is_loop_queue(port.cpp):
             message = f"{message}, although it is converted here"
         return element.finding(code, message, span, hint="use two keys", severity=self._severity)
+
+
+def _script_in(text: str, port: _TypedPort) -> Script | None:
+    """Return the script that a text is; None if it is none, which is reported as a value that the port cannot read."""
+    try:
+        script = port.parameter.value_type.convert(text)
+    except ConversionError:
+        return None
+    return script if isinstance(script, Script) else None
 
 
 def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:

@@ -113,6 +113,14 @@ def can_be_converted(value: object, port: str, version: Version) -> bool:
     return not _is_pointer(item)
 
 
+def needs_converter(cpp: str) -> bool:
+    """Return whether a text is read as a type only if the user's C++ code defines `convertFromString` for it."""
+    match = re.fullmatch(_LIST, cpp)
+    item = match[1] if match else cpp
+    known = is_untyped(cpp) or item == TEXT or is_number(item) or is_loop_queue(cpp)
+    return not known and not _is_pointer(cpp)
+
+
 def _is_in_range(value: object, cpp: str) -> bool:
     """Return whether a value is no whole number that a type of whole numbers lacks."""
     kind = type_of_cpp_name(cpp) if isinstance(value, int) else None
