@@ -71,10 +71,11 @@ def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
     Raises:
         TypeError: If the project never writes such a value.
     """
-    for name, wanted in _VALUE_TYPES.get(kind, {}).items():
-        value = data.get(name)
-        is_missing = name not in data if kind == STATUS else value is None
-        if not is_missing and (not isinstance(value, wanted) or isinstance(value, bool)):
+    types = _VALUE_TYPES.get(kind, {})
+    for name, value in data.items() if types else ():
+        wanted = types.get(name)
+        # Not `isinstance`: a bool would be an integer, and values of JSON have no classes of their own.
+        if wanted is not None and type(value) is not wanted and (value is not None or kind == STATUS):
             what = "an integer" if wanted is int else "a string"
             raise TypeError(f"'{name}' of an entry '{kind}' is {value!r:.40} instead of {what}")
 

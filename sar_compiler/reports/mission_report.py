@@ -10,7 +10,7 @@ from typing import Any
 from sar_compiler.errors import SarError
 from sar_compiler.journal.condition import condition
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
-from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, NodeState, tree_nodes
 from sar_compiler.journal.situation import EventTime, Landmark, Level
 from sar_compiler.nodes.spec import load
@@ -232,7 +232,13 @@ class ShortPaths:
         if entry.kind == RUN_BEGAN:
             self._folders.add(_common_folder(entry.data.get("tree")))
             self._find = self._pattern()
-        return entry if entry.kind in _WITHOUT_PATHS else entry._replace(data=self._short(entry.data))
+        # Most entries are statuses, and flat; hardly one has a path.
+        is_short = entry.kind == STATUS and not any(
+            type(each) is str and "/" in each for each in entry.data.values()
+        )
+        if is_short or entry.kind in _WITHOUT_PATHS:
+            return entry
+        return entry._replace(data=self._short(entry.data))
 
     def _pattern(self) -> re.Pattern[str]:
         known = sorted({*self._folders, os.path.expanduser("~")} - {"/", "", "~"}, key=len, reverse=True)  # noqa: PTH111 - there may be none

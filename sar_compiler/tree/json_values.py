@@ -3,14 +3,17 @@
 import functools
 import json
 import math
-import re
 from collections.abc import Mapping
 from typing import Any
 
-# A number that may be beyond what a float can be: an exponent, or digits, of such a length.
-_HUGE = re.compile(r"[eE]\+?0*[1-9][0-9]{2}|[0-9]{300}")
+
+def _float(text: str) -> float | None:
+    value = float(text)
+    return value if math.isfinite(value) else None
+
+
 # Made once: `json.loads` with an option makes one for each text, which takes longer than reading a short one.
-_decode = json.JSONDecoder(parse_constant=lambda _: None).decode
+_decoder = json.JSONDecoder(parse_constant=lambda _: None, parse_float=_float)
 
 
 def json_text(data: object, **options: Any) -> str:
@@ -36,8 +39,12 @@ def json_value(text: str) -> Any:
     Raises:
         ValueError: If it is no JSON.
     """
-    value = _decode(text)
-    return _finite(value) if _HUGE.search(text) else value
+    # Most texts have no blanks around the value, for which `decode` looks.
+    try:
+        value, end = _decoder.scan_once(text, 0)  # type: ignore[attr-defined]
+    except StopIteration:
+        end = -1
+    return value if end == len(text) else _decoder.decode(text)
 
 
 def _finite(data: Any) -> Any:
