@@ -3,6 +3,7 @@
 Every number that comes out is a real one. A `RefusedValueError` says which operand does not fit.
 """
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -163,11 +164,13 @@ def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
     """Return whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers."""
     if first == second:
         return True
+    one, other = (float(names[text]) if text in names else _number_in(text) for text in (first, second))
+    return one is not None and other is not None and abs(one - other) <= EPSILON
+
+
+@functools.lru_cache(maxsize=256)  # a Switch asks in every tick for the same cases
+def _number_in(text: str) -> float | None:
     try:
-        return abs(_real(first, names) - _real(second, names)) <= EPSILON
+        return float(number_of(text))
     except RefusedValueError:
-        return False
-
-
-def _real(text: str, names: Mapping[str, int]) -> float:
-    return float(names[text] if text in names else number_of(text))
+        return None
