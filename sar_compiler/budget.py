@@ -106,9 +106,9 @@ class Budget:
     def is_spent(self) -> bool:
         """Return whether the analysis has to end."""
         if not self.reason and self._clock() - self._begun > self._max_sec:
-            self._spend(f"stopped after {self._max_sec:g} s; --max-seconds allows more")
+            self.spend(f"stopped after {self._max_sec:g} s; --max-seconds allows more")
         if not self.reason and self._memory() > self._max_memory_mb:
-            self._spend(f"stopped at {self._max_memory_mb:g} MB of memory; --max-memory allows more")
+            self.spend(f"stopped at {self._max_memory_mb:g} MB of memory; --max-memory allows more")
         return bool(self.reason)
 
     @property
@@ -116,9 +116,14 @@ class Budget:
         """The status of a command whose budget is spent: 130 after Ctrl-C, else 1, as for what is not decided."""
         return self._interrupt_status if self.is_interrupted else 1
 
-    def _spend(self, reason: str) -> None:
+    def spend(self, reason: str) -> None:
+        """Spend the budget; the first reason counts."""
         if not self.reason:
             self.reason, self._spent_at = reason, time.monotonic()
+
+    def divide_memory(self, processes: int) -> None:
+        """Have this process, one of several that share the budget, stop at its part of the memory."""
+        self._max_memory_mb /= processes
 
     def publish(self, result: Callable[[], object]) -> None:
         """Set what makes the result so far, which `run` returns if the analysis is left behind."""
@@ -152,7 +157,7 @@ class Budget:
                     raise
                 self.is_interrupted, self.reason = True, ""
                 self._interrupt_status = status = status_of_interrupt(interrupt)
-                self._spend(
+                self.spend(
                     f"stopped by {'Ctrl-C' if status == INTERRUPTED else signal.Signals(status - 128).name}"
                 )
         if outcome.error is not None:

@@ -8,10 +8,15 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from typing import Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from sar_compiler.errors import SarError
 from sar_compiler.parts import missing_part
+
+if TYPE_CHECKING:
+    from typing import TypeGuard
+
+    from sar_compiler.tree.diagnostic import TreeError
 
 OK = 0
 FINDINGS = 1
@@ -69,10 +74,8 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
     try:
         return _done(command)
     except SarError as error:
-        from sar_compiler.tree.diagnostic import TreeError
-
         # A finding begins with its place, which editors and terminals make a link of.
-        print_error(str(error) if isinstance(error, TreeError) else f"{prog}: {error}")
+        print_error(str(error) if is_tree_error(error) else f"{prog}: {error}")
         return error.exit_status
     except ImportError as error:
         message = "there is not enough memory for this" if _NO_MEMORY in str(error) else not_installed(error)
@@ -101,6 +104,12 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
         pass
     print_error(f"{prog}: there is not enough memory for this")
     return USAGE
+
+
+def is_tree_error(error: SarError) -> "TypeGuard[TreeError]":
+    """Return whether an error is a `TreeError`: of what was not imported there is none, and the import takes a third of the time of `--help`."""
+    diagnostic = sys.modules.get("sar_compiler.tree.diagnostic")
+    return diagnostic is not None and isinstance(error, diagnostic.TreeError)
 
 
 def _done(command: Callable[[], int]) -> int:
@@ -375,6 +384,18 @@ def add_version(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--version", action=_VersionAction, default=argparse.SUPPRESS, help=shown)
 
 
+def version_of(distribution: str) -> str:
+    """Return the version of an installed distribution: as the folder of its metadata is called, since `importlib.metadata` takes long to import."""
+    for folder in sys.path:
+        with suppress(OSError):
+            for name in os.listdir(folder or os.curdir):  # noqa: PTH208 - pathlib takes a moment too
+                if name.startswith(f"{distribution}-") and name.endswith(".dist-info"):
+                    return name.removesuffix(".dist-info").partition("-")[2]
+    from importlib.metadata import version
+
+    return version(distribution)
+
+
 class _VersionAction(argparse.Action):
     """Shows the version; what that takes is imported only now."""
 
@@ -382,13 +403,11 @@ class _VersionAction(argparse.Action):
         super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        import platform
-        from importlib.metadata import version
-
         from sar_compiler.runtime import kernel
 
+        python = sys.version.partition(" ")[0]
         print(
-            f"{parser.prog} {version('sar_compiler')} (Python {platform.python_version()}, "
-            f"py_trees {version('py_trees')}, kernel: {kernel.describe()})"
+            f"{parser.prog} {version_of('sar_compiler')} (Python {python}, "
+            f"py_trees {version_of('py_trees')}, kernel: {kernel.describe()})"
         )
         parser.exit()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Named, Registry
-from sar_compiler.project.project import Additions
+from sar_compiler.project.additions import Additions
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.project.workspace import Workspace
 from sar_compiler.tree.diagnostic import TreeError

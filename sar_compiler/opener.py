@@ -11,7 +11,7 @@ import os
 import stat
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -198,19 +198,128 @@ def _named_path(path: str, beneath: tuple[Path, ...] | None) -> NamedPath:
     return named
 
 
+class Question(NamedTuple):
+    """A question about the disk.
+
+    Attributes:
+        kind: Which function answers it, by its name in `_ASKED`.
+        path: The path, as the function was given it.
+        limit: How many bytes of a file are read; 0 for other questions.
+    """
+
+    kind: str
+    path: str
+    limit: int = 0
+
+
+class Observation(dict[Question, str]):
+    """The questions about the disk that a computation has asked, with the answers: its result holds as long as these do.
+
+    Answers are short: of a file the SHA-256 of what was read, and where it lies. A question about what is not there is one, too.
+
+    Attributes:
+        is_consistent: Whether each question that was asked again had the same answer.
+    """
+
+    is_consistent = True
+
+    def record(self, question: Question, answer: str) -> None:
+        """Add a question."""
+        if self.setdefault(question, answer) != answer:
+            self.is_consistent = False
+
+    def holds(self) -> bool:
+        """Return whether every question has the same answer now."""
+        now = Observation()
+        with now.recording():
+            for question, answer in self.items():
+                kind, path, limit = question
+                with suppress(UnreadableFileError):
+                    _ASKED[kind](path, limit)
+                if now.get(question) != answer:
+                    return False
+        return True
+
+    @contextmanager
+    def recording(self) -> Iterator[None]:
+        """Record the questions that are asked meanwhile; of nested observations the innermost records it."""
+        global _observation  # noqa: PLW0603 - questions are asked everywhere, and results do not depend on it
+        before, _observation = _observation, self
+        try:
+            yield
+        finally:
+            _observation = before
+
+
+_observation: Observation | None = None
+
+
+def mark_unrepeatable() -> None:
+    """Have what is computed just now not be kept: it depends on more than on answers about the disk."""
+    if _observation is not None:
+        _observation.is_consistent = False
+
+
+def digest(data: bytes) -> str:
+    """Return the SHA-256 of some bytes, as hexadecimal digits."""
+    import hashlib  # takes a moment, and most commands need none
+
+    return hashlib.sha256(data).hexdigest()
+
+
+def _record(kind: str, path: str | Path, answer: str, limit: int = 0) -> None:
+    if _observation is not None:
+        _observation.record(Question(kind, str(path), limit), answer)
+
+
 def is_file(path: str | Path) -> bool:
     """Return whether there is a regular file; False for a name that no file can have, of which pathlib's `is_file` raises."""
-    return os.path.isfile(path)  # noqa: PTH113 - see above
+    found = os.path.isfile(path)  # noqa: PTH113 - see above
+    _record("file", path, str(found))
+    return found
 
 
 def is_folder(path: str | Path) -> bool:
     """Return whether there is a folder; False for a name that none can have."""
-    return os.path.isdir(path)  # noqa: PTH112
+    found = os.path.isdir(path)  # noqa: PTH112
+    _record("folder", path, str(found))
+    return found
 
 
 def is_there(path: str | Path) -> bool:
     """Return whether there is a file or anything else; False for a name that nothing can have."""
-    return os.path.exists(path)  # noqa: PTH110
+    found = os.path.exists(path)  # noqa: PTH110
+    _record("there", path, str(found))
+    return found
+
+
+def owner_of(path: str | Path) -> int | None:
+    """Return the user to whom a file or a folder belongs; None if it is not there."""
+    owner = None
+    with suppress(OSError, ValueError):
+        owner = os.stat(path).st_uid  # noqa: PTH116 - of any path
+    _record("owner", path, str(owner))
+    return owner
+
+
+def matching_paths(pattern: str) -> list[str]:
+    """Return the paths that match a glob pattern, in their order."""
+    import glob
+
+    found = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207 - of a text
+    if _observation is not None:
+        _record("glob", pattern, digest(os.fsencode("\0".join(found))))
+    return found
+
+
+def state_of(path: str | Path) -> tuple[int, int]:
+    """Return the size of a file in bytes, and when it was written last, in nanoseconds since 1970; zeros if it is not there."""
+    state = 0, 0
+    with suppress(OSError, ValueError):
+        about = os.stat(path)  # noqa: PTH116 - of any path
+        state = about.st_size, about.st_mtime_ns
+    _record("state", path, str(state))
+    return state
 
 
 class _Confinement(NamedTuple):
@@ -261,6 +370,17 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
     named = path if isinstance(path, Path) else Path(path)
     if named == STANDARD_INPUT:
         return FileContent(named, named, _read_once(sys.stdin, kind.limit), None, kind)
+    try:
+        content = _read(named, kind)
+    except UnreadableFileError as error:
+        _record("read", named, error.reason, kind.limit)
+        raise
+    if _observation is not None:
+        _record("read", named, f"{digest(content.data)} {content.real_path}", kind.limit)
+    return content
+
+
+def _read(named: Path, kind: FileKind) -> FileContent:
     with _opened(named, kind) as (descriptor, real):
         about = os.fstat(descriptor)
         # To the end of the file and not to its size: it may grow, and files of the system have none.
@@ -375,6 +495,18 @@ def folder_entries(folder: Path) -> list[Path]:
         OutsideError: If it lies outside the folders to which this process is confined.
         UnreadableFileError: If it is no folder, or cannot be read.
     """
+    try:
+        entries = _entries(folder)
+    except UnreadableFileError as error:
+        _record("entries", folder, error.reason)
+        raise
+    if _observation is not None:
+        names = "/".join(entry.name for entry in entries)
+        _record("entries", folder, digest(os.fsencode(names)))
+    return entries
+
+
+def _entries(folder: Path) -> list[Path]:
     with _words(folder):
         if _confinement is None:
             return sorted(folder.iterdir())
@@ -384,6 +516,18 @@ def folder_entries(folder: Path) -> list[Path]:
             return sorted(folder / name for name in os.listdir(handle))  # noqa: PTH208 - of a descriptor
         finally:
             os.close(handle)
+
+
+_ASKED: Mapping[str, Callable[[str, int], object]] = {
+    "entries": lambda path, _: folder_entries(Path(path)),
+    "file": lambda path, _: is_file(path),
+    "folder": lambda path, _: is_folder(path),
+    "glob": lambda path, _: matching_paths(path),
+    "owner": lambda path, _: owner_of(path),
+    "read": lambda path, limit: read_file(path, FileKind("file", limit, is_installed=True)),
+    "state": lambda path, _: state_of(path),
+    "there": lambda path, _: is_there(path),
+}
 
 
 @cache

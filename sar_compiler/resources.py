@@ -22,6 +22,12 @@ def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
     return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler"
 
 
+def cache_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of what is kept to save time, and can be deleted at any time."""
+    cache = Path(environment.get("XDG_CACHE_HOME", ""))
+    return (cache if cache.is_absolute() else Path.home() / ".cache") / "sar_compiler"
+
+
 def shipped_root(package: Path = _PACKAGE) -> Path:
     """Return the folder of the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
 

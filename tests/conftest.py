@@ -48,6 +48,7 @@ subprocess.Popen = warm.Popen  # type: ignore[misc]
 # The journals of missions that tests start otherwise than by `tests.processes`.
 _state = tempfile.TemporaryDirectory(prefix="state_of_tests")
 os.environ["XDG_STATE_HOME"] = _state.name
+os.environ["XDG_CACHE_HOME"] = f"{_state.name}/cache"
 
 # How long an example takes depends on the machine, which is no property of the code.
 settings.register_profile(

@@ -5,7 +5,8 @@ from pathlib import Path
 from sar_compiler.analysis.approval import ApprovalError, Fingerprint, approve_command
 from sar_compiler.analysis.tree_analysis import verify_tree
 from sar_compiler.analysis.trial import try_tree
-from sar_compiler.analysis.trying import WORK, TrialBudget
+from sar_compiler.analysis.trial_work import WORK
+from sar_compiler.analysis.trying import TrialBudget
 from sar_compiler.analysis.verification_view import verification_data
 from sar_compiler.errors import UndecidableError
 from sar_compiler.project import ProjectTree

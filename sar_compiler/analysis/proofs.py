@@ -19,7 +19,6 @@ from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, com
 from sar_compiler.analysis.trying import TrialBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.analysis.verify.properties import PropertyFile, read_property_file
 from sar_compiler.documents.located import Document
-from sar_compiler.documents.yaml_files import document_of
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.opener import admit
@@ -63,7 +62,8 @@ def search_runs(
         if facts:
             # The file may declare facts of its own.
             assumed |= _of_the_user(facts, compiled(assumed))
-        simulated = compiled(assumed)
+        if assumed != Assumptions():
+            simulated = compiled(assumed)
         raise_disputes(simulated)
         for each in others if file is None else [file, *others]:
             tree.report_warnings(each.document.warnings)
@@ -113,6 +113,8 @@ def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
     if not isinstance(facts, Document):
+        from sar_compiler.documents.yaml_files import document_of
+
         facts = document_of(facts, "facts", "name a fact")
     said = read_assumptions(facts, facts.root, None, simulated)
     facts.raise_findings()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.registry import Registry
+from sar_compiler.project.file_check import TrialOutcome
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
@@ -13,6 +14,31 @@ from sar_compiler.tree.model import Element
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.trying import TrialBudget
+
+
+def try_within(
+    tree: ProjectTree, work: int | None, seconds: float | None, is_spent: Callable[[], bool]
+) -> TrialOutcome:
+    """Try the runs of a tree file.
+
+    Args:
+        tree: The tree file.
+        work: How much may be tried; None for any amount of work.
+        seconds: The processor time for it; None for any.
+        is_spent: Returns whether the user wants it to end.
+    """
+    budgets: list[TrialBudget] = []
+
+    def budget() -> "TrialBudget":
+        from sar_compiler.analysis.trying import TrialBudget
+
+        budgets.append(TrialBudget(work, seconds, is_spent))
+        return budgets[0]
+
+    found = try_tree(tree, budget)
+    if not budgets:
+        return TrialOutcome(found)
+    return TrialOutcome(found, budgets[0].spent, budgets[0].is_limited, budgets[0].is_cut)
 
 
 def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:

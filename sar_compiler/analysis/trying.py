@@ -32,9 +32,6 @@ _MOST_FOUND = 8
 _A_TICK, _PREPARING = 200, 4000
 """What a tick costs beside its nodes; what it costs to prepare a node."""
 
-WORK = 1 << 24
-"""How much is tried of a file unless somebody says otherwise: some 80,000 ticks of 10 nodes, or 4,000 of 4,000."""
-
 
 class TrialBudget:
     """How much may be tried: an amount of work, which is the same on every machine, or a time.
@@ -49,13 +46,14 @@ class TrialBudget:
     Attributes:
         spent: The work so far.
         is_cut: Whether it was ended by `is_spent`.
+        is_limited: Whether the work or the time was not enough for all.
     """
 
     def __init__(
         self, work: int | None, seconds: float | None = None, is_spent: Callable[[], bool] = lambda: False
     ) -> None:
         self.spent = 0
-        self.is_cut = False
+        self.is_cut = self.is_limited = False
         self._is_spent = is_spent
         self._work = self._share = work
         self._end = None if seconds is None else time.process_time() + seconds
@@ -72,12 +70,14 @@ class TrialBudget:
     def take(self, work: int) -> bool:
         """Take some work; return False if there is not so much left."""
         if self._share is not None and self.spent + work > self._share:
+            self.is_limited = True
             return False
         self.spent += work
         self.is_cut = self.is_cut or self._is_spent()
         if self.is_cut:
             return False
-        return self._end_of_share is None or time.process_time() < self._end_of_share
+        self.is_limited = self._end_of_share is not None and time.process_time() >= self._end_of_share
+        return not self.is_limited
 
 
 class NameInTree(str):

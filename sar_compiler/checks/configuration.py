@@ -17,7 +17,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from sar_compiler.nodes.btcpp import VERSIONS, Version
 from sar_compiler.nodes.palettes import is_palette_name
-from sar_compiler.opener import SETTINGS, NamedPath, UnreadableFileError, is_file, is_there, read_file
+from sar_compiler.opener import (
+    SETTINGS,
+    NamedPath,
+    UnreadableFileError,
+    is_file,
+    is_there,
+    owner_of,
+    read_file,
+)
 from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span, TreeError
@@ -110,7 +118,7 @@ def configuration_for(
 
 def repository_of(folder: Path) -> Path | None:
     """Return the repository that a folder is in; None if it is in none."""
-    return next((each for each in (folder, *folder.parents) if (each / ".git").exists()), None)
+    return next((each for each in (folder, *folder.parents) if is_there(each / ".git")), None)
 
 
 def enclosing_folder(folder: Path) -> Path:
@@ -154,8 +162,7 @@ def _counts(configuration: Path, tree_file: Path) -> bool:
     if sys.platform == "win32":
         return True
     # A tree file that is not there is complained of when it is read.
-    owners = {path.stat().st_uid for path in (tree_file,) if is_there(path)}
-    return configuration.stat().st_uid in {os.geteuid(), 0, *owners}
+    return owner_of(configuration) in {os.geteuid(), 0, owner_of(tree_file)}
 
 
 def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:

@@ -22,6 +22,7 @@ from sar_compiler.cli.loading import (
     add_project_options,
     add_vocabulary_options,
     report_findings,
+    require_there,
     workspace,
 )
 from sar_compiler.cli.parser import Parser
@@ -32,6 +33,7 @@ from sar_compiler.commands import (
     USAGE,
     add_version,
     interruptible,
+    is_tree_error,
     print_error,
     print_text,
     run,
@@ -89,13 +91,12 @@ def _run(argv: Sequence[str]) -> int:
         limit_this_process(os.environ)
     with gc_paused():  # the imports of a command leave nothing to collect
         arguments = _parser(argv).parse_args(argv)
-    # Not before `--help` is answered: it takes a third of the time of that.
-    from sar_compiler.tree.diagnostic import TreeError
-
     try:
         return int(arguments.run(arguments))
-    except TreeError as error:
-        return _print_findings(error)
+    except SarError as error:
+        if is_tree_error(error):
+            return _print_findings(error)
+        raise
 
 
 def _print_findings(error: "TreeError") -> int:
@@ -187,6 +188,7 @@ def _show(arguments: argparse.Namespace) -> int:
     if arguments.fold and arguments.format not in _PICTURES:
         print_error(f"{PROG}: --fold is for pictures: --format {', '.join(_PICTURES)}")
         return USAGE
+    require_there(arguments.file)
     loader = workspace(arguments)
     loaded = loader.load(arguments.file)
     try:

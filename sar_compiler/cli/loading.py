@@ -4,7 +4,8 @@ import argparse
 import atexit
 import gc
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,12 +66,17 @@ def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> 
 
 def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
     """Return the workspace that loads trees by the options of a command; *added* are further fields of `Additions`."""
-    # The collector would look several times through what is imported, and find nothing; so it would afterwards and at the end.
-    with gc_paused(LARGE):
-        from sar_compiler.project import Workspace
-    atexit.register(gc.freeze)
-
+    with collection_saved():
+        from sar_compiler.project.workspace import Workspace
     return Workspace(additions(arguments)._replace(**added), note=tell_note, further_checks=further_checks())
+
+
+@contextmanager
+def collection_saved() -> Iterator[None]:
+    """Import much: the collector would look several times through it, and find nothing; so it would afterwards and at the end."""
+    with gc_paused(LARGE):
+        yield
+    atexit.register(gc.freeze)
 
 
 def further_checks() -> "Sequence[FurtherCheck]":
@@ -80,6 +86,19 @@ def further_checks() -> "Sequence[FurtherCheck]":
     from sar_compiler.missions.tree_check import check_mission
 
     return (check_mission,)
+
+
+def require_there(name: str | Path) -> None:
+    """Require that a tree file is there, before all is imported that reads one.
+
+    Raises:
+        UnreadableFileError: If *name* is plainly a path, and nothing is there.
+    """
+    from sar_compiler.opener import STANDARD_INPUT, TREE, is_there, read_file
+    from sar_compiler.resources import is_bare_word
+
+    if name and Path(name) != STANDARD_INPUT and not is_bare_word(str(name)) and not is_there(name):
+        read_file(name, TREE)
 
 
 def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[ProjectTree]":
@@ -95,6 +114,8 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Pro
     """
     from sar_compiler.tree.diagnostic import Severity, TreeError
 
+    for name in names:
+        require_there(name)
     loader = workspace(arguments)
     trees = [loader.load(name) for name in names]
     for tree in trees:

@@ -22,8 +22,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def serve(arguments: argparse.Namespace) -> int:
     """Serve an editor until it ends the session."""
-    from importlib.metadata import version
-
+    from sar_compiler.commands import version_of
     from sar_compiler.lsp.features import tree_server
 
     given = [word for word in sys.argv[1:] if word not in ("lsp", "--stdio")]
@@ -35,6 +34,6 @@ def serve(arguments: argparse.Namespace) -> int:
     def new_budget() -> Budget:
         return budget_of(arguments, patience_sec=0.0, memory=memory_now_mb)
 
-    server = tree_server(version("sar_compiler"), additions(arguments), command, given, new_budget)
+    server = tree_server(version_of("sar_compiler"), additions(arguments), command, given, new_budget)
     server.start_io(stdout=output)
     return OK

@@ -45,9 +45,8 @@ def serve_agent(arguments: argparse.Namespace) -> int:
         raise SarError(
             "--trust would trust what an agent makes of the modules; say it to another command, once"
         )
-    from importlib.metadata import version
-
     from sar_compiler.agent.mcp_server import ToolAccess, agent_server, find_roots
+    from sar_compiler.commands import version_of
     from sar_compiler.nodes.palettes import is_palette_name
 
     # The calls run in the first folder, and not here.
@@ -67,5 +66,5 @@ def serve_agent(arguments: argparse.Namespace) -> int:
         named=[*models, *folders],
     )
     exit_on_interrupt()
-    agent_server(version("sar_compiler"), access).run("stdio")
+    agent_server(version_of("sar_compiler"), access).run("stdio")
     return OK

@@ -16,7 +16,7 @@ from sar_compiler.journal.journal_entries import FACTS_LOST
 from sar_compiler.journal.refused_start import forget_refusal, record_refusal
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.palettes import is_palette_name
-from sar_compiler.project.project import Additions
+from sar_compiler.project.additions import Additions
 from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.runtime.walking import pre_order
 

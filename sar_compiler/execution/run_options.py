@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sar_compiler.execution.ending import Until
 from sar_compiler.execution.supervision import Supervision
-from sar_compiler.project.project import Additions
+from sar_compiler.project.additions import Additions
 
 
 @dataclass(frozen=True)

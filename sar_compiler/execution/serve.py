@@ -24,7 +24,7 @@ from sar_compiler.missions.choosing import mission_of
 from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.process_end import dependent_environment
-from sar_compiler.project.project import Additions
+from sar_compiler.project.additions import Additions
 from sar_compiler.ros.arguments import parameter_files
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals

@@ -17,7 +17,8 @@ from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
-from sar_compiler.analysis.trying import WORK, TrialBudget
+from sar_compiler.analysis.trial_work import WORK
+from sar_compiler.analysis.trying import TrialBudget
 from sar_compiler.budget import Budget, BudgetSpentError
 from sar_compiler.checks import failure_of_file
 from sar_compiler.checks.fixing import Fix, each_fix, fixes

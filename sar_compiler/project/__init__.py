@@ -4,7 +4,15 @@ The settings of a project's configuration are combined with the user's: a `Works
 for each configuration that it finds, and loads trees. All commands and all tests of a tree use it.
 """
 
-from sar_compiler.project.project import Additions as Additions
-from sar_compiler.project.project import Project as Project
-from sar_compiler.project.project_tree import ProjectTree as ProjectTree
-from sar_compiler.project.workspace import Workspace as Workspace
+from typing import TYPE_CHECKING
+
+from sar_compiler.lazy_exports import lazy
+
+if TYPE_CHECKING:
+    from sar_compiler.project.additions import Additions as Additions
+    from sar_compiler.project.project import Project as Project
+    from sar_compiler.project.project_tree import ProjectTree as ProjectTree
+    from sar_compiler.project.workspace import Workspace as Workspace
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__, __all__ = lazy(__name__)

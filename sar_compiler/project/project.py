@@ -5,7 +5,6 @@ import functools
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from sar_compiler.checks import check_palettes
 from sar_compiler.nodes.installed import is_offered
@@ -17,47 +16,15 @@ from sar_compiler.nodes.models import (
     undescribed_tags,
 )
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
-from sar_compiler.nodes.registry import ENTRY_POINTS, Named, Registry, is_own_word, load_registry
+from sar_compiler.nodes.registry import ENTRY_POINTS, Registry, is_own_word, load_registry
 from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, is_there, read_file
+from sar_compiler.project.additions import Additions
 from sar_compiler.project.surroundings import FileSurroundings
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest, Read, TreeSet
 from sar_compiler.tree.gathering import files_meant, read_tree_file
 from sar_compiler.tree.model import TreeFile
-
-
-class Additions(NamedTuple):
-    """The user's additions to any project's configuration, which may refer to any file.
-
-    Attributes:
-        nodes: Leaves: import paths of modules, which may be in the current folder; modules; classes.
-        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
-        include_path: Further folders that may be included from.
-        trust: Whether to run, now and until they change, the modules beside configurations.
-        registry: The registered nodes; None for the installed and named ones.
-        trees: Further tree files, in which a tree is sought that a file lacks.
-        mission: The name of the mission, whatever the leaves of a tree require; None to choose it by them.
-        folders: Folders that the user has named; the files in them belong together, as those of a repository do.
-        names: Tree files as the user has named them, for findings in them.
-        is_isolated: Whether the surroundings of a file are ignored: configuration, palettes and trees around it.
-    """
-
-    nodes: tuple[Named, ...] = ()
-    models: tuple[Path, ...] = ()
-    include_path: tuple[Path, ...] = ()
-    trust: bool = False
-    registry: Registry | None = None
-    trees: tuple[Path, ...] = ()
-    mission: str | None = None
-    folders: tuple[Path, ...] = ()
-    names: tuple[Path, ...] = ()
-    is_isolated: bool = False
-
-    @property
-    def palettes(self) -> tuple[str, ...]:
-        """The palettes that are installed."""
-        return tuple(str(each) for each in self.models if is_palette_name(str(each)))
 
 
 class Project:

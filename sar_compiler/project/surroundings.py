@@ -9,7 +9,6 @@ import functools
 import os
 import stat
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from sar_compiler.checks.configuration import (
     configuration_for,
     repository_of,
 )
-from sar_compiler.opener import NamedPath, is_there, may_read
+from sar_compiler.opener import NamedPath, is_there, may_read, owner_of
 from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.gathering import files_around, is_palette, is_tree_file
@@ -47,11 +46,11 @@ class FilesAround:
     def _files(self) -> list[Path]:
         if self.folder is None:
             return []
-        folder, owners = self.folder, {0, *_owner(self.folder)}
+        folder, owners = self.folder, {0, owner_of(self.folder)}
         if hasattr(os, "geteuid"):
             owners.add(os.geteuid())
         found = files_around(folder, most=_MOST_FILES, is_whole=self.root is not None)
-        return [NamedPath.within(as_written(path), (folder,)) for path in found if {*_owner(path)} <= owners]
+        return [NamedPath.within(as_written(path), (folder,)) for path in found if owner_of(path) in owners]
 
     @functools.cached_property
     def trees(self) -> tuple[Path, ...]:
@@ -62,11 +61,6 @@ class FilesAround:
     def palettes(self) -> tuple[Path, ...]:
         """The files that only describe nodes, and Groot2's projects, in the order of their paths."""
         return tuple(path for path in self._files if is_palette(path))
-
-
-def _owner(path: Path) -> Iterable[int]:
-    with suppress(OSError):
-        yield path.stat().st_uid
 
 
 NOTHING_AROUND = FilesAround(None)

@@ -25,7 +25,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 
 from sar_compiler.errors import SarError
-from sar_compiler.opener import MODULE, NamedPath, UnreadableFileError, read_file
+from sar_compiler.opener import MODULE, NamedPath, UnreadableFileError, mark_unrepeatable, read_file
 from sar_compiler.resources import state_folder
 
 _COMPILED = "__pycache__"
@@ -56,6 +56,7 @@ class Content:
 
         Links to files elsewhere are left out, and therefore not imported either.
         """
+        mark_unrepeatable()  # a file that is added to a package ends the trust
         packages = frozenset(module.partition(".")[0] for module in modules)
         folder = configuration.parent
         files = (path for name in packages if name.isidentifier() for path in _files(folder, name))

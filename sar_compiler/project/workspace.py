@@ -1,12 +1,13 @@
 """Loads tree files, each with the settings of the project that it belongs to."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from sar_compiler.nodes.installed import ignored_entry_points
 from sar_compiler.nodes.registry import ENTRY_POINTS
-from sar_compiler.project.project import Additions, Project
+from sar_compiler.project.additions import Additions
+from sar_compiler.project.project import Project
 from sar_compiler.project.project_tree import FurtherCheck, ProjectTree
 from sar_compiler.project.surroundings import FilesAround, find_surroundings
 from sar_compiler.tree.forest import Read
@@ -25,12 +26,14 @@ class Workspace:
         read: Reads one tree file; an editor provides the text of open ones.
         note: Called once for each thing that is ignored for safety.
         further_checks: What `ProjectTree.check` asks besides the rules of `checks`.
+        read_for_sets: Reads one file of a set of trees, which all files of a project share; None for `read`.
     """
 
     additions: Additions = Additions()  # noqa: RUF009 - cannot be changed
     read: Read = read_tree_file
     note: Callable[[str], None] = lambda _text: None
     further_checks: Sequence[FurtherCheck] = ()
+    read_for_sets: Read | None = None
     _projects: dict[tuple[Path | None, ...], Project] = field(default_factory=dict, init=False)
     _files_around: dict[tuple[Path | None, ...], FilesAround] = field(default_factory=dict, init=False)
     _noted: set[str] = field(default_factory=set, init=False)
@@ -77,13 +80,20 @@ class Workspace:
         key = (configuration.path, checkout, files.folder, files.root)
         if key not in self._projects or self._projects[key].configuration != configuration:
             around = self._files_around.setdefault((files.folder, files.root), files)
-            self._projects[key] = Project(found._replace(files=around), self.additions, self.read)
+            self._projects[key] = Project(
+                found._replace(files=around), self.additions, self.read_for_sets or self.read
+            )
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self.note_once(
                     f"the leaves of '{entry_point.value}' are passed over: {place} says that they are installed, "
                     f"but is part of what is looked at; install them, or say --nodes {entry_point.value}"
                 )
         return self._projects[key]
+
+    @property
+    def projects(self) -> Collection[Project]:
+        """The projects of the files that were loaded."""
+        return self._projects.values()
 
     def renew_sets(self) -> None:
         """Have the files of all sets read anew: some have changed."""
@@ -92,17 +102,21 @@ class Workspace:
 
     def note_use(self) -> None:
         """Note which palettes and trees around the files that were looked at have been used, though nobody has named them."""
-        projects = self._projects.values()
-        palettes = dict.fromkeys(path for each in projects for path in each.used_palettes)
-        trees = dict.fromkeys(path for each in projects for path in each.used_trees)
-        for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
-            if paths:
-                more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""
-                listed = ", ".join(map(str, sorted(paths)[:_MOST_NAMED]))
-                self.note_once(f"{what} {listed}{more}")
+        palettes = {path for each in self.projects for path in each.used_palettes}
+        trees = {path for each in self.projects for path in each.used_trees}
+        for text in notes_on_use(palettes, trees):
+            self.note_once(text)
 
     def note_once(self, text: str) -> None:
         """Note a text, unless it was noted before."""
         if text not in self._noted:
             self._noted.add(text)
             self.note(text)
+
+
+def notes_on_use(palettes: Collection[Path], trees: Collection[Path]) -> Iterator[str]:
+    """Yield a note on the palettes that were used though nobody has named them, and one on the trees."""
+    for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
+        if paths:
+            more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""
+            yield f"{what} {', '.join(map(str, sorted(paths)[:_MOST_NAMED]))}{more}"

@@ -7,7 +7,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sar_compiler.opener import NamedPath, UnreadableFileError, admit, is_there
+from sar_compiler.opener import (
+    NamedPath,
+    UnreadableFileError,
+    admit,
+    folder_entries,
+    is_file,
+    is_there,
+)
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
 from sar_compiler.tree.gathering import FORMS
@@ -367,9 +374,9 @@ class _Loader:
     def _near(self, element: Element, target: Path) -> str | None:
         """Return the path of a missing include with the name of the tree file beside it that was probably meant."""
         written, beside = element.attributes["path"], []
-        with suppress(OSError):
+        with suppress(UnreadableFileError):
             if self.compared < MAX_NEIGHBOURS and not is_there(target):
-                others = (path for path in target.parent.iterdir() if path.suffix in FORMS)
+                others = (path for path in folder_entries(target.parent) if path.suffix in FORMS)
                 beside = [path.name for path in others if path.name != target.name]
         self.compared += len(beside)
         # The ending, which many have, speaks for none of them.
@@ -443,6 +450,6 @@ def _package_share(package: str) -> Path | None:
         return None
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         marker = Path(prefix) / "share" / "ament_index" / "resource_index" / "packages" / package
-        if prefix and marker.is_file():
+        if prefix and is_file(marker):
             return Path(prefix) / "share" / package
     return None

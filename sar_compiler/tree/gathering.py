@@ -17,6 +17,7 @@ from sar_compiler.opener import (
     is_file,
     is_folder,
     is_there,
+    matching_paths,
     read_file,
 )
 from sar_compiler.tree.diagnostic import Form
@@ -142,7 +143,7 @@ def files_meant(folder: Path, pattern: str) -> list[Path]:
     if not glob.has_magic(pattern):
         return [path]
     found: list[Path] = []
-    for each in sorted(glob.glob(str(Path(glob.escape(str(folder))) / pattern), recursive=True)):  # noqa: PTH207
+    for each in matching_paths(str(Path(glob.escape(str(folder))) / pattern)):
         match = Path(each)
         found += tree_files_in(match) if is_folder(match) else [match] if is_tree_file(match) else []
     return list(dict.fromkeys(found))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 from xml.parsers import expat
 
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, Source, Span, Spans
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Form, Source, Span, Spans
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -284,8 +284,12 @@ def is_name(text: str) -> bool:
     return True
 
 
-NO_SPANS = Spans()
-"""For a text without elements."""
+class _SpansOfYaml(Spans):
+    form = Form.YAML
+
+
+NO_SPANS, NO_SPANS_OF_YAML = Spans(), _SpansOfYaml()
+"""For a text without elements, or without their places; for one in YAML."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler.commands import version_of
 from sar_compiler.resources import shipped
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, Span
 from sar_compiler.tree.kinds import KINDS, SEVERITIES
@@ -155,11 +156,9 @@ def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, "Fi
         findings: The findings.
         fixes: How some of them are mended without asking, by their `identity`.
     """
-    from importlib.metadata import version
-
     codes = sorted({finding.code for finding in findings})
     rules = [_rule(code) for code in codes]
-    driver = {"name": "sar-compile", "version": version("sar_compiler"), "rules": rules}
+    driver = {"name": "sar-compile", "version": version_of("sar_compiler"), "rules": rules}
     run = {
         "tool": {"driver": driver},
         "columnKind": "utf16CodeUnits",

@@ -7,7 +7,8 @@ import pytest
 
 from sar_compiler import load
 from sar_compiler.analysis.trial import try_tree
-from sar_compiler.analysis.trying import WORK, TrialBudget
+from sar_compiler.analysis.trial_work import WORK
+from sar_compiler.analysis.trying import TrialBudget
 from sar_compiler.cli.compile import main
 from tests.trees import document
 

@@ -204,7 +204,7 @@ BEGINNING = "tree/gathering.py:is_tree_file"
 SURFACES = {
     "a tree": Surface((TREES,), command("validate", "{}"), "xml"),
     "a tree that is formatted": Surface(("cli/format.py:_format",), command("format", "{}"), "xml"),
-    "a tree that is fixed": Surface(("cli/validate.py:_write",), command("validate", "--fix", "{}"), "xml"),
+    "a tree that is fixed": Surface(("cli/validation.py:_write",), command("validate", "--fix", "{}"), "xml"),
     "an included tree": Surface(
         (TREES,), named_by("main.xml", INCLUDING, command("validate", "main.xml")), "xml", has_root=True,
     ),
@@ -296,6 +296,10 @@ SURFACES = {
     "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
 }  # fmt: skip
 ELSEWHERE = {
+    "tree/forest.py:_Loader._near": "tests/tree/test_forest.py: the files beside a missing one, which are only named",
+    "cli/loading.py:require_there": "tests/cli/test_kept_results.py: of a file that is not there, which says why",
+    "project/check_cache.py:CheckCache._load": "tests/cli/test_kept_results.py: damaged results",
+    "project/check_cache.py:add_modules": "tests/cli/test_kept_results.py: modules that are imported already",
     "checks/leaf_classes.py:_module": "tests/checks/test_leaf_classes.py: a module that is exchanged after its import",
     "lsp/server.py:TreeServer._read": "tests/lsp/test_projects.py: a tree of the set that is no file",
     "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",

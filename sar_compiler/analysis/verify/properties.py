@@ -12,7 +12,6 @@ from sar_compiler.analysis.state_search.trail import Guarded
 from sar_compiler.analysis.stub_leaf import FactVariables
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.documents.located import Document, Value
-from sar_compiler.documents.yaml_files import parse_yaml, read_yaml
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.opener import PROPERTIES
 from sar_compiler.runtime.answers import Fact
@@ -377,11 +376,15 @@ def read_property_file(path: str | Path) -> PropertyFile:
         UnreadableFileError: If it is not there or cannot be read.
         TreeError: If nothing of it can be used; carries the findings.
     """
+    from sar_compiler.documents.yaml_files import read_yaml
+
     return _understood(read_yaml(path, PROPERTIES, _EMPTY_HINT))
 
 
 def parse_property_file(text: str, path: str = "<text>") -> PropertyFile:
     """Read a file of properties from memory; raises as `read_property_file`."""
+    from sar_compiler.documents.yaml_files import parse_yaml
+
     return _understood(parse_yaml(text, path, _EMPTY_HINT))
 
 

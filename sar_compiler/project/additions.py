@@ -1,0 +1,42 @@
+"""The user's additions to the configurations of projects."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from sar_compiler.nodes.registry import Named, Registry
+
+
+class Additions(NamedTuple):
+    """The user's additions to any project's configuration, which may refer to any file.
+
+    Attributes:
+        nodes: Leaves: import paths of modules, which may be in the current folder; modules; classes.
+        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
+        include_path: Further folders that may be included from.
+        trust: Whether to run, now and until they change, the modules beside configurations.
+        registry: The registered nodes; None for the installed and named ones.
+        trees: Further tree files, in which a tree is sought that a file lacks.
+        mission: The name of the mission, whatever the leaves of a tree require; None to choose it by them.
+        folders: Folders that the user has named; the files in them belong together, as those of a repository do.
+        names: Tree files as the user has named them, for findings in them.
+        is_isolated: Whether the surroundings of a file are ignored: configuration, palettes and trees around it.
+    """
+
+    nodes: "tuple[Named, ...]" = ()
+    models: tuple[Path, ...] = ()
+    include_path: tuple[Path, ...] = ()
+    trust: bool = False
+    registry: "Registry | None" = None
+    trees: tuple[Path, ...] = ()
+    mission: str | None = None
+    folders: tuple[Path, ...] = ()
+    names: tuple[Path, ...] = ()
+    is_isolated: bool = False
+
+    @property
+    def palettes(self) -> tuple[str, ...]:
+        """The palettes that are installed."""
+        from sar_compiler.nodes.palettes import is_palette_name
+
+        return tuple(str(each) for each in self.models if is_palette_name(str(each)))

@@ -1,0 +1,284 @@
+"""Results of checks, kept from one command to the next in the user's cache folder.
+
+A result is used again if everything that it depends on is as it was. These are the answers to all questions about the disk that the
+check has asked (`opener.Observation`): what files contain, and also which files are not there. Modules of leaves and libraries count as read. The
+rest is part of the name of the file in which results are kept: the options, the current folder, the version of this package and of Python, and what is
+installed. A file has JSON, after a checksum; one that is damaged, or belongs to somebody else, is as good as none.
+"""
+
+import itertools
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from sar_compiler.errors import SarError
+from sar_compiler.opener import MODULE, FileKind, Observation, Question, digest, read_file, state_of
+from sar_compiler.project.additions import Additions
+from sar_compiler.project.file_check import FINDINGS_OF_A_CHECK, FileCheck, TextFix
+from sar_compiler.resources import cache_folder, shipped_root
+from sar_compiler.tree.content import real_path
+from sar_compiler.tree.diagnostic import Cause, Diagnostic, Form, Severity, Source, Span
+from sar_compiler.tree.json_values import json_text, json_value
+from sar_compiler.tree.model import NO_SPANS, NO_SPANS_OF_YAML
+
+_KIND = FileKind("cache of findings", 32 << 20)
+_MOST_FILES, _MOST_BYTES = 40, 128 << 20
+"""So much is kept; the oldest goes first."""
+_MOST_QUESTIONS = 100_000
+_uses = itertools.count()
+_RECENT_NS = 30 * 10**9
+"""A module that was written so shortly ago may have been imported as it was before."""
+
+
+def environment_key(options: Sequence[object]) -> str:
+    """Return a digest of all that decides the findings about any file, besides what checks ask the disk.
+
+    Args:
+        options: The options of the command that do so, as JSON values.
+    """
+    here = os.stat(os.curdir)  # noqa: PTH116
+    variables = [os.environ.get(name) for name in ("HOME", "AMENT_PREFIX_PATH", "PYTHONPATH", "SAR_KERNEL")]
+    packages = [
+        f"{each}/share/ament_index/resource_index/packages" for each in (variables[1] or "").split(os.pathsep)
+    ]
+    user = os.geteuid() if hasattr(os, "geteuid") else 0
+    folders = [Path(__file__).parents[1], *(shipped_root() / each for each in ("schemas", "config"))]
+    known = [
+        options,
+        [sys.version, sys.platform, variables, user, os.getcwd(), here.st_mode, here.st_uid],  # noqa: PTH109
+        [(each, _names_in(each)) for each in (*sys.path, *packages)],
+        [(name, *state) for folder in folders for name, *state in _states_in(str(folder))],
+    ]
+    return digest(json_text(known).encode())
+
+
+def _names_in(folder: str) -> list[str]:
+    """Return what can be imported from a folder, or is installed there, by its name."""
+    with suppress(OSError):
+        return sorted(each for each in os.listdir(folder) if each[0] not in "._")  # noqa: PTH208 - of a text
+    return []
+
+
+def _states_in(folder: str) -> Iterator[tuple[str, int, int]]:
+    """Yield the files of the package with their sizes and times."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in sorted(entries, key=lambda each: each.name):
+            if entry.is_dir():
+                yield from _states_in(entry.path) if entry.name != "__pycache__" else ()
+            else:
+                about = entry.stat()
+                yield entry.path, about.st_size, about.st_mtime_ns
+
+
+class CheckCache:
+    """The results of checks of one kind: with the same options, in the same folder.
+
+    Args:
+        key: What `environment_key` says.
+        named: A digest of the files that were named together, of which a result may depend on each.
+    """
+
+    def __init__(self, key: str, named: str) -> None:
+        self._path = cache_folder() / f"{key}.json"
+        self._named = named
+        self._surroundings = Observation()
+        self._reads_set = False
+        self._kept: dict[str, Any] = {}
+        with suppress(SarError, OSError, ValueError, LookupError, TypeError, AttributeError):
+            self._load()
+
+    @classmethod
+    def of(cls, additions: Additions, options: Sequence[object]) -> "CheckCache | None":
+        """Return the results of checks with some additions; None if these are not only names.
+
+        Args:
+            additions: The user's additions to the projects of the files.
+            options: Further options that decide the findings, as JSON values.
+        """
+        # Of later checks in a process, much is remembered that the first has asked the disk, and not asked again.
+        is_first = not next(_uses)
+        if (
+            not is_first
+            or additions.registry is not None
+            or not all(isinstance(each, str) for each in additions.nodes)
+        ):
+            return None
+        paths = (additions.models, additions.include_path, map(real_path, additions.folders))
+        said = [[*map(str, each)] for each in paths]
+        kind = [
+            *options,
+            additions.nodes,
+            said,
+            additions.mission,
+            additions.is_isolated,
+            bool(additions.trees),
+        ]
+        named = [[*map(str, each)] for each in (additions.trees, additions.names)]
+        return cls(environment_key(kind), digest(json_text(named).encode()))
+
+    def _load(self) -> None:
+        content = read_file(self._path, _KIND)
+        checksum, _, text = content.whole().partition(b"\n")
+        if digest(text) != checksum.decode() or not _is_own(content.identity):
+            return
+        data = json_value(text.decode("utf-8", "surrogatepass"))
+        if data["named"] in ("", self._named):
+            surroundings = observation_of(data["surroundings"])
+            if surroundings.holds():
+                self._surroundings, self._reads_set, self._kept = (
+                    surroundings,
+                    bool(data["named"]),
+                    data["checks"],
+                )
+                with suppress(OSError):
+                    os.utime(self._path)
+
+    def find(self, path: Path, work: int | None) -> FileCheck | None:
+        """Return the result for a file if it holds still; None if there is none.
+
+        Args:
+            path: The file.
+            work: How much may be tried of its runs; None for no limit in work.
+        """
+        with suppress(SarError, ValueError, LookupError, TypeError, AttributeError):
+            check = check_of(self._kept[str(path)])
+            if (work is None or check.spent <= work) and check.sources.holds():
+                return check
+        return None
+
+    def store(self, checks: Mapping[Path, FileCheck], surroundings: Observation, *, reads_set: bool) -> None:
+        """Keep results.
+
+        Args:
+            checks: The new results, by file.
+            surroundings: What was asked about the disk for them, besides what is in each.
+            reads_set: Whether they may depend on each file that was named together.
+        """
+        add_modules(surroundings)
+        for question, answer in surroundings.items():
+            self._surroundings.record(question, answer)
+        if not (surroundings.is_consistent and self._surroundings.is_consistent):
+            return
+        for path, check in checks.items():
+            if check.is_whole and not (check.is_limited or check.notes) and check.sources.is_consistent:
+                self._kept[str(path)] = data_of(check)
+            else:
+                self._kept.pop(str(path), None)
+        data = {
+            "named": self._named if reads_set or self._reads_set else "",
+            "surroundings": data_of_observation(self._surroundings),
+            "checks": self._kept,
+        }
+        text = json_text(data, separators=(",", ":")).encode()
+        if len(self._surroundings) <= _MOST_QUESTIONS and len(text) < _KIND.limit // 2:
+            with suppress(SarError, OSError):
+                self._write(digest(text).encode() + b"\n" + text)
+
+    def _write(self, data: bytes) -> None:
+        from sar_compiler.writing import write_bytes
+
+        folder = self._path.parent
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        write_bytes(self._path, data)
+        size = 0
+        for number, (_, length, path) in enumerate(
+            sorted(((-modified, length, path) for path, length, modified in _states_in(str(folder))))
+        ):
+            size += length
+            if number >= _MOST_FILES or size > _MOST_BYTES:
+                Path(path).unlink(missing_ok=True)
+
+
+def _is_own(identity: Any) -> bool:
+    return not hasattr(os, "geteuid") or identity.owner == os.geteuid()
+
+
+def add_modules(observation: Observation) -> None:
+    """Add the modules that this process has imported, but for those of Python and of this package, which the key has."""
+    standard, own = os.path.dirname(os.__file__), str(Path(__file__).parents[1])  # noqa: PTH120
+    with observation.recording():
+        for module in [*sys.modules.values()]:
+            path = getattr(module, "__file__", None)
+            if (
+                not isinstance(path, str)
+                or path.startswith(f"{own}{os.sep}")
+                or Question("state", path) in observation
+            ):
+                continue
+            if path.startswith(standard) and not path.startswith(
+                (f"{standard}/site-packages", f"{standard}/dist-packages")
+            ):
+                continue
+            _, modified_ns = state_of(path)
+            if path.endswith(".py"):
+                if modified_ns > time.time_ns() - _RECENT_NS:
+                    observation.is_consistent = False
+                with suppress(SarError):
+                    read_file(path, MODULE)
+
+
+def data_of(check: FileCheck) -> dict[str, Any]:
+    """Return the result of a check as JSON values."""
+    sources: dict[int, tuple[int, Source]] = {}
+
+    def finding(each: Diagnostic) -> list[Any]:
+        number, _ = sources.setdefault(id(each.source), (len(sources), each.source))
+        advice = [each.suggestion, each.hint, each.severity.value, each.common_cause]
+        return [each.code, each.message, number, each.span, *advice]
+
+    data: dict[str, Any] = {
+        name: [*map(finding, value)] if name in FINDINGS_OF_A_CHECK else value
+        for name, value in vars(check).items()
+        if name != "sources" and value
+    }
+    texts = [[each.path, each.text, each.form.value, each.encoding, each.bom] for _, each in sources.values()]
+    return {**data, "sources": data_of_observation(check.sources), "texts": texts}
+
+
+def check_of(data: Mapping[str, Any]) -> FileCheck:
+    """Return the result of a check of JSON values.
+
+    Raises:
+        ValueError, LookupError, TypeError: If they are none.
+    """
+    spans = {Form.XML: NO_SPANS, Form.YAML: NO_SPANS_OF_YAML}
+    sources = [
+        Source(path, text, spans[Form(form)], encoding, bom)
+        for path, text, form, encoding, bom in data["texts"]
+    ]
+
+    def finding(each: Sequence[Any]) -> Diagnostic:
+        code, message, number, span, suggestion, hint, severity, cause = each
+        common = None if cause is None else Cause(*cause)
+        return Diagnostic(
+            code, message, sources[number], Span(*span), suggestion, hint, Severity(severity), common
+        )
+
+    fields = {key: value for key, value in data.items() if key not in ("texts", "sources", "fixes")}
+    check = FileCheck(**fields, sources=observation_of(data["sources"]))
+    for name in FINDINGS_OF_A_CHECK:
+        setattr(check, name, [*map(finding, getattr(check, name))])
+    check.fixes = [TextFix(*each) for each in data.get("fixes", ())]
+    return check
+
+
+def data_of_observation(observation: Observation) -> dict[str, dict[str, dict[str, str]]]:
+    """Return questions as JSON values: the answers by kind, limit and path."""
+    data: dict[str, dict[str, dict[str, str]]] = {}
+    for (kind, path, limit), answer in observation.items():
+        data.setdefault(kind, {}).setdefault(str(limit), {})[path] = answer
+    return data
+
+
+def observation_of(data: Mapping[str, Mapping[str, Mapping[str, str]]]) -> Observation:
+    """Return questions of JSON values."""
+    return Observation(
+        (Question(kind, path, int(limit)), answer)
+        for kind, limits in data.items()
+        for limit, answers in limits.items()
+        for path, answer in answers.items()
+    )

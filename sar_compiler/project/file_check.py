@@ -1,0 +1,85 @@
+"""The result of the check of a tree file."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
+
+from sar_compiler.opener import Observation
+from sar_compiler.tree.diagnostic import Diagnostic
+
+
+class TrialOutcome(NamedTuple):
+    """The result of trying the runs of a file.
+
+    Attributes:
+        findings: Findings about ticks that raise.
+        spent: The work that it took.
+        is_limited: Whether more work could have found more.
+        is_cut: Whether its user has stopped it.
+    """
+
+    findings: Sequence[Diagnostic] = ()
+    spent: int = 0
+    is_limited: bool = False
+    is_cut: bool = False
+
+
+class TextFix(NamedTuple):
+    """The fix of a finding.
+
+    Attributes:
+        number: The index of the finding among those of its file.
+        start: As in `checks.fixing.Fix`.
+        end: As there.
+        text: As there.
+    """
+
+    number: int
+    start: int
+    end: int
+    text: str
+
+
+@dataclass
+class FileCheck:
+    """The result of the check of a file.
+
+    Attributes:
+        palettes: Findings about the palettes of its project.
+        findings: Findings about the file, or about the configuration because of which it could not be checked.
+        further: What the further checks have found.
+        raised: Findings about ticks that raise.
+        fixes: The fixes of its findings.
+        fixable: How many of them do not touch each other.
+        used_palettes: Palettes around it that were used though nobody has named them.
+        used_trees: Tree files around it that were used so.
+        notes: What its user is told besides.
+        problem: Why it, or a file that it needs, cannot be read; empty if all could.
+        spent: The work that trying its runs took.
+        is_limited: Whether more work could have found more.
+        is_cut: Whether its user has stopped the check.
+        is_read: Whether it could be read.
+        is_whole: Whether it was checked to the end.
+        sources: What was asked about the disk to read the file and its includes.
+    """
+
+    palettes: list[Diagnostic] = field(default_factory=list)
+    findings: list[Diagnostic] = field(default_factory=list)
+    further: list[Diagnostic] = field(default_factory=list)
+    raised: list[Diagnostic] = field(default_factory=list)
+    fixes: list[TextFix] = field(default_factory=list)
+    fixable: int = 0
+    used_palettes: list[str] = field(default_factory=list)
+    used_trees: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    problem: str = ""
+    spent: int = 0
+    is_limited: bool = False
+    is_cut: bool = False
+    is_read: bool = False
+    is_whole: bool = False
+    sources: Observation = field(default_factory=Observation)
+
+
+FINDINGS_OF_A_CHECK = tuple(each.name for each in fields(FileCheck))[:4]
+"""The attributes of a `FileCheck` that are findings."""

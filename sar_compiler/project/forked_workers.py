@@ -1,0 +1,134 @@
+"""Copies of this process that work through a list of things, and send back a text for each."""
+
+import math
+import os
+import select
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from typing import NamedTuple
+
+_POLL_SEC = 0.05
+_NUMBER, _LENGTH = 4, 8
+# How many things a copy is sent before it has answered, so that it need not wait for the next one.
+_AHEAD = 2
+
+
+class _Copy(NamedTuple):
+    process: int
+    orders: int
+    answers: int
+    pending: deque[int]
+    received: bytearray
+
+
+class ForkedWorkers:
+    """Copies of this process.
+
+    A copy has all that this process has imported and read, so it begins at once. It has only the thread that made it: make them before any
+    other thread is started. They leave Ctrl-C to this process, and end with it however it ends.
+
+    Args:
+        work: Returns the text for a number; None where this process has to do that itself.
+        numbers: The numbers.
+        count: How many copies.
+        max_sec: The processor time that each may take, seconds.
+    """
+
+    def __init__(
+        self, work: Callable[[int], str | None], numbers: Iterable[int], count: int, max_sec: float
+    ) -> None:
+        self._work = work
+        self._waiting = deque(numbers)
+        self._copies: list[_Copy] = []
+        self._max_sec = max_sec
+        for _ in range(count):
+            self._start()
+
+    @staticmethod
+    def are_possible() -> bool:
+        """Return whether this system can copy this process as it is now."""
+        return hasattr(os, "fork") and threading.active_count() == 1
+
+    def _start(self) -> None:
+        orders_in, orders = os.pipe()
+        answers, answers_out = os.pipe()
+        process = os.fork()
+        if process == 0:
+            with suppress(BaseException):
+                # The pipes of the others would not end with this process's parent.
+                for descriptor in (orders, answers, *(each for copy in self._copies for each in copy[1:3])):
+                    os.close(descriptor)
+                self._serve(orders_in, answers_out)
+            os._exit(0)
+        os.close(orders_in)
+        os.close(answers_out)
+        self._copies.append(_Copy(process, orders, answers, deque(), bytearray()))
+        self._send_orders(self._copies[-1])
+
+    def _serve(self, orders: int, answers: int) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        self._limit_time()
+        while order := os.read(orders, _NUMBER):
+            text = self._work(int.from_bytes(order, "big"))
+            data = b"" if text is None else text.encode("utf-8", "surrogatepass")
+            message = memoryview(len(data).to_bytes(_LENGTH, "big") + data)
+            while message:
+                message = message[os.write(answers, message) :]
+
+    def _limit_time(self) -> None:
+        import resource
+
+        if math.isfinite(self._max_sec):
+            limit = math.ceil(time.process_time() + self._max_sec) + 1
+            with suppress(ValueError, OSError):
+                resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+
+    def _send_orders(self, copy: _Copy) -> None:
+        while self._waiting and len(copy.pending) < _AHEAD:
+            copy.pending.append(self._waiting.popleft())
+            with suppress(BrokenPipeError):  # it has died, and is noticed when its answers are read
+                os.write(copy.orders, copy.pending[-1].to_bytes(_NUMBER, "big"))
+
+    def results(self, is_over: Callable[[], bool]) -> Iterator[tuple[int, str | None]]:
+        """Yield each number with its text, in any order; None for what this process has to do itself, since no copy could.
+
+        Args:
+            is_over: Returns whether no more is wanted; asked again and again.
+        """
+        while not is_over() and any(copy.pending for copy in self._copies):
+            open_ones = {copy.answers: copy for copy in self._copies if copy.pending}
+            for descriptor in select.select([*open_ones], [], [], _POLL_SEC)[0]:
+                yield from self._receive(open_ones[descriptor])
+        while not is_over() and self._waiting:  # all copies were killed
+            yield self._waiting.popleft(), None
+
+    def _receive(self, copy: _Copy) -> Iterator[tuple[int, str | None]]:
+        data = os.read(copy.answers, 1 << 20)
+        if not data:  # it was killed, as where memory is short
+            yield from ((number, None) for number in copy.pending)
+            copy.pending.clear()
+        copy.received.extend(data)
+        while len(copy.received) >= _LENGTH:
+            end = _LENGTH + int.from_bytes(copy.received[:_LENGTH], "big")
+            if len(copy.received) < end:
+                return
+            text = bytes(copy.received[_LENGTH:end])
+            del copy.received[:end]
+            number = copy.pending.popleft()
+            self._send_orders(copy)
+            yield number, text.decode("utf-8", "surrogatepass") or None
+
+    def end(self) -> None:
+        """End the copies, whatever they do."""
+        for copy in self._copies:
+            with suppress(ProcessLookupError):
+                os.kill(copy.process, signal.SIGKILL)
+            os.close(copy.orders)
+            os.close(copy.answers)
+            with suppress(ChildProcessError):
+                os.waitpid(copy.process, 0)
+        self._copies.clear()
