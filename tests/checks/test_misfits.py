@@ -150,3 +150,32 @@ def test_each_item_of_a_loop_is_compared_with_the_ports_that_read_it(items):
     text = TREE.format(body=loop, port="any").replace('<Drive any="{value}"/>', "")
     codes = [each.code for each in check(forest_of(text), default_registry())]
     assert codes.count("key-of-two-types") == 1
+
+
+BOTH = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Count {written}/></BehaviorTree>
+<TreeNodesModel><Action ID="Count"><inout_port name="times" type="{cpp}"/>{note}</Action></TreeNodesModel></root>"""
+FROM_USE = '<MetadataFields><Metadata made="from use"/></MetadataFields>'
+
+
+@pytest.mark.parametrize(
+    ("cpp", "written", "note", "told"),
+    [
+        ("int", 'times="3"', "", ["warning"]),
+        ("std::string", 'times="x"', "", ["warning"]),
+        ("", 'times=""', "", ["warning"]),
+        ("int", 'times="x"', "", ["error"]),
+        ("int", 'times="{times}"', "", []),
+        ("int", 'times="{=}"', "", []),
+        ("int", "", "", []),
+        ("int", 'times="3"', FROM_USE, []),
+    ],
+)
+def test_a_literal_for_a_port_that_its_node_writes_is_a_warning(cpp, written, note, told):
+    # BehaviorTree.CPP raises when the node writes it: setOutput requires a blackboard pointer.
+    found = check(forest_of(BOTH.format(cpp=cpp, written=written, note=note)), default_registry())
+    assert [each.severity.value for each in found if each.code == "wrong-value"] == told
+
+
+def test_the_literal_queue_of_a_loop_is_meant_so():
+    body = '<LoopInt queue="1;2" value="{v}"><Drive count="{v}"/></LoopInt>'
+    assert "wrong-value" not in {code for code, *_ in found(body)}

@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.collector import Collector, text_of_output
 from sar_compiler.nodes.numbers import number_in, unit_of_key, unit_words
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, any_port
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Provenance, Role, any_port
 from sar_compiler.nodes.values import (
     CONDITION,
     ConversionError,
@@ -24,7 +24,7 @@ from sar_compiler.runtime.expressions import (
     Script,
     parts,
 )
-from sar_compiler.tree.diagnostic import Advice, Severity
+from sar_compiler.tree.diagnostic import Advice, Cause, Severity
 from sar_compiler.tree.guessing import Guesses, unit_in
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
@@ -80,7 +80,8 @@ OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETIO
 """py_trees' policies, by their names."""
 ONESHOT_TYPE = type_of(OneShotPolicyName)
 # Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every attribute.
-_NAME, _ATTRIBUTE, _REFERENCE, _OUTPUT = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE, Direction.OUTPUT
+_NAME, _ATTRIBUTE, _REFERENCE = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE
+_OUTPUT, _INOUT = Direction.OUTPUT, Direction.INOUT
 _BOOL_TYPE = type_of(bool)
 KIND_TAGS = frozenset(kind.value for kind in Kind)
 """The tags of explicit forms."""
@@ -224,7 +225,7 @@ class AttributeBinder:
             span = element.within_value(name, begin, begin + len(key))
             self._collector.add("wrong-value", f"{name}: {error.message}", element, span, hint=error.hint)
 
-    def _value(self, bound: BoundNode, parameter: Parameter, text: str) -> None:
+    def _value(self, bound: BoundNode, parameter: Parameter, text: str, *, is_listed: bool = True) -> None:
         name = parameter.name
         key = parameter.value_type.key_in(text, name)
         if key is not None and name not in bound.spec.fixed:
@@ -251,7 +252,21 @@ class AttributeBinder:
             message = f'<{tag}> says {name}="{_as_text(fixed)}" by its name, and {name}="{text}" here'
             near = _as_text(fixed)
             self._collector.add("conflicting-attributes", message, bound.element, value=name, suggestion=near)
+        is_written = parameter.direction is _INOUT and is_listed and not parameter.value_type.names_key
+        if is_written and value is not None:
+            self._constant_to_write(bound, name, text)
         bound.values = {**bound.values, name: value}
+
+    def _constant_to_write(self, bound: BoundNode, name: str, text: str) -> None:
+        """Report a text for a port that the node also writes, unless the directions of its ports are guesses."""
+        if bound.spec.provenance is not Provenance.FROM_USE:
+            message = (
+                f"{name}: the node also writes this port, and '{text}' is no key: to write it raises an error"
+            )
+            cause = Cause("nodes also write these ports, which have a text in place of a key", name)
+            hint = f'write {name}="{{key}}", and give the key its value before'
+            advice = Advice(hint=hint, severity=Severity.WARNING, common_cause=cause)
+            self._collector.add("wrong-value", message, bound.element, value=name, **advice)
 
     def _require(self, bound: BoundNode, parameter: Parameter, other_variants: Sequence[NodeSpec]) -> None:
         element, name = bound.element, parameter.name
@@ -320,7 +335,7 @@ class AttributeBinder:
         if near is None:
             port = any_port(name)
             bound.spec = bound.spec.listing(port)
-            self._value(bound, port, bound.element.attributes[name])
+            self._value(bound, port, bound.element.attributes[name], is_listed=False)
 
 
 def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
