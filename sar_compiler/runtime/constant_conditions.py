@@ -52,6 +52,24 @@ def constant_truth(script: Script) -> bool | None:
     return _sampled_truth(script)
 
 
+def constant_clauses(script: Script) -> Iterator[tuple[Expression, bool]]:
+    """Yield the largest parts of a condition that compare variables and have the same truth for all values, each with its truth.
+
+    Args:
+        script: The condition; its parts are the operands of `&&`, `||` and `!`.
+    """
+    waiting = [*script.statements[-1:]]
+    while waiting:
+        clause = waiting.pop()
+        truth = constant_truth(replace(script, statements=(clause,)))
+        if truth is not None and any(isinstance(part, Name) for part in parts(clause)):
+            yield clause, truth
+        elif isinstance(clause, Prefix) and clause.operator == "!":
+            waiting.append(clause.operand)
+        elif isinstance(clause, Operation) and clause.steps[0].operator in _LOGICAL:
+            waiting += [clause.first, *(step.operand for step in clause.steps)][::-1]
+
+
 @functools.lru_cache(maxsize=4096)
 def _sampled_truth(script: Script) -> bool | None:
     if any(isinstance(part, Assignment) for each in script.statements for part in parts(each)):

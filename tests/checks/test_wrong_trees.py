@@ -1,5 +1,6 @@
 """Trees that are well-formed and wrong: each mistake gets one finding, where it stands."""
 
+import html
 from dataclasses import replace
 
 import pytest
@@ -374,6 +375,26 @@ def test_a_condition_that_no_value_changes_is_reported_with_its_consequence(case
     (finding,) = [each for each in findings_of(document(body)) if each.code == "constant-condition"]
     assert finding.severity is severity
     assert finding.message.endswith("so 'A' is never ticked")
+
+
+CLAUSES = {
+    "(x != 1 || x != 2) && y == 1": "x != 1 || x != 2",
+    "y == 1 || x == 1 && x == 2": "x == 1 && x == 2",
+    "y == 1 && !(x < 1 && x > 2 || y == 2)": "x < 1 && x > 2",
+    "y == 1 && x == 1": None,
+    "true && y == 1": None,
+    "(x == 1 || y == 1) && (x == 2 || y == 2)": None,
+}
+
+
+@pytest.mark.parametrize("condition", CLAUSES)
+def test_a_part_of_a_condition_that_no_value_changes_is_reported_at_its_place(condition):
+    text = html.escape(condition, quote=False)
+    body = f'<Sequence>\n<Script code="x := 1; y := 1"/>\n<Drive _skipIf="{text}"/>\n</Sequence>'
+    told = [each for each in findings_of(document(body)) if each.code == "constant-condition"]
+    places = [each.source.text[slice(*each.source.offsets(each.span))] for each in told]
+    assert [html.unescape(each) for each in places] == [each for each in [CLAUSES[condition]] if each]
+    assert all("never ticked" not in each.message for each in told)
 
 
 @pytest.mark.parametrize("condition", ["x &lt; 1 &amp;&amp; x &gt; 2", "false"])

@@ -203,3 +203,26 @@ def test_a_palette_from_use_lists_the_names_that_scripts_read_in_capitals_and_no
     uses.add(parse_xml(document(body)), (), default_registry())
     names = [each.attributes["ID"] for each in uses.models().children if each.tag == "Enum"]
     assert names == ["BLUE", "MAX_LEVEL", "RED"]
+
+
+PAINT = '<Action ID="Paint"><input_port name="color" type="Color"/></Action>'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [("RED", []), ("REDD", [("warning", "RED")]), ("x;y", [("info", None)]), ("3", [("info", None)])],
+)
+@pytest.mark.parametrize("way", ["literal", "constant"])
+def test_a_text_for_a_type_of_cpp_is_noted_unless_it_is_a_declared_name(
+    tree: Path, text: str, told: list[tuple[str, str | None]], way: str
+) -> None:
+    declare_in_settings(tree.parent)
+    (tree.parent / "nodes.xml").write_text(palette(PAINT), encoding="utf-8")
+    nodes = f'<Paint color="{text}"/>'
+    if way == "constant":
+        nodes = f'<Sequence><SetBlackboard value="{text}" output_key="c"/><Paint color="{{c}}"/></Sequence>'
+        told = [("info", None)] if told else []
+    tree.write_text(document(nodes), encoding="utf-8")
+    (tree.parent / ".git").mkdir()
+    found = [each for each in load(tree).check() if each.code == "cpp-type-mismatch"]
+    assert [(each.severity.value, each.suggestion) for each in found] == told

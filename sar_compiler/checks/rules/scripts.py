@@ -9,7 +9,7 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.btcpp import STATEMENTS
 from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime import operators
-from sar_compiler.runtime.constant_conditions import constant_truth
+from sar_compiler.runtime.constant_conditions import constant_clauses, constant_truth
 from sar_compiler.runtime.evaluation import EvaluationError, failure, no_condition, step_failure
 from sar_compiler.runtime.expressions import (
     Assignment,
@@ -81,21 +81,22 @@ def _assigning(bound: BoundNode, attribute: str, script: Script) -> Iterator[Dia
 
 
 def _constant(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:
-    truth = constant_truth(script)
-    if truth is None:
-        return
-    variables = [part.name for part in parts(script.statements[-1]) if isinstance(part, Name)]
-    message = f"{attribute}: '{excerpt(script.text)}' is always {'true' if truth else 'false'}"
-    if (attribute, truth) in _NEVER_TICKED:
-        message += f", so '{bound.name}' is never ticked"
-    hint = "delete the condition, or compare a variable in it"
-    if variables:
-        others = "them" if len(set(variables)) > 1 else f"'{variables[0]}'"
-        hint = f"no value of {others} changes the result: correct a comparison, or exchange && and ||"
-    # Some write `true` to switch a node off for a while.
-    severity = Severity.WARNING if variables else Severity.INFO
-    span = bound.element.within_value(attribute, 0, len(script.text))
-    yield bound.element.finding("constant-condition", message, span, hint=hint, severity=severity)
+    whole = constant_truth(script)
+    clauses = constant_clauses(script) if whole is None else [(script.statements[-1], whole)]
+    for clause, truth in clauses:
+        variables = [part.name for part in parts(clause) if isinstance(part, Name)]
+        start, end = (clause.start, clause.end) if whole is None else (0, len(script.text))
+        message = f"{attribute}: '{excerpt(script.text[start:end])}' is always {'true' if truth else 'false'}"
+        if (attribute, whole) in _NEVER_TICKED:
+            message += f", so '{bound.name}' is never ticked"
+        hint = "delete the condition, or compare a variable in it"
+        if variables:
+            others = "them" if len(set(variables)) > 1 else f"'{variables[0]}'"
+            hint = f"no value of {others} changes the result: correct a comparison, or exchange && and ||"
+        # Some write `true` to switch a node off for a while.
+        severity = Severity.WARNING if variables else Severity.INFO
+        span = bound.element.within_value(attribute, start, end)
+        yield bound.element.finding("constant-condition", message, span, hint=hint, severity=severity)
 
 
 def _idle(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:

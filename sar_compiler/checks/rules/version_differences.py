@@ -60,8 +60,11 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
             if not text or bound.values.get(name) is None:
                 continue
             if can_be_converted(text, cpp, context.version):
-                if needs_converter(cpp) and bound.spec.provenance is Provenance.DESCRIBED:
-                    yield unknown_conversion(bound.element, name, bound.element.value_span(name), cpp)
+                enums = context.bound.models.enums
+                is_open = needs_converter(cpp) and bound.spec.provenance is Provenance.DESCRIBED
+                if is_open and text not in enums:
+                    span, meant = bound.element.value_span(name), context.guesses.nearest(text, enums)
+                    yield unknown_conversion(bound.element, name, span, cpp, meant)
                 continue
             kind = "items" if is_loop_queue(cpp) else cpp
             message = f"{name}: '{text}' is read here, and BehaviorTree.CPP cannot read it as {kind}"

@@ -323,7 +323,7 @@ class KeyTypeRules:
             return
         refused = filter(None, (self._refused_by(port, write, values, first) for port in ports))
         # Only C++ code says whether a text can be read as a type of the user's.
-        is_text = set(types) == {TEXT}
+        is_text = set(types) == {TEXT} and not all(value.value in self._enums for value in values)
         open_ = (
             port for port in ports if is_text and port.is_of_user and (port.reads or not write.is_constant)
         )

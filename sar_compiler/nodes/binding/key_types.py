@@ -21,7 +21,7 @@ from sar_compiler.nodes.spec import Direction, Parameter
 from sar_compiler.nodes.values import ConversionError, ValueType, literal_value
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope
 from sar_compiler.runtime.expressions import Script
-from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Span
+from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity, Span
 from sar_compiler.tree.model import Element
 
 _TEXTS = (str, Script, Path, None)
@@ -91,14 +91,18 @@ def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
     return f"{name} of '{bound.name}' (line {element.line}{file_of(element, seen_from)})"
 
 
-def unknown_conversion(element: Element, attribute: str, span: Span, cpp: str) -> Diagnostic:
-    """Return the note that a text is read as a type which only C++ code can read from a text."""
-    message = f"{attribute}: BehaviorTree.CPP reads a text as {cpp} only if the C++ code defines convertFromString<{cpp}>"
+def unknown_conversion(
+    element: Element, attribute: str, span: Span, cpp: str, meant: str | None = None
+) -> Diagnostic:
+    """Return the note that a text is read as a type which only C++ code can read from a text; a warning if an enumeration is meant."""
+    message = f"{attribute}: BehaviorTree.CPP reads a text as {cpp} only if that is an enumeration, or C++ code defines convertFromString<{cpp}>"
     cause = Cause(
-        "texts are read as these types, for which the C++ code has to define convertFromString", cpp
+        "texts are read as these types, which have to be enumerations or have a convertFromString", cpp
     )
-    severity = Severity.INFO
-    return element.finding("cpp-type-mismatch", message, span, severity=severity, common_cause=cause)
+    advice = Advice(severity=Severity.INFO, common_cause=cause)
+    if meant is not None:
+        advice = Advice(severity=Severity.WARNING, suggestion=meant)
+    return element.finding("cpp-type-mismatch", message, span, **advice)
 
 
 def cpp_type(parameter: Parameter, version: Version) -> str:
