@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -66,14 +67,28 @@ def run(
     with tempfile.TemporaryDirectory() as place:
         cost = Path(place, "cost.json")
         launch = [sys.executable, "-I", "-S", "-c", _LAUNCHER, str(cost), *map(str, command)]
-        done = subprocess.run(
-            launch, capture_output=True, text=True, check=True, env={**os.environ, **(more or {})}, cwd=folder
+        environment = {**os.environ, **(more or {})}
+        process = subprocess.Popen(
+            launch,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+            cwd=folder,
+            start_new_session=True,
         )
+        try:
+            printed, said = process.communicate()
+        except BaseException:
+            # The launcher's child would go on where a row is given up.
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            raise
         passed, cpu, memory, status = json.loads(cost.read_bytes())
     if status not in statuses:
-        said = (done.stderr or done.stdout).strip().splitlines()[-1:]
-        raise UnmeasurableError(f"{Path(command[0]).name} {command[1]} ended with {status}: {''.join(said)}")
-    return Cost(passed, cpu, memory, done.stdout)
+        last = (said or printed).strip().splitlines()[-1:]
+        raise UnmeasurableError(f"{Path(command[0]).name} {command[1]} ended with {status}: {''.join(last)}")
+    return Cost(passed, cpu, memory, printed)
 
 
 def plain(name: str) -> Path:

@@ -399,13 +399,17 @@ def score(causes: Sequence[PlantedCause]) -> list[tuple[str, bool]]:
     for domain in _DOMAINS:
         domains.put(domain)
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(len(_DOMAINS), spawn, _set_domain, (domains,)) as pool:
+    pool = ProcessPoolExecutor(len(_DOMAINS), spawn, _set_domain, (domains,))
+    try:
         said = pool.map(_first_named, [CAUSES.index(cause) for cause in causes])
         found = []
         for cause, text in zip(causes, said, strict=True):
             is_named = re.search(cause.named, text) is not None
             print(f"  {'named' if is_named else 'MISSED'}: {cause.kind}: {text or 'nothing'}", flush=True)
             found.append((text, is_named))
+    finally:
+        # Where the score is given up, those that have not begun are not waited for.
+        pool.shutdown(cancel_futures=True)
     print(f"  {sum(is_named for _, is_named in found)} of {len(causes)} causes are named first")
     return found
 

@@ -13,8 +13,8 @@ from benchmarks.rows import Benchmark, Limit, Measured, MissedError, Row, second
 from benchmarks.trees import around, described, mission, sequence
 
 _RESILIENT = "search_and_rescue_resilient"
-_SHIPPED = ("search_and_rescue", _RESILIENT, "search_areas", "search_sweeps")
-_OWN = 16
+_SHIPPED = ("search_and_rescue", _RESILIENT, "search_areas")
+_OWN = 17
 _CHANCES = """
 answers:
   NavigateToZone: [{answer: arrived, p: 0.7, sec: 30}, {answer: aborted, p: 0.25, sec: 5}, {answer: unavailable, p: 0.05}]

@@ -1,6 +1,8 @@
 """The harness: both sides of a ratio are warmed and counted alike, and a measurement that does not agree with itself is refused."""
 
+import signal
 import sys
+import time
 from collections.abc import Callable
 
 import pytest
@@ -213,3 +215,23 @@ def test_the_figures_that_have_no_driver_are_seconds_without_a_ratio(monkeypatch
         ),
     ):
         stage.compare({"a": "<AlwaysSuccess/>"}, 2)
+
+
+def test_a_command_of_a_row_that_is_given_up_is_killed(tmp_path):
+    begun, start = tmp_path / "begun", time.monotonic()
+    endless = f"import time; open({str(begun)!r}, 'w').close(); time.sleep(600)"
+
+    def give_up(*_):
+        if begun.exists():
+            raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, 0.1, 0.1)
+    try:
+        # It holds the pipe that is read to its end: as long as it lives this does not return.
+        with pytest.raises(TimeoutError):
+            commands.run([sys.executable, "-c", endless])
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert time.monotonic() - start < 300
