@@ -58,12 +58,12 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.clock import Clock as Clock
     from sar_compiler.runtime.clock import WallClock as WallClock
     from sar_compiler.runtime.kernel.user_nodes import Tick as Tick
-    from sar_compiler.runtime.parents import Control as Control
-    from sar_compiler.runtime.parents import Decorator as Decorator
     from sar_compiler.runtime.ports import InOut as InOut
     from sar_compiler.runtime.ports import Input as Input
     from sar_compiler.runtime.ports import Output as Output
     from sar_compiler.runtime.skipping import SKIPPED as SKIPPED
     from sar_compiler.runtime.skipping import SkippableLeaf as SkippableLeaf
+    from sar_compiler.runtime.ticking import Control as Control
+    from sar_compiler.runtime.ticking import Decorator as Decorator
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

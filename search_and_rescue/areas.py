@@ -1,15 +1,17 @@
 """What the parameters say of zones beside their poses: where somebody may be, and the ground that is swept."""
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from sar_compiler.missions import ParameterReader
 from search_and_rescue.search_theory import (
+    COVERAGE,
     ROUNDING,
     SWEEP_FACTORS,
     Area,
+    Corners,
+    Ground,
     sweep_width_of,
 )
 from search_and_rescue.sweeps import MOST_PIECES
@@ -20,8 +22,6 @@ _SENSOR = ("sweep_width", "detection_range", "visibility")
 _POLYGON = "polygon"
 AREA_KEYS = (*_PROBABILITIES, _POLYGON, *_SENSOR, "priority")
 """What may stand beside the pose of a zone."""
-COVERAGE = 0.9
-"""Of a sweep for which nothing else is said: how often each place is covered by the sweep width."""
 LEAST_CORNERS = 3
 """Of an outline."""
 FARTHEST_SEEN_M = 1_000.0
@@ -30,32 +30,6 @@ FARTHEST_SEEN_M = 1_000.0
 _TOUCHES_M = 1e-6
 # A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is no position in metres.
 _NEAR_DEG = 0.5
-
-Corners = tuple[tuple[float, float], ...]
-
-
-class Ground(NamedTuple):
-    """The ground of a zone, where a sweep goes.
-
-    Attributes:
-        polygon: Its outline: corners in the frame `map`, metres.
-        sweep_width: How wide a swath is in which as many are missed as are found outside it (W), metres.
-        detection_range: How far a survivor can be seen, metres.
-    """
-
-    polygon: Corners
-    sweep_width: float
-    detection_range: float
-
-    @property
-    def area_m2(self) -> float:
-        """How large it is, square metres."""
-        sides = itertools.pairwise((*self.polygon, *self.polygon[:1]))
-        return abs(math.fsum(ax * by - bx * ay for (ax, ay), (bx, by) in sides)) / 2.0
-
-    def sweep_sec(self, speed_mps: float) -> float:
-        """Return how long the legs of a sweep take at the usual coverage, without turns and what is done at stops: seconds."""
-        return self.area_m2 * COVERAGE / (self.sweep_width * speed_mps)
 
 
 def read_areas(

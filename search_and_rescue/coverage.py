@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sar_compiler.missions import RasterLayer
-from search_and_rescue.areas import Corners, Ground
+from search_and_rescue.search_theory import Corners, Ground
 
 Points = npt.NDArray[np.float64]
 

@@ -5,16 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.leaves import UnusableValueError, planar_outline
-from search_and_rescue.areas import (
-    COVERAGE,
-    FARTHEST_SEEN_M,
-    LEAST_CORNERS,
-    Corners,
-    Ground,
-    outline_objection,
-    pose_inside,
-)
-from search_and_rescue.search_theory import Area, pod_at_random, sweep_width_of
+from search_and_rescue.areas import FARTHEST_SEEN_M, LEAST_CORNERS, outline_objection, pose_inside
+from search_and_rescue.search_theory import COVERAGE, Area, Corners, Ground, pod_at_random, sweep_width_of
 from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
 

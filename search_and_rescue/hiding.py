@@ -8,8 +8,7 @@ import random
 from collections.abc import Mapping
 
 from sar_compiler.missions import ParameterReader
-from search_and_rescue.areas import Ground
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.zone_manager import MapPose
 
 HIDDEN = "hidden_survivor"

@@ -7,13 +7,7 @@ from sar_compiler.missions import Mission, ParameterReader, shipped
 from search_and_rescue.actions.coming_home import ReturnInReach
 from search_and_rescue.actions.navigation import NavigateToBase
 from search_and_rescue.actions.sweeping import PlanSweep
-from search_and_rescue.areas import (
-    AREA_KEYS,
-    note_surprises,
-    read_areas,
-    read_grounds,
-    read_priorities,
-)
+from search_and_rescue.areas import AREA_KEYS, note_surprises, read_areas, read_grounds, read_priorities
 from search_and_rescue.areas_file import AREAS_FILE, take_areas_file
 from search_and_rescue.conditions import ZonesRemaining
 from search_and_rescue.hiding import HIDDEN, read_hiding

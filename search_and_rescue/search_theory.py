@@ -17,6 +17,34 @@ ROUNDING = 1e-9
 """How much above 1 a sum of probabilities may be."""
 SWEEP_FACTORS = {"high": 1.8, "medium": 1.6, "low": 1.1}
 """How many times the detection range the sweep width is, by visibility (Koester et al., Wilderness & Environmental Medicine 25, 2014)."""
+COVERAGE = 0.9
+"""Of a sweep for which nothing else is said: how often each place is covered by the sweep width."""
+
+Corners = tuple[tuple[float, float], ...]
+
+
+class Ground(NamedTuple):
+    """The ground of a zone, where a sweep goes.
+
+    Attributes:
+        polygon: Its outline: corners in the frame `map`, metres.
+        sweep_width: How wide a swath is in which as many are missed as are found outside it (W), metres.
+        detection_range: How far a survivor can be seen, metres.
+    """
+
+    polygon: Corners
+    sweep_width: float
+    detection_range: float
+
+    @property
+    def area_m2(self) -> float:
+        """How large it is, square metres."""
+        sides = itertools.pairwise((*self.polygon, *self.polygon[:1]))
+        return abs(math.fsum(ax * by - bx * ay for (ax, ay), (bx, by) in sides)) / 2.0
+
+    def sweep_sec(self, speed_mps: float) -> float:
+        """Return how long the legs of a sweep take at the usual coverage, without turns and what is done at stops: seconds."""
+        return self.area_m2 * COVERAGE / (self.sweep_width * speed_mps)
 
 
 def sweep_width_of(detection_range: float, visibility: str = "medium") -> float:

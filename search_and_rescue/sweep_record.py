@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from sar_compiler.missions import Journal, JournalEntry, RasterLayer, mission_context, position
 from search_and_rescue import search_events
-from search_and_rescue.areas import Corners, Ground
-from search_and_rescue.search_theory import pod_of_parallel_sweep
+from search_and_rescue.search_theory import Corners, Ground, pod_of_parallel_sweep
 from search_and_rescue.zone_manager import Fence, MapPose
 
 if TYPE_CHECKING:

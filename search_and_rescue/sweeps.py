@@ -10,8 +10,8 @@ from search_and_rescue.zone_manager import MapPose
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-    from search_and_rescue.areas import Corners
     from search_and_rescue.coverage import ObstacleMap
+    from search_and_rescue.search_theory import Corners
 
 SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"]
 """How a sweep goes: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from search_and_rescue.areas import Ground
+    from search_and_rescue.search_theory import Ground
 
 _GEOFENCE = "geofence"
 _LEAST_CORNERS = 3

@@ -628,20 +628,6 @@ def test_every_file_named_under_how_to_add_exists(entry):
     assert [name for name, found in files.items() if not found] == []
 
 
-IMPORT_CIRCLES = {
-    frozenset(
-        {
-            "runtime.kernel.leaf_nodes",
-            "runtime.kernel.live",
-            "runtime.kernel.stock_decorators",
-            "runtime.kernel.table",
-            "runtime.parents",
-        }
-    ): "a user's control is ticked by the kernel, and the kernel ticks a user's control",
-}
-"""Modules that import each other in functions, with the reason; there is none where a module is loaded."""
-
-
 def groups_that_import_each_other(imports):
     """Return the groups of modules each of which imports every other, directly or by others (Tarjan's algorithm)."""
     index, low = dict[str, int](), dict[str, int]()
@@ -674,6 +660,7 @@ def test_a_circle_of_imports_is_found():
 
 
 def test_modules_import_each_other_in_no_circle():
+    """Neither where they are loaded, nor in functions, nor for types."""
     modules = {
         ".".join(Path(name_of(path)).with_suffix("").parts).removesuffix(".__init__"): path
         for path in FILES
@@ -688,8 +675,7 @@ def test_modules_import_each_other_in_no_circle():
         )
 
     imports = {
-        module: {module_of(name) for name, _ in imports_of(path, with_types=False)}
-        & modules.keys() - {module}
+        module: {module_of(name) for name, _ in imports_of(path)} & modules.keys() - {module}
         for module, path in modules.items()
     }
-    assert groups_that_import_each_other(imports) == IMPORT_CIRCLES.keys()
+    assert groups_that_import_each_other(imports) == set()

@@ -38,9 +38,10 @@ from sar_compiler.runtime.kernel.table import is_known_class
 from sar_compiler.runtime.kernel.timing import TimeoutNode
 from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
 from sar_compiler.runtime.leaf_protocol import NoStatusError
-from sar_compiler.runtime.parents import OwnDecorator, Parent, behaviour_class
+from sar_compiler.runtime.parents import Parent
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.ticking import OwnDecorator, behaviour_class
 from sar_compiler.runtime.variables import UNKNOWN
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.diagnostic import Diagnostic

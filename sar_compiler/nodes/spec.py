@@ -409,10 +409,10 @@ class NodeSpec:
         found: type[Any] = load(self.class_or_path)
         if not self._is_of_kernel:
             return found
-        from sar_compiler.runtime import parents
+        from sar_compiler.runtime import ticking
 
-        bases = {Kind.CONTROL: parents.OwnControl, Kind.DECORATOR: parents.OwnDecorator}
-        return parents.behaviour_class(bases.get(self.kind, parents.OwnLeaf), found)
+        bases = {Kind.CONTROL: ticking.OwnControl, Kind.DECORATOR: ticking.OwnDecorator}
+        return ticking.behaviour_class(bases.get(self.kind, ticking.OwnLeaf), found)
 
     @property
     def _is_of_kernel(self) -> bool:

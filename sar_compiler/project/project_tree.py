@@ -13,7 +13,7 @@ from sar_compiler.project.project import Project
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
 from sar_compiler.tree.forest import Forest, Read, load_forest
-from sar_compiler.tree.model import FileBeginning, TreeFile
+from sar_compiler.tree.model import FileBeginning, TreeFile, UnfinishedFileError
 
 if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
@@ -57,7 +57,8 @@ class ProjectTree:
             self._forest = load_forest(path, read, project.include_path, project.tree_set)
             project.note_use(self._forest)
         except TreeError as error:
-            self._malformed, self._beginning = error.findings, error.beginning
+            self._malformed = error.findings
+            self._beginning = error.beginning if isinstance(error, UnfinishedFileError) else None
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.path}>"

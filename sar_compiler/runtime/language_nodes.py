@@ -14,9 +14,9 @@ from sar_compiler.runtime.entry_types import read_as, value_to_keep
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.turning import ConditionsNode
-from sar_compiler.runtime.parents import Decorator
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.scripting import NodeScript
+from sar_compiler.runtime.ticking import Decorator
 from sar_compiler.runtime.variables import Enums, RefusedValueError, describe_value
 
 # Looked up once: Python takes a while to find a member of an enumeration.

@@ -5,23 +5,20 @@ again. The classes on top of these ask what the outcome of a child's tick was, a
 does: one that is running is halted, one that has ended only forgets how it did.
 
 What a node does in a tick, and when it is halted, is said by its class in the kernel (`node_class`), whether it is ticked by
-itself or in a tree. py_trees sees a behaviour that is made for it (`behaviour_class`): a name, children, and what the tag says.
+itself or in a tree.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator
 from functools import wraps
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.composites import Composite
-from py_trees.decorators import Decorator as StockDecorator
 
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 if TYPE_CHECKING:
-    from sar_compiler.runtime.kernel.live import LiveTree
     from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
     from sar_compiler.runtime.kernel.user_nodes import Tick
 
@@ -61,6 +58,31 @@ for _name in (*_PLAIN, "__delitem__", "__iadd__", "__imul__", "__setitem__"):
     setattr(Children, _name, _counting(_name))
 
 
+class TickedTree(Protocol):
+    """A tree of the kernel, as a behaviour that has a node in it sees it; see `LiveTree`."""
+
+    def is_whole(self) -> bool:
+        """Return whether all nodes still have the children that they had."""
+
+    def tick(self, visits: "list[Visit] | None" = None, index: int = 0) -> int:
+        """Tick a node once, and note the nodes below it that were ticked."""
+
+    def stop(self, index: int = 0) -> None:
+        """Stop a node."""
+
+
+class Ticking(NamedTuple):
+    """How a behaviour is ticked that py_trees ticks.
+
+    Attributes:
+        make_tree: Makes the tree of a root and all that is below it, of the kernel's nodes; takes over from a former tree.
+        show_visits: Yields the behaviours that were ticked, each as it was then.
+    """
+
+    make_tree: Callable[..., TickedTree]
+    show_visits: "Callable[[list[Visit]], Iterator[Behaviour]]"
+
+
 class Built(Behaviour):
     """A behaviour that ticks and stops as its node in the kernel says.
 
@@ -73,14 +95,16 @@ class Built(Behaviour):
 
     Attributes:
         node_class: The class of the node; None for a class that is only a base.
+        ticking: How it is ticked, as `runtime.ticking` says, where all classes are that are no base.
         clock: What the node measures time with.
         skipped: Whether the last tick was skipped; the status is then not the tick's, see `runtime.skipping`.
     """
 
     node_class: "ClassVar[type[TreeNode] | None]" = None
+    ticking: ClassVar[Ticking]
     skipped = False
     clock: Clock = WallClock()
-    place: "tuple[LiveTree, int] | None" = None
+    place: tuple[TickedTree, int] | None = None
     """The tree that has its node, and the node's index there."""
     wake: Wake = staticmethod(stay_asleep)
     """Asks for the next tick at once, for a node that pauses by RUNNING, so that the rest of the tree gets its turn."""
@@ -100,22 +124,17 @@ class Built(Behaviour):
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick once; then yield every node that was ticked on the way as it was after its tick, and this one last."""
-        from sar_compiler.runtime.kernel.live import show_visits
-
         visits: list[Visit] = []
         try:
             tree, index = self._place()
             tree.tick(visits, index)
         finally:
-            yield from show_visits(visits)
+            yield from self.ticking.show_visits(visits)
         yield self
 
-    def _place(self) -> "tuple[LiveTree, int]":
+    def _place(self) -> tuple[TickedTree, int]:
         if self.place is None or not self.place[0].is_whole():
-            # Only now: what is only checked is never ticked.
-            from sar_compiler.runtime.kernel.live import LiveTree
-
-            LiveTree(self, former=self.place[0] if self.place else None)
+            self.ticking.make_tree(self, former=self.place[0] if self.place else None)
         assert self.place is not None  # noqa: S101 - the tree has said so
         return self.place
 
@@ -206,89 +225,3 @@ class Parent(Built):
         from sar_compiler.runtime.kernel.user_nodes import UserNode
 
         return UserNode(part)
-
-
-class Control(Parent, Composite):
-    """A node with several children.
-
-    Args:
-        children: The children, in order.
-    """
-
-    def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
-        # By its name: some controls are subclasses of stock ones, whose constructors want more.
-        Composite.__init__(self, name, list(children))
-
-    def tip(self) -> Behaviour | None:
-        """Return the deepest node that the last tick reached; this one if its children are at rest."""
-        below: Behaviour | None = super().tip()
-        return below or (self if self.status != Status.INVALID else None)
-
-
-class Decorator(Parent, StockDecorator):
-    """A node with one child (`decorated`), which its constructor takes."""
-
-    def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for those derived from it
-        """Begin a tick with the child."""
-        child: Behaviour = self.decorated
-        return child
-
-    def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:  # noqa: ARG002
-        """Pass on what the child has come to."""
-        return outcome
-
-
-class OwnLeaf(Built):
-    """A leaf of ours.
-
-    Args:
-        name: The node's name.
-        **attributes: What its tag says, which its node in the kernel reads.
-    """
-
-    def __init__(self, name: str, **attributes: object) -> None:
-        super().__init__(name)
-        vars(self).update(attributes)
-
-
-class OwnControl(Control):
-    """A control of ours, as `OwnLeaf`.
-
-    Args:
-        children: The children, in order.
-    """
-
-    def __init__(self, name: str, children: Sequence[Behaviour], **attributes: object) -> None:
-        super().__init__(name, children)
-        vars(self).update(attributes)
-
-
-class OwnDecorator(Decorator):
-    """A decorator of ours, as `OwnLeaf`.
-
-    Args:
-        child: The child.
-    """
-
-    def __init__(self, name: str, child: Behaviour, **attributes: object) -> None:
-        super().__init__(name, child)
-        vars(self).update(attributes)
-
-
-B = TypeVar("B", bound=Built)
-
-
-_CLASSES: dict[type, type[Any]] = {}
-
-
-def behaviour_class(base: type[B], node_class: "type[TreeNode]") -> type[B]:
-    """Return the class of the behaviours of a node.
-
-    Args:
-        base: What it derives from.
-        node_class: The class of the node in the kernel, after which it is called.
-    """
-    if node_class not in _CLASSES:
-        said = {"node_class": node_class, "__module__": node_class.__module__, "__doc__": node_class.__doc__}
-        _CLASSES[node_class] = type(node_class.__name__, (base,), said)
-    return _CLASSES[node_class]

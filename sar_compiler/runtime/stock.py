@@ -11,7 +11,8 @@ from sar_compiler.runtime.kernel import ordering, timing
 from sar_compiler.runtime.kernel.cells import FAILURE, SUCCESS
 from sar_compiler.runtime.kernel.stock_decorators import StockTimeoutNode
 from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode
-from sar_compiler.runtime.parents import Built, OwnControl
+from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.ticking import OwnControl
 
 
 class _InOrder(OwnControl):

@@ -4,17 +4,14 @@ import bisect
 import functools
 import itertools
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple, Protocol, TypedDict
 
 from sar_compiler.errors import SarError
 from sar_compiler.tree.severity import Severity as Severity
 from sar_compiler.tree.showing import in_one_line, shortened, visible
-
-if TYPE_CHECKING:
-    from sar_compiler.tree.model import Element, FileBeginning
 
 LINE_END = re.compile(r"\r\n|\r|\n")
 """What XML and YAML both take for the end of a line; str.splitlines() knows more kinds."""
@@ -47,16 +44,36 @@ AttributePlaces = tuple[int, int, int, int]
 """The offsets at which an attribute's name and its value begin and end."""
 
 
+class Placed(Protocol):
+    """What is asked of an element to find its parts in the text."""
+
+    @property
+    def source(self) -> "Source":
+        """The file."""
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """The line and the column where it begins."""
+
+    @property
+    def offset(self) -> int:
+        """The offset of its first character."""
+
+    @property
+    def attributes(self) -> Mapping[str, str]:
+        """Its attributes, in the order written."""
+
+
 class Spans:
     """Finds the parts of elements in a text; each form of tree file has its own, and a text without elements this one."""
 
     form = Form.XML
 
-    def tag(self, _element: "Element") -> tuple[int, int]:
+    def tag(self, _element: Placed) -> tuple[int, int]:
         """Return the offsets at which an element begins and its tag's name ends."""
         return 0, 0
 
-    def attributes(self, _element: "Element") -> Iterator[tuple[str, AttributePlaces]]:
+    def attributes(self, _element: Placed) -> Iterator[tuple[str, AttributePlaces]]:
         """Yield the names and the places of an element's attributes, in the order of the text."""
         return iter(())
 
@@ -118,7 +135,7 @@ class Source:
         """The places of the attributes of those elements that have many, or long ones."""
         return {}
 
-    def attribute(self, element: "Element", name: str) -> AttributePlaces | None:
+    def attribute(self, element: Placed, name: str) -> AttributePlaces | None:
         """Return the places of an attribute; None if the text of the element has none of this name."""
         values, attributes = element.attributes.values(), self.spans.attributes(element)
         if len(values) <= _FEW and sum(map(len, values)) <= _SHORT:
@@ -289,13 +306,11 @@ class TreeError(SarError):
 
     Attributes:
         findings: Everything that is wrong with it.
-        beginning: What it says before the place where it goes wrong; None where that is not known.
     """
 
-    def __init__(self, findings: Iterable[Diagnostic], beginning: "FileBeginning | None" = None) -> None:
+    def __init__(self, findings: Iterable[Diagnostic]) -> None:
         self.findings = tuple(findings)
-        self.beginning = beginning
         super().__init__("\n".join(finding.render() for finding in self.findings))
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self.findings, self.beginning)
+        return type(self), (self.findings,)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 from xml.parsers import expat
 
-from sar_compiler.tree.diagnostic import Advice, Diagnostic, Form, Source, Span, Spans
+from sar_compiler.tree.diagnostic import Advice, Diagnostic, Form, Source, Span, Spans, TreeError
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -240,6 +240,21 @@ class FileBeginning(NamedTuple):
 
     tree_file: TreeFile
     unfinished: tuple[OpenTag, ...]
+
+
+class UnfinishedFileError(TreeError):
+    """A file that goes wrong somewhere, after a beginning that can be read.
+
+    Attributes:
+        beginning: What it says before that place; None where that is not known.
+    """
+
+    def __init__(self, findings: Iterable[Diagnostic], beginning: FileBeginning | None) -> None:
+        super().__init__(findings)
+        self.beginning = beginning
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.findings, self.beginning)
 
 
 def text_of_xml(data: str) -> str:

@@ -11,9 +11,26 @@ from collections.abc import Callable, Iterator, Sequence
 from xml.parsers import expat
 
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
-from sar_compiler.tree.diagnostic import AttributePlaces, Diagnostic, Severity, Source, Spans, TreeError
+from sar_compiler.tree.diagnostic import (
+    AttributePlaces,
+    Diagnostic,
+    Placed,
+    Severity,
+    Source,
+    Spans,
+    TreeError,
+)
 from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.model import MODEL_TAG, Comment, Element, FileBeginning, OpenTag, TreeFile, text_of_xml
+from sar_compiler.tree.model import (
+    MODEL_TAG,
+    Comment,
+    Element,
+    FileBeginning,
+    OpenTag,
+    TreeFile,
+    UnfinishedFileError,
+    text_of_xml,
+)
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
@@ -36,12 +53,12 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
 class _XmlSpans(Spans):
     """Finds the parts of a start tag in the text."""
 
-    def tag(self, element: Element) -> tuple[int, int]:
+    def tag(self, element: Placed) -> tuple[int, int]:
         start = element.offset
         name = NAME.match(element.source.text, start)
         return start, name.end() if name else start + 1
 
-    def attributes(self, element: Element) -> Iterator[tuple[str, AttributePlaces]]:
+    def attributes(self, element: Placed) -> Iterator[tuple[str, AttributePlaces]]:
         text, offset = element.source.text, self.tag(element)[1]
         while match := ATTRIBUTE.match(text, offset):
             yield match[1], (*match.span(1), *match.span(3))
@@ -100,7 +117,7 @@ class _XmlReader:
                 if recovered is not None:
                     return _XmlReader(self._source, recovered).read()
             findings = recovered.findings if recovered is not None else ()
-            raise TreeError([*findings, self._malformed(error)], self._beginning()) from None
+            raise UnfinishedFileError([*findings, self._malformed(error)], self._beginning()) from None
         return self._file()
 
     def _file(self) -> TreeFile:

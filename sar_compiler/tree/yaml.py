@@ -21,6 +21,7 @@ from sar_compiler.tree.model import (
     FileBeginning,
     OpenTag,
     TreeFile,
+    UnfinishedFileError,
     is_name,
     text_of_yaml,
 )
@@ -105,7 +106,7 @@ class _YamlReader:
         if events.findings or tree_file is None:
             findings = sorted(events.findings, key=lambda found: (found.span.line, found.span.column))
             read = FileBeginning(tree_file, tuple(self._unfinished)) if tree_file is not None else None
-            raise TreeError(findings, read)
+            raise UnfinishedFileError(findings, read)
         return tree_file
 
     def _document(self) -> None:

@@ -26,13 +26,12 @@ from sar_compiler.leaves import (
 )
 from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of, drive_answers
 from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
-from search_and_rescue.areas import COVERAGE, Corners
 from search_and_rescue.beside_ticks import begin_beside
 from search_and_rescue.drawn_areas import DrawingError, DrawnAreas
 from search_and_rescue.homing import Homing
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.record import MissionRecord
-from search_and_rescue.search_theory import pod_at_random, pod_of_parallel_sweep
+from search_and_rescue.search_theory import COVERAGE, Corners, pod_at_random, pod_of_parallel_sweep
 from search_and_rescue.sweep_record import Sweep, Sweeps
 from search_and_rescue.sweeps import SweepPattern, sweep
 from search_and_rescue.zone_manager import Fence, MapPose, ZoneManager

@@ -26,11 +26,13 @@ from sar_compiler.runtime import (
 )
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Scope
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING
+from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.ordering import ResumingNode
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.turning import PreconditionNode
 from sar_compiler.runtime.language_nodes import Conditions, SetBlackboard
-from sar_compiler.runtime.parents import Built, OwnDecorator, behaviour_class
+from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.ticking import OwnDecorator, behaviour_class
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, describe_value
 
 Case = Mapping[str, Any]
@@ -130,6 +132,7 @@ def _halts_at_rest() -> Iterator[None]:
         for node in root.iterate():
             if isinstance(node, Built):
                 tree, index = node._place()
+                assert isinstance(tree, LiveTree)
                 tree.nodes[index].forget(tree.ticker)
 
     with mock.patch(f"{__name__}.halt_tree", halt_all):

@@ -15,11 +15,10 @@ from sar_compiler.missions import ParameterError, ParameterReader
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.goals import goals_under_way
 from search_and_rescue.actions.zones import ChooseZone
-from search_and_rescue.areas import Ground
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.record import Standing
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area, PoaMap
+from search_and_rescue.search_theory import Area, Ground, PoaMap
 from search_and_rescue.zone_manager import MOST_PLANNED, MapPose, ZoneManager
 
 if TYPE_CHECKING:

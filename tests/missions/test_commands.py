@@ -19,13 +19,12 @@ from sar_compiler.runtime.answers import DeclaredAnswers
 from search_and_rescue import SPECS
 from search_and_rescue.actions.sweeping import PlanSweep
 from search_and_rescue.actions.zones import ChooseZone
-from search_and_rescue.areas import Ground
 from search_and_rescue.failsafes import NotAborted, NotRecalled
 from search_and_rescue.operating import NotHeld
 from search_and_rescue.orders import COMMANDS, VERBS, CommandSpec
 from search_and_rescue.search import _SENTENCES, Search
 from search_and_rescue.search_events import COMMAND_GIVEN
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.zone_manager import Zone, ZoneManager
 
 pytestmark = pytest.mark.ros

@@ -9,8 +9,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from search_and_rescue.areas import Ground
 from search_and_rescue.coverage import ObstacleMap, Points, Raster
+from search_and_rescue.search_theory import Ground
 from search_and_rescue.sweeps import sweep
 from search_and_rescue.zone_manager import MapPose
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from search_and_rescue.areas import Ground
 from search_and_rescue.energy import EnergyModel, Rates
 from search_and_rescue.homing import Homing
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
 from tests.chance import rounds

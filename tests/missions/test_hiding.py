@@ -12,9 +12,8 @@ import yaml
 from sar_compiler.cli.compile import main
 from sar_compiler.missions import ParameterReader
 from sar_compiler.missions.parameter_reader import ParameterError
-from search_and_rescue.areas import Ground
 from search_and_rescue.hiding import Hiding, read_hiding
-from search_and_rescue.search_theory import Area, Tour
+from search_and_rescue.search_theory import Area, Ground, Tour
 from search_and_rescue.zone_manager import MapPose
 from search_and_rescue.zone_order import ordered
 from tests.chance import rounds

@@ -5,12 +5,11 @@ from typing import Any
 import pytest
 
 from sar_compiler.missions import ParameterError, ParameterReader
-from search_and_rescue.areas import Ground
 from search_and_rescue.energy import EnergyModel, Rates, Trip
 from search_and_rescue.homing import PRIOR, RESERVE, Homing
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import MapPose, ZoneManager
 

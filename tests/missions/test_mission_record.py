@@ -5,7 +5,6 @@ import pytest
 from sar_compiler.missions import Journal, JournalEntry
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.context import preview_of
-from search_and_rescue.areas import Ground
 from search_and_rescue.record import (
     FoundSurvivor,
     MissionRecord,
@@ -13,7 +12,7 @@ from search_and_rescue.record import (
     SurvivorReport,
 )
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import MapPose, ZoneManager
 

@@ -14,10 +14,9 @@ from sar_compiler.missions import Level
 from sar_compiler.runtime.clock import ManualClock
 from search_and_rescue.actions import sweeping
 from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
-from search_and_rescue.areas import Ground
 from search_and_rescue.homing import Homing
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import MapPose, ZoneManager
 

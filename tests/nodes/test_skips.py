@@ -9,7 +9,7 @@ from sar_compiler.compiler import bind_main, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime import stock
 from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
-from sar_compiler.runtime.parents import OwnDecorator, behaviour_class
+from sar_compiler.runtime.ticking import OwnDecorator, behaviour_class
 from tests.trees import forest, forest_of
 
 REGISTRY = default_registry()

@@ -14,10 +14,10 @@ from sar_compiler.runtime.kernel.table import NotFlatError, flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
 from sar_compiler.runtime.kernel.user_nodes import Tick
-from sar_compiler.runtime.parents import Control, Decorator, OwnDecorator, behaviour_class
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.skipping import SKIPPED
 from sar_compiler.runtime.stock import Fallback, Sequence, SequenceWithMemory
+from sar_compiler.runtime.ticking import Control, Decorator, OwnDecorator, behaviour_class
 from tests.conformance.leaves import ScriptedError
 from tests.runtime.kernel.flat import cells_of, tick
 from tests.runtime.own import own

@@ -9,7 +9,7 @@ from sar_compiler.nodes.ros_fields import DESTINATIONS, FIELDS, read_fields
 from sar_compiler.nodes.ros_leaves import specs
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, TreeError
-from sar_compiler.tree.model import synthetic_element, synthetic_file
+from sar_compiler.tree.model import UnfinishedFileError, synthetic_element, synthetic_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_fields import FIELD_ATTRIBUTES
@@ -171,7 +171,7 @@ def test_a_mapping_in_the_place_of_any_other_attribute_is_a_finding(text, place)
 
 def test_a_mapping_that_is_no_attribute_leaves_the_places_of_the_others():
     text = "A: {first: {a: 1}, second: two, third: [3], fourth: four}"
-    with pytest.raises(TreeError) as caught:
+    with pytest.raises(UnfinishedFileError) as caught:
         parse_yaml(text)
     assert caught.value.beginning is not None
     root = caught.value.beginning.tree_file.root

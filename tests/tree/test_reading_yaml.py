@@ -10,6 +10,7 @@ from sar_compiler.tree import yaml_events
 from sar_compiler.tree.content import MAX_DEPTH
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.model import UnfinishedFileError
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
@@ -345,7 +346,7 @@ CUT_SHORT = {
 def beginning_of(text):
     with pytest.raises(TreeError) as caught:
         parse_yaml(text, "test.yaml")
-    return caught.value.beginning
+    return caught.value.beginning if isinstance(caught.value, UnfinishedFileError) else None
 
 
 @pytest.mark.parametrize("name", CUT_SHORT)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, Severity, TreeError
-from sar_compiler.tree.model import OpenTag
+from sar_compiler.tree.model import OpenTag, UnfinishedFileError
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_recovery import recover
 from sar_compiler.tree.xml_writer import write_xml
@@ -264,7 +264,7 @@ WORDS = {
 @pytest.mark.parametrize("name", WORDS)
 def test_what_is_not_well_formed_is_said_in_the_reader_s_words(name):
     written, column, message, advice = WORDS[name]
-    with pytest.raises(TreeError) as caught:
+    with pytest.raises(UnfinishedFileError) as caught:
         parse_xml(f'<root>\n<A b="1"/>\n{written}\n</root>')
     (finding,) = caught.value.findings
     assert (finding.span.line, finding.span.column) == (3, column)

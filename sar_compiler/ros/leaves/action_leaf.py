@@ -11,12 +11,12 @@ from py_trees.common import Status
 from sar_compiler.nodes.spec import MARK, Use
 from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.arrivals import Arrival, drives_to_pose, goal_destination
-from sar_compiler.ros.leaves.client_leaf import ClientLeaf
 from sar_compiler.ros.leaves.goals import (
     ABORTED,
     SUCCEEDED,
     ActionGoal,
     ActionPort,
+    GoalSender,
     GoalStatuses,
     describe_status,
     goal_statuses_of,
@@ -37,7 +37,7 @@ _PROGRESS_M = 0.5
 _REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
 
 
-class ActionLeaf(ClientLeaf[ActionGoal]):
+class ActionLeaf(GoalSender):
     """A leaf that sends one goal of an action in each activation; RUNNING until the goal has ended.
 
     When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
@@ -101,10 +101,7 @@ class ActionLeaf(ClientLeaf[ActionGoal]):
     """The kind of `Use` that the registration of a leaf names."""
     action_type: Any = None
     action_name: str = ""
-    acceptance_timeout_sec: float = 5.0
-    feedback_timeout_sec: float | None = None
     feedback_period_sec: float = 0.0
-    absence_timeout_sec: float = 0.5
     hold_timeout_sec: float = 60.0
     pause_sec: float = 1.0
     rivals: Collection[str] = ()

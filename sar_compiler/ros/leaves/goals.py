@@ -13,7 +13,7 @@ from weakref import WeakMethod
 
 from sar_compiler.nodes.ros_interfaces import reported_error
 from sar_compiler.ros.clock import AWAKE, Deadline
-from sar_compiler.ros.leaves.client_leaf import Exchange
+from sar_compiler.ros.leaves.client_leaf import ClientLeaf, Exchange
 from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.showing import in_one_line
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rclpy.client import Client
     from rclpy.node import Node
     from rclpy.task import Future
-
-    from sar_compiler.ros.leaves.action_leaf import ActionLeaf
 
 SUCCEEDED = 4
 """The status of a goal that has been reached: of `action_msgs/msg/GoalStatus`, as those below."""
@@ -410,6 +408,17 @@ class Pulse:
             self._prober.remove_pending_request(question)
 
 
+class GoalSender(ClientLeaf["ActionGoal"]):
+    """The limits of a leaf that sends goals; see `ActionLeaf`."""
+
+    acceptance_timeout_sec: float = 5.0
+    feedback_timeout_sec: float | None = None
+    absence_timeout_sec: float = 0.5
+
+    def _hear(self) -> None:
+        """Take note that the server has accepted the goal, or ended it well."""
+
+
 class ActionGoal(Exchange):
     """One goal, from the request to its end, sent at most once and without blocking.
 
@@ -433,9 +442,9 @@ class ActionGoal(Exchange):
     _server_kind = "action"
     _reply = "no answer to the goal"
 
-    _leaf: "ActionLeaf"
+    _leaf: "GoalSender"
 
-    def __init__(self, leaf: "ActionLeaf", port: ActionPort, message: Any) -> None:
+    def __init__(self, leaf: "GoalSender", port: ActionPort, message: Any) -> None:
         super().__init__(leaf, port.name, leaf.acceptance_timeout_sec)
         self.rejected = self.is_result_lost = False
         self.ended_at = math.inf

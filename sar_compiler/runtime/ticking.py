@@ -1,0 +1,108 @@
+"""Controls, decorators and leaves that the kernel ticks, also where py_trees ticks them.
+
+py_trees sees a behaviour that is made for a node of the kernel (`behaviour_class`): a name, children, and what the tag says.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.composites import Composite
+from py_trees.decorators import Decorator as StockDecorator
+
+from sar_compiler.runtime.kernel.live import LiveTree, show_visits
+from sar_compiler.runtime.parents import Built, Parent, Ticking
+
+if TYPE_CHECKING:
+    from sar_compiler.runtime.kernel.tree_nodes import TreeNode
+    from sar_compiler.runtime.kernel.user_nodes import Tick
+
+# The kernel imports the bases, so these are given the kernel here.
+Built.ticking = Ticking(LiveTree, show_visits)
+
+
+class Control(Parent, Composite):
+    """A node with several children.
+
+    Args:
+        children: The children, in order.
+    """
+
+    def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
+        # By its name: some controls are subclasses of stock ones, whose constructors want more.
+        Composite.__init__(self, name, list(children))
+
+    def tip(self) -> Behaviour | None:
+        """Return the deepest node that the last tick reached; this one if its children are at rest."""
+        below: Behaviour | None = super().tip()
+        return below or (self if self.status != Status.INVALID else None)
+
+
+class Decorator(Parent, StockDecorator):
+    """A node with one child (`decorated`), which its constructor takes."""
+
+    def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for those derived from it
+        """Begin a tick with the child."""
+        child: Behaviour = self.decorated
+        return child
+
+    def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:  # noqa: ARG002
+        """Pass on what the child has come to."""
+        return outcome
+
+
+class OwnLeaf(Built):
+    """A leaf of ours.
+
+    Args:
+        name: The node's name.
+        **attributes: What its tag says, which its node in the kernel reads.
+    """
+
+    def __init__(self, name: str, **attributes: object) -> None:
+        super().__init__(name)
+        vars(self).update(attributes)
+
+
+class OwnControl(Control):
+    """A control of ours, as `OwnLeaf`.
+
+    Args:
+        children: The children, in order.
+    """
+
+    def __init__(self, name: str, children: Sequence[Behaviour], **attributes: object) -> None:
+        super().__init__(name, children)
+        vars(self).update(attributes)
+
+
+class OwnDecorator(Decorator):
+    """A decorator of ours, as `OwnLeaf`.
+
+    Args:
+        child: The child.
+    """
+
+    def __init__(self, name: str, child: Behaviour, **attributes: object) -> None:
+        super().__init__(name, child)
+        vars(self).update(attributes)
+
+
+B = TypeVar("B", bound=Built)
+
+
+_CLASSES: dict[type, type[Any]] = {}
+
+
+def behaviour_class(base: type[B], node_class: "type[TreeNode]") -> type[B]:
+    """Return the class of the behaviours of a node.
+
+    Args:
+        base: What it derives from.
+        node_class: The class of the node in the kernel, after which it is called.
+    """
+    if node_class not in _CLASSES:
+        said = {"node_class": node_class, "__module__": node_class.__module__, "__doc__": node_class.__doc__}
+        _CLASSES[node_class] = type(node_class.__name__, (base,), said)
+    return _CLASSES[node_class]
