@@ -126,6 +126,17 @@ def test_a_package_imports_only_what_its_row_allows(room):
     assert wrong == []
 
 
+def test_no_part_starts_the_command_line_by_its_name():
+    named = [
+        f"{path}:{line}"
+        for path in FILES
+        if room_of(path) not in {"cli", "commands", "console_command"}
+        for text, line in texts_of(path)
+        if "sar_compiler.cli" in text
+    ]
+    assert named == []
+
+
 def test_every_room_has_its_rule():
     assert {room_of(path) for path in FILES} - COMMON - ABOVE == set(MAY_IMPORT)
 

@@ -27,6 +27,7 @@ from sar_compiler.cli.parser import Parser
 from sar_compiler.cli.run_extensions import extensions_asked_for
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.execution.supervision import Supervision, own_supervision
+from sar_compiler.helper_process import helper_command
 from sar_compiler.opener import is_file
 from sar_compiler.process_end import end_process, shut_down
 from sar_compiler.resources import find
@@ -82,6 +83,11 @@ def run_in(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int
         signals.give_back()
 
 
+def _own_program() -> list[str]:
+    """Return the command of a run in another process, which imports what this one can."""
+    return helper_command("sar_compiler.cli.console", "sar_run")
+
+
 def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: bool) -> int:
     signals.ends_unnoticed = True
     options, supervision = _options(argv), own_supervision()
@@ -89,12 +95,23 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
     if options.supervise is not None and options.serve is None and not supervision.is_there:
         from sar_compiler.execution.supervisor import supervise
 
-        return supervise(argv, options.supervise, signals, _reports(options) if options.report else None)
+        return supervise(
+            [*_own_program(), *argv],
+            options.supervise,
+            signals,
+            _reports(options) if options.report else None,
+        )
     if options.serve is not None:
         from sar_compiler.execution.serve import ServeOptions, serve
 
         served = ServeOptions(
-            options.serve, options.additions, options.params, options.ros, options.fault, options.managed
+            _own_program(),
+            options.serve,
+            options.additions,
+            options.params,
+            options.ros,
+            options.fault,
+            options.managed,
         )
         return serve(_passed_on(argv, options), served, signals)
     _supervise(options, supervision)

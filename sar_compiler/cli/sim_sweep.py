@@ -18,6 +18,7 @@ from sar_compiler.cli.sweep import (
     run_sweep,
 )
 from sar_compiler.commands import CommandParser, interruptible
+from sar_compiler.helper_process import helper_command
 from sar_compiler.missions.choosing import mission_of
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.writing import write_text
@@ -83,6 +84,7 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
     from sar_compiler.analysis.sweep import SweptRow
     from sar_compiler.sim.flights import Flights
 
+    program = tuple(helper_command("sar_compiler.cli.console", "sar_run_repeatedly"))
     worlds, mixes = options.world or [DEFAULT_WORLD], options.fault or [_NO_FAULTS]
     _check(options, worlds, mixes)
     for world, mix, *values in itertools.product(worlds, mixes, *(listed for _, listed in options.vary)):
@@ -93,7 +95,7 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
             labels[name] = text
             ros += ["-p", f"{name}:={text}"]
         faults = () if mix == _NO_FAULTS else tuple(mix.split())
-        flights = Flights((options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros))
+        flights = Flights(program, (options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros))
         yield SweptRow(labels, flights), flights
 
 

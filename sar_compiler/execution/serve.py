@@ -18,7 +18,6 @@ from typing import IO, TYPE_CHECKING, NamedTuple
 from sar_compiler.commands import ADRIFT, FINDINGS, OK, USAGE, tell_note
 from sar_compiler.errors import SarError
 from sar_compiler.execution.served_runs import EndedRun
-from sar_compiler.execution.supervision import run_command
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.missions.choosing import mission_of
 from sar_compiler.missions.parameter_file import read_parameter_file
@@ -83,6 +82,7 @@ class ServeOptions(NamedTuple):
     """The options of a server of trees.
 
     Attributes:
+        program: The command that runs a tree, before the tree.
         trees: The tree files, or the names of shipped trees.
         additions: As in `RunOptions`, for all runs.
         params: Likewise.
@@ -91,6 +91,7 @@ class ServeOptions(NamedTuple):
         is_managed: Whether the node has a life cycle, which a manager decides.
     """
 
+    program: Sequence[str]
     trees: Sequence[str]
     additions: Additions
     params: Path | None = None
@@ -103,7 +104,7 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
     """Start runs for others until a signal comes.
 
     Args:
-        argv: What each run has on its command line, but for its tree.
+        argv: What each run has on its command line, after its tree.
         options: The options.
         signals: The requests to stop.
 
@@ -217,7 +218,7 @@ class Runs:
             self.status = ADRIFT if status == ADRIFT else OK
             end(ended)
 
-        command = [str(served.path), "--tree", served.tree_id, *self._argv, *ros]
+        command = [*self._options.program, str(served.path), "--tree", served.tree_id, *self._argv, *ros]
         return ServedProcess(command, tell, take_end, self._holder(served))
 
     def _holder(self, served: ServedTree) -> "Holder":
@@ -278,7 +279,7 @@ class ServedProcess:
     """A run in a process of its own.
 
     Args:
-        argv: Its command line.
+        argv: Its command line, with the program.
         tell: Is told each line that it shows.
         end: Is told its exit status, and how it has ended.
         hold: Orders its mission to hold, or to go on.
@@ -296,7 +297,7 @@ class ServedProcess:
     ) -> None:
         self._tell, self._end, self._hold = tell, end, hold
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
-            run_command(argv),
+            argv,
             env=dependent_environment(),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -7,8 +7,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.helper_process import helper_command
-
 ALIVE, ENDING, JOURNAL, DEAF = b".", b"=", b"/", b"?"
 """The signs of a run, each the first letter of a line: it lives, it comes to its end, where its journal is, and that it hears nothing.
 One more is the guardian's (`ros.guardian.ADRIFT_SIGN`)."""
@@ -19,11 +17,6 @@ PERIOD_SEC = 1.0
 
 NOT_READY = 3
 """The exit status of a run: something that it needs did not appear in time."""
-
-
-def run_command(argv: Sequence[str]) -> list[str]:
-    """Return the command of a run in another process, which imports what this one can."""
-    return helper_command("sar_compiler.cli.console", "sar_run", *argv)
 
 
 class Supervision(NamedTuple):

@@ -20,7 +20,6 @@ from sar_compiler.execution.supervision import (
     JOURNAL,
     NOT_READY,
     Supervision,
-    run_command,
 )
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.ros.guardian import ADRIFT_SIGN
@@ -49,7 +48,7 @@ def supervise(
     nothing, after which it is killed. Then its guardian cancels its goals; when their ends are seen and the journal is free, the next run begins.
 
     Args:
-        argv: The command line.
+        argv: The command of a run, with the program.
         limit: How often it is begun again, at most.
         signals: The requests to stop, which are passed on.
         report: Writes what a run has to write at its end, given its journal; None for nothing.
@@ -82,7 +81,7 @@ class _Life:
     """One run of the mission.
 
     Args:
-        argv: The command line.
+        argv: The command of the run, with the program.
         deaths: How those before it have ended.
         has_begun: Whether the mission is resumed.
 
@@ -96,7 +95,7 @@ class _Life:
         signs, theirs = os.pipe()
         handed = Supervision(theirs, deaths, has_begun).environment()
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
-            run_command(argv),
+            argv,
             env={**os.environ, **handed},
             # Ctrl-C is for whole groups of processes, and is passed on once.
             start_new_session=True,

@@ -17,7 +17,6 @@ from sar_compiler.analysis.sweep import Played
 from sar_compiler.analysis.sweep.workers import Workers
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
-from sar_compiler.helper_process import helper_command
 from sar_compiler.process_end import dependent_environment
 
 # Ports of higher domains are among those that Linux gives to anybody.
@@ -42,11 +41,13 @@ class Flights:
     """Flies a mission with the seeds that it is given.
 
     Attributes:
+        program: The command of a process that runs one mission after the other.
         arguments: The arguments of `sar-run` before the faults: the tree and the world among them.
         faults: The faults, as written.
         ros: The ROS arguments.
     """
 
+    program: tuple[str, ...]
     arguments: tuple[str, ...]
     faults: tuple[str, ...] = ()
     ros: tuple[str, ...] = ()
@@ -69,7 +70,9 @@ class Flights:
     def _outcome(self, seed: int) -> Played:
         problem = ""
         for _ in range(_MOST_ATTEMPTS):
-            status, output, problem = _fly(["--format", "json", "--journal", "none", *self.command(seed)])
+            status, output, problem = _fly(
+                self.program, ["--format", "json", "--journal", "none", *self.command(seed)]
+            )
             if _over.is_set() or status == INTERRUPTED:
                 raise CancelledError
             # A process that ends before it answers may have such a status as well.
@@ -98,13 +101,17 @@ class Flown(NamedTuple):
 
 
 class Pilot:
-    """A process that flies missions one after the other, in a domain that no other sweep has as long as it lives."""
+    """A process that flies missions one after the other, in a domain that no other sweep has as long as it lives.
 
-    def __init__(self) -> None:
+    Args:
+        program: Its command.
+    """
+
+    def __init__(self, program: Sequence[str]) -> None:
         self._left = _MOST_FLIGHTS
         with _free_domain() as (domain, lock):
             self._process = subprocess.Popen(  # noqa: S603 - the project's own command
-                helper_command("sar_compiler.cli.console", "sar_run_repeatedly"),
+                program,
                 env={**dependent_environment(), "ROS_DOMAIN_ID": str(domain)},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -150,9 +157,9 @@ _flying: set[Pilot] = set()
 _waiting: list[Pilot] = []
 
 
-def _fly(arguments: Sequence[str]) -> Flown:
+def _fly(program: Sequence[str], arguments: Sequence[str]) -> Flown:
     """Fly a mission, by a process that has flown others if there is one."""
-    pilot = _fit_pilot()
+    pilot = _fit_pilot(program)
     _flying.add(pilot)
     try:
         return pilot.fly(arguments)
@@ -164,13 +171,13 @@ def _fly(arguments: Sequence[str]) -> Flown:
             pilot.close()
 
 
-def _fit_pilot() -> Pilot:
+def _fit_pilot(program: Sequence[str]) -> Pilot:
     while _waiting:
         pilot = _waiting.pop()
         if pilot.is_fit:
             return pilot
         pilot.close()
-    return Pilot()
+    return Pilot(program)
 
 
 @contextmanager

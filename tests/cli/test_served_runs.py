@@ -16,6 +16,7 @@ from sar_compiler.compiler import bind_main
 from sar_compiler.execution.serve import ServedProcess, ended_run, holder
 from sar_compiler.execution.served_runs import EndedRun, PayloadError, parameters_of
 from sar_compiler.execution.verb_calls import VerbCalls
+from sar_compiler.helper_process import helper_command
 from sar_compiler.leaves import Kind, register
 from sar_compiler.missions.beginning import path_parameters
 from sar_compiler.missions.choosing import find_mission
@@ -66,7 +67,10 @@ def test_a_run_has_ended_although_what_it_has_begun_holds_its_output_open(tmp_pa
     )
     told: Queue[str] = Queue()
     ServedProcess(
-        ["--nodes", "endless"], told.put, lambda status, end: ended.put((status, end)), lambda *_: None
+        helper_command("sar_compiler.cli.console", "sar_run", "--nodes", "endless"),
+        told.put,
+        lambda status, end: ended.put((status, end)),
+        lambda *_: None,
     )
     status, end = ended.get(timeout=60.0)
     os.kill(int(told.get(timeout=5.0)), signal.SIGKILL)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.sim import main
+from sar_compiler.helper_process import helper_command
 from sar_compiler.sim import flights
 from search_and_rescue.hiding import Hiding
 from search_and_rescue.search_theory import Area
@@ -18,6 +19,7 @@ from tests.waiting import News
 
 AREAS = Path("config/search_areas_params.yaml").resolve()
 POSE = {"zone_c": MapPose(x=4.0, y=-3.0, yaw=3.14)}
+PROGRAM = tuple(helper_command("sar_compiler.cli.console", "sar_run_repeatedly"))
 REFUSED = "report_survivor:refuse=1"
 
 
@@ -62,7 +64,7 @@ def one_zone():
     """Short flights, by processes that end with the test."""
     with flights.in_threads(1):
         arguments = ("search_and_rescue", "--sim", "--speed", "1000")
-        yield flights.Flights(arguments, ros=("-p", "zone_order:=[zone_a]"))
+        yield flights.Flights(PROGRAM, arguments, ros=("-p", "zone_order:=[zone_a]"))
 
 
 @pytest.mark.ros
@@ -78,7 +80,7 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
 def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
     monkeypatch.setattr(flights, "_fly", lambda _: flights.Flown(1, words="it broke"))
     with pytest.raises(flights.FlightError, match="it broke"):
-        flights.Flights(("a_tree",))([0])
+        flights.Flights(PROGRAM, ("a_tree",))([0])
 
 
 @pytest.mark.ros
@@ -91,7 +93,7 @@ def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
         for is_found in (True, False)
     ]
     with flights.in_threads(1):
-        found, missed = flights.Flights(arguments, ros=only)(seeds)
+        found, missed = flights.Flights(PROGRAM, arguments, ros=only)(seeds)
     assert (found.counts["survivors found"], missed.counts["survivors found"]) == (1, 0)
     # 5 m at 0.6 m/s, and never the time of the wall, which is a fraction of it.
     assert 8.0 < found.counts["first find after"] < found.time_sec
@@ -114,11 +116,11 @@ def test_flights_go_on_with_an_rclpy_that_has_no_executor_of_events(monkeypatch)
 
 @pytest.mark.usefixtures("one_zone")
 def test_a_process_that_has_died_between_two_missions_is_replaced():
-    dead = flights.Pilot()
+    dead = flights.Pilot(PROGRAM)
     dead.stop()
     dead._process.wait()
     flights._waiting.append(dead)
-    flown = flights._fly(["--tee"])
+    flown = flights._fly(PROGRAM, ["--tee"])
     assert flown.status == 2
     assert flown.words == "sar-run: error: unrecognized arguments: --tee; did you mean '--tree'?"
     assert dead not in flights._waiting
