@@ -9,7 +9,7 @@ from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, read_file
 from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.gathering import path_named, read_tree_file
+from sar_compiler.tree.gathering import parse_tree, path_named
 from sar_compiler.writing import write_bytes
 
 
@@ -51,9 +51,9 @@ def _format(name: str, *, write: bool) -> bool:
     from sar_compiler.tree.conversion import canonical_bytes
 
     path = path_named(name)
-    tree_file = read_tree_file(path)
-    data = canonical_bytes(tree_file)
-    differs = read_file(path, TREE).data != data
+    written = read_file(path, TREE).data
+    data = canonical_bytes(parse_tree(written, str(path)))
+    differs = written != data
     if write and path == STANDARD_INPUT:
         sys.stdout.buffer.write(data)
     elif write and differs:

@@ -1,5 +1,6 @@
 """The XML schema of tree files, made from the registry."""
 
+import functools
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
@@ -41,14 +42,18 @@ def xml_schema(
     for spec in described:
         if only is None or spec.tag in only:
             tags.setdefault(spec.tag, [spec])
-    frame = Path(__file__).with_name("frame.xsd").read_text("utf-8").removesuffix(_END)
     lines = [*_notes(notes), *_group(tags), *_common()]
     for value_type in value_types(tags):
         lines += _value_type(value_type)
     lines += _named_type(ONESHOT, _enumeration(ONESHOT_TYPE.choices))
     for tag, specs in tags.items():
         lines += _node_type(tag, specs)
-    return frame + "\n".join([*lines, _END])
+    return _frame() + "\n".join([*lines, _END])
+
+
+@functools.cache
+def _frame() -> str:
+    return Path(__file__).with_name("frame.xsd").read_text("utf-8").removesuffix(_END)
 
 
 def _notes(names: Iterable[str]) -> list[str]:
