@@ -126,6 +126,29 @@ def test_a_package_imports_only_what_its_row_allows(room):
     assert wrong == []
 
 
+@functools.cache
+def modules_of_parts_imported():
+    """Return, for each part, its modules that others import."""
+    found = collections.defaultdict(set)
+    for path in FILES:
+        for name, _ in () if is_public_group(path) else imports_of(path):
+            top, _, rest = name.partition(".")
+            part, *module = rest.split(".")
+            if top == PACKAGE.name and part in PARTS and part != room_of(path):
+                while module and not any(
+                    PACKAGE.joinpath(part, *module).with_suffix(end).exists() for end in ("", ".py")
+                ):
+                    module.pop()
+                found[part].add(".".join(module))
+    return {part: modules - {""} for part, modules in found.items()}
+
+
+@pytest.mark.parametrize("part", sorted(PARTS))
+def test_others_import_of_a_part_the_modules_that_its_face_lists(part):
+    listed = importlib.import_module(f"{PACKAGE.name}.{part}").PUBLIC_MODULES
+    assert listed == tuple(sorted(modules_of_parts_imported()[part]))
+
+
 def test_no_part_starts_the_command_line_by_its_name():
     named = [
         f"{path}:{line}"

@@ -9,5 +9,22 @@ if TYPE_CHECKING:
     from sar_compiler.execution.python_run import run_mission as run_mission
     from sar_compiler.execution.run_options import RunOptions as RunOptions
     from sar_compiler.execution.run_options import RunOutcome as RunOutcome
+
+PUBLIC_MODULES = (
+    "ending",
+    "extensions",
+    "mission_run",
+    "order_record",
+    "run_options",
+    "run_setup",
+    "run_view",
+    "run_watch",
+    "serve",
+    "sim_isolation",
+    "supervision",
+    "supervisor",
+    "verb_calls",
+)
+"""The modules that other parts may import."""
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

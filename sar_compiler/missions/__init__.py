@@ -56,5 +56,15 @@ ENTRY_POINTS = "sar_compiler.missions"
 """The group of entry points by which missions are found."""
 DEFAULT = "sar_compiler.default_mission"
 """The group whose entry point has the name of the mission that is run if nothing is named."""
+PUBLIC_MODULES = (
+    "beginning",
+    "choosing",
+    "faults",
+    "mission",
+    "parameter_file",
+    "parameter_reader",
+    "tree_check",
+)
+"""The modules that other parts may import."""
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy(__name__)

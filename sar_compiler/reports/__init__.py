@@ -1,1 +1,14 @@
 """What is reported of a mission afterwards: explanations, statistics and reports."""
+
+PUBLIC_MODULES = (
+    "checked_journal",
+    "compared_flights",
+    "explanation",
+    "journals",
+    "leaf_statistics",
+    "report_files",
+    "report_forms",
+    "run_report",
+    "why",
+)
+"""The modules that other parts may import."""

@@ -1,1 +1,33 @@
 """The interface to ROS 2: the runner of trees, the wait for their requirements, parameters, servers."""
+
+PUBLIC_MODULES = (
+    "arguments",
+    "clock",
+    "engine",
+    "engines",
+    "executors",
+    "forced_end",
+    "graph_check",
+    "graph_queries",
+    "guardian",
+    "leaves.leaf",
+    "left_goals",
+    "message_values",
+    "middleware",
+    "mission_graph",
+    "mission_publisher",
+    "mission_recording",
+    "nav2_parameters",
+    "parameters",
+    "poses",
+    "readiness",
+    "robot_estimate",
+    "robot_observer",
+    "run_extension",
+    "serving",
+    "signals",
+    "sole_mission",
+    "tick_watch",
+    "watch",
+)
+"""The modules that other parts may import."""

@@ -71,7 +71,7 @@ class TickedTree(Protocol):
         """Stop a node."""
 
 
-class Ticking(NamedTuple):
+class KernelTicking(NamedTuple):
     """How a behaviour is ticked that py_trees ticks.
 
     Attributes:
@@ -101,7 +101,7 @@ class Built(Behaviour):
     """
 
     node_class: "ClassVar[type[TreeNode] | None]" = None
-    ticking: ClassVar[Ticking]
+    ticking: ClassVar[KernelTicking]
     skipped = False
     clock: Clock = WallClock()
     place: tuple[TickedTree, int] | None = None

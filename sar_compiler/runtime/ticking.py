@@ -12,14 +12,14 @@ from py_trees.composites import Composite
 from py_trees.decorators import Decorator as StockDecorator
 
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
-from sar_compiler.runtime.parents import Built, Parent, Ticking
+from sar_compiler.runtime.parents import Built, KernelTicking, Parent
 
 if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.tree_nodes import TreeNode
     from sar_compiler.runtime.kernel.user_nodes import Tick
 
 # The kernel imports the bases, so these are given the kernel here.
-Built.ticking = Ticking(LiveTree, show_visits)
+Built.ticking = KernelTicking(LiveTree, show_visits)
 
 
 class Control(Parent, Composite):

@@ -44,7 +44,7 @@ AttributePlaces = tuple[int, int, int, int]
 """The offsets at which an attribute's name and its value begin and end."""
 
 
-class Placed(Protocol):
+class ElementView(Protocol):
     """What is asked of an element to find its parts in the text."""
 
     @property
@@ -69,11 +69,11 @@ class Spans:
 
     form = Form.XML
 
-    def tag(self, _element: Placed) -> tuple[int, int]:
+    def tag(self, _element: ElementView) -> tuple[int, int]:
         """Return the offsets at which an element begins and its tag's name ends."""
         return 0, 0
 
-    def attributes(self, _element: Placed) -> Iterator[tuple[str, AttributePlaces]]:
+    def attributes(self, _element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
         """Yield the names and the places of an element's attributes, in the order of the text."""
         return iter(())
 
@@ -135,7 +135,7 @@ class Source:
         """The places of the attributes of those elements that have many, or long ones."""
         return {}
 
-    def attribute(self, element: Placed, name: str) -> AttributePlaces | None:
+    def attribute(self, element: ElementView, name: str) -> AttributePlaces | None:
         """Return the places of an attribute; None if the text of the element has none of this name."""
         values, attributes = element.attributes.values(), self.spans.attributes(element)
         if len(values) <= _FEW and sum(map(len, values)) <= _SHORT:

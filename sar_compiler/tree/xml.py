@@ -14,7 +14,7 @@ from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, s
 from sar_compiler.tree.diagnostic import (
     AttributePlaces,
     Diagnostic,
-    Placed,
+    ElementView,
     Severity,
     Source,
     Spans,
@@ -53,12 +53,12 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
 class _XmlSpans(Spans):
     """Finds the parts of a start tag in the text."""
 
-    def tag(self, element: Placed) -> tuple[int, int]:
+    def tag(self, element: ElementView) -> tuple[int, int]:
         start = element.offset
         name = NAME.match(element.source.text, start)
         return start, name.end() if name else start + 1
 
-    def attributes(self, element: Placed) -> Iterator[tuple[str, AttributePlaces]]:
+    def attributes(self, element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
         text, offset = element.source.text, self.tag(element)[1]
         while match := ATTRIBUTE.match(text, offset):
             yield match[1], (*match.span(1), *match.span(3))

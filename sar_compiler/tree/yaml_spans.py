@@ -6,7 +6,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from sar_compiler.tree.diagnostic import LINE_END, AttributePlaces, Form, Placed, Spans
+from sar_compiler.tree.diagnostic import LINE_END, AttributePlaces, ElementView, Form, Spans
 
 _HEADER = re.compile(r"[|>][^\r\n]*(?:\r\n|\r|\n|$)")
 # What stands for the characters of a value: a fold, an escape, or a character for itself.
@@ -57,12 +57,12 @@ class YamlSpans(Spans):
         """Return whether a value that begins there stands in the file as it is read, but for its indentation."""
         return start in self._verbatim
 
-    def tag(self, element: Placed) -> tuple[int, int]:
+    def tag(self, element: ElementView) -> tuple[int, int]:
         """Return where the element's tag is."""
         number = self._number(element)
         return self._tags[number], self._tag_ends[number]
 
-    def attributes(self, element: Placed) -> Iterator[tuple[str, AttributePlaces]]:
+    def attributes(self, element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
         """Yield the names and the places of an element's attributes, which have quotes or the header of a block."""
         for index, name in enumerate(element.attributes, self._first[self._number(element)] // 4):
             start, end, begin, behind = self._places[4 * index : 4 * index + 4]
@@ -78,7 +78,7 @@ class YamlSpans(Spans):
             return [min(offset, end) for offset in _offsets_in_literal(text, start, end, value)]
         return offsets_in_scalar(text, start, end, value)
 
-    def _number(self, element: Placed) -> int:
+    def _number(self, element: ElementView) -> int:
         return bisect.bisect_left(self._tags, element.offset)
 
 
