@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sar_compiler.analysis.tree_analysis import predict_tree, verify_tree
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Named, Registry
 from sar_compiler.project.additions import Additions
@@ -16,12 +17,8 @@ from sar_compiler.tree.gathering import find_tree
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler.analysis.predict import Prediction
     from sar_compiler.analysis.simulated import Simulated
-    from sar_compiler.analysis.verify.verdicts import Verification
-    from sar_compiler.budget import Budget
     from sar_compiler.compiler import CompiledTree
-    from sar_compiler.documents.located import Document
 
 
 class LoadedTree(ProjectTree):
@@ -94,83 +91,8 @@ class LoadedTree(ProjectTree):
 
         return simulate_tree(self, {**(scenario or {}), "leaves": {**(leaves or {}), **scripts}})
 
-    def verify(
-        self,
-        properties: str | Path | None = None,
-        *,
-        facts: "Mapping[str, object] | Document | None" = None,
-        params: str | Path | None = None,
-        tree_id: str | None = None,
-        max_states: int = 1_000_000,
-        budget: "Budget | None" = None,
-    ) -> "Verification":
-        """Check properties in all possible runs of the tree.
-
-        Args:
-            properties: A file with the properties; by default the mission's own.
-            facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
-            params: The mission's ROS parameter file; *properties* and *facts* override what it says.
-            tree_id: The tree in the file; by default the one that the file executes.
-            max_states: The largest number of states to explore.
-            budget: Limits time and memory, and is told the progress; by default there is no limit but that of states.
-
-        Raises:
-            TreeError: If there are errors, or a property makes no sense for the tree.
-            UndecidableError: If the runs of the tree cannot be enumerated.
-            ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
-        """
-        from sar_compiler.analysis.tree_analysis import verify_tree
-
-        return verify_tree(
-            self,
-            properties,
-            facts=facts,
-            params=params,
-            tree_id=tree_id,
-            max_states=max_states,
-            budget=budget,
-        )
-
-    def predict(
-        self,
-        properties: str | Path | None = None,
-        *,
-        answers: Iterable[str | Path] = (),
-        facts: "Mapping[str, object] | Document | None" = None,
-        params: str | Path | None = None,
-        tree_id: str | None = None,
-        period_sec: float | None = None,
-        max_states: int = 1_000_000,
-        budget: "Budget | None" = None,
-    ) -> "Prediction":
-        """Compute how likely the tree is to succeed and to keep its properties, and how long it takes. Needs numpy and scipy.
-
-        Args:
-            properties: A file with the properties, and with the chances `p` and times `sec` of answers; by default the mission's own.
-            answers: Further files that say how likely answers are; the file of properties overrides them.
-            facts: As for `verify`.
-            params: As for `verify`.
-            tree_id: As for `verify`.
-            period_sec: The time between two ticks, seconds; by default that of *params*, or half a second.
-            max_states: As for `verify`; what is behind the others may be anything, so the numbers have wider bounds.
-            budget: As for `verify`.
-
-        Raises:
-            TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
-        """
-        from sar_compiler.analysis.tree_analysis import predict_tree
-
-        return predict_tree(
-            self,
-            properties,
-            answers=answers,
-            facts=facts,
-            params=params,
-            tree_id=tree_id,
-            period_sec=period_sec,
-            max_states=max_states,
-            budget=budget,
-        )
+    verify = verify_tree
+    predict = predict_tree
 
 
 class _LoadingWorkspace(Workspace):

@@ -73,7 +73,22 @@ def verify_tree(
     max_states: int = 1_000_000,
     budget: "Budget | None" = None,
 ) -> "Verification":
-    """Check properties in all possible runs of a tree; see `LoadedTree.verify`."""
+    """Check properties in all possible runs of the tree.
+
+    Args:
+        tree: The tree file.
+        properties: A file with the properties; by default the mission's own.
+        facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
+        params: The mission's ROS parameter file; *properties* and *facts* override what it says.
+        tree_id: The tree in the file; by default the one that the file executes.
+        max_states: The largest number of states to explore.
+        budget: Limits time and memory, and is told the progress; by default there is no limit but that of states.
+
+    Raises:
+        TreeError: If there are errors, or a property makes no sense for the tree.
+        UndecidableError: If the runs of the tree cannot be enumerated.
+        ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+    """
     from sar_compiler.analysis.proofs import search_runs
     from sar_compiler.analysis.verify import verify
 
@@ -181,7 +196,22 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
     max_states: int = 1_000_000,
     budget: "Budget | None" = None,
 ) -> "Prediction":
-    """Compute how likely a tree is to succeed and to keep its properties, and how long it takes; see `LoadedTree.predict`."""
+    """Compute how likely the tree is to succeed and to keep its properties, and how long it takes. Needs numpy and scipy.
+
+    Args:
+        tree: The tree file.
+        properties: A file with the properties, and with the chances `p` and times `sec` of answers; by default the mission's own.
+        answers: Further files that say how likely answers are; the file of properties overrides them.
+        facts: As for `verify`.
+        params: As for `verify`.
+        tree_id: As for `verify`.
+        period_sec: The time between two ticks, seconds; by default that of *params*, or half a second.
+        max_states: As for `verify`; what is behind the others may be anything, so the numbers have wider bounds.
+        budget: As for `verify`.
+
+    Raises:
+        TreeError, UndecidableError, ParameterFileError, ParameterError: As `verify`.
+    """
     from sar_compiler.analysis.predict import predict
     from sar_compiler.analysis.proofs import search_runs
     from sar_compiler.analysis.simulate.scenario_files import PERIOD_SEC
