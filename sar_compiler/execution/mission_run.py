@@ -15,7 +15,6 @@ from rclpy.parameter import Parameter
 from sar_compiler.analysis.approval import ApprovalCheck
 from sar_compiler.commands import print_error, tell_note
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
-from sar_compiler.errors import SarError
 from sar_compiler.execution.extensions import Extensions
 from sar_compiler.execution.order_record import OrderRecord
 from sar_compiler.execution.run_journal import RunJournal, RunStart
@@ -76,35 +75,17 @@ def run_mission(
         NotReadyError: If the simulation has not what the tree needs, or that does not appear in time; the robot has not moved.
         SarError: If the mission, the parameters, the world or the ROS arguments are wrong; the robot has not moved.
     """
-    start = RunStart(options)
-    try:
-        return _run_mission(options, makes, signals, ros, staying, output, report, start)
-    except SarError as error:
-        start.refuse(error)
-        raise
-
-
-def _run_mission(
-    options: RunOptions,
-    makes: Sequence[MakeExtension],
-    signals: StopSignals,
-    ros: ExitStack,
-    staying: list[Callable[[], object]],
-    output: RunOutput,
-    report: Callable[[RunOutcome], object],
-    start: RunStart,
-) -> RunOutcome:
-    make_engine = find_engine(options.engine)
-    loader = Workspace(options.additions, note=tell_note, further_checks=[check_mission])
-    loaded = loader.load(options.tree)
-    binding = loaded.binding(options.tree_id)
-    loader.note_use()
-    approval = _approval(options, loaded) if options.approved else None
-    require_classes(binding)
-    mission = mission_of(loaded, binding)
-    faults = parse_faults(options.fault, mission)
-    world = _world(options)
-    with ExitStack() as stack:
+    with RunStart(options) as start, ExitStack() as stack:
+        make_engine = find_engine(options.engine)
+        loader = Workspace(options.additions, note=tell_note, further_checks=[check_mission])
+        loaded = loader.load(options.tree)
+        binding = loaded.binding(options.tree_id)
+        loader.note_use()
+        approval = _approval(options, loaded) if options.approved else None
+        require_classes(binding)
+        mission = mission_of(loaded, binding)
+        faults = parse_faults(options.fault, mission)
+        world = _world(options)
         context = ros.enter_context(_ros(options, signals, mission))
         if signals.came:
             return RunOutcome(signals.exit_status)

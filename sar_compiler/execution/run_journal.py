@@ -22,6 +22,7 @@ from sar_compiler.runtime.walking import pre_order
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from typing_extensions import Self
 
     from sar_compiler.ros.engine import Engine
 
@@ -46,8 +47,13 @@ class RunStart:
         if self._place is None and self._options.sim is None and _keeps_by_itself(self._options, mission):
             self._place = _usual_place(self._options, node.get_fully_qualified_name())
 
-    def refuse(self, error: SarError) -> None:
+    def __enter__(self) -> "Self":
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         """Keep the reason why the run did not begin, if that is so."""
+        if not isinstance(error, SarError):
+            return
         has_begun = self.journal is not None and self.journal.has_begun
         is_kept = not (self._options.check or self._options.no_journal)
         if self._place is not None and is_kept and not has_begun:
