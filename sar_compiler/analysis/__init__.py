@@ -5,7 +5,6 @@ PUBLIC_MODULES = (
     "assumptions",
     "conformance",
     "leaf_words",
-    "predict",
     "prediction_view",
     "proofs",
     "property_watch",

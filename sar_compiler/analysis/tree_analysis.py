@@ -78,7 +78,7 @@ def verify_tree(
     Args:
         tree: The tree file.
         properties: A file with the properties; by default the mission's own.
-        facts: The initial values of facts, in addition to the file's: `{"zones_left": 4}`.
+        facts: The initial values of facts, in addition to the file's: `{"rooms_left": 4}`.
         params: The mission's ROS parameter file; *properties* and *facts* override what it says.
         tree_id: The tree in the file; by default the one that the file executes.
         max_states: The largest number of states to explore.

@@ -78,7 +78,7 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
 
 
 def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
-    monkeypatch.setattr(flights, "_fly", lambda _: flights.Flown(1, words="it broke"))
+    monkeypatch.setattr(flights, "_fly", lambda _program, _: flights.Flown(1, words="it broke"))
     with pytest.raises(flights.FlightError, match="it broke"):
         flights.Flights(PROGRAM, ("a_tree",))([0])
 

@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.reports.report_html import html_report
-from tests.views.test_reports import CONFIRMED, alarm, mission
+from tests.reports.test_reports import CONFIRMED, alarm, mission
 from tests.web.conftest import as_address, patrol_report
 
 pytestmark = pytest.mark.unmeasured
