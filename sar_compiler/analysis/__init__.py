@@ -19,6 +19,7 @@ PUBLIC_MODULES = (
     "trace_view",
     "tree_analysis",
     "trial",
+    "trial_work",
     "trying",
     "verification_view",
     "verify.counterfactual",
