@@ -49,7 +49,7 @@ help:
 	@echo "make soak         the long tests, and ten times as many random inputs"
 	@echo "make bench        the benchmarks, against the record and BehaviorTree.CPP (QUICK=1 a trial, ONLY=proofs some, SAVE=1 a new record)"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
-	@echo "make schemas      renew schemas/ from the shipped nodes, and the pages made of findings and commands"
+	@echo "make schemas      renew schemas/ from the shipped nodes, and the pages made of nodes, findings and commands"
 	@echo "make golden       renew the golden files of compiled trees"
 	@echo "make pictures     draw the pictures of the documentation anew, from a mission in the simulator too"
 	@echo "make site         the documentation as a site, into build/site, with the API's pages"
@@ -139,6 +139,7 @@ schemas: env
 	mv schemas/sar_tree.xsd.new schemas/sar_tree.xsd
 	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
 	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
+	$(BIN)/python docs/site/node_library.py
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents tests/nodes/test_declared_nodes.py tests/docs/test_commands_page.py tests/docs/test_findings.py -k reviewed
 
 golden: env

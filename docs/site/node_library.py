@@ -1,0 +1,228 @@
+"""The node library: `python docs/site/node_library.py` in the project's folder writes `docs/reference/nodes/`, see `make schemas`.
+
+Each node has a drawing and a table of statuses, both from an example that is executed, and its attributes from the registry.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import sar_compiler
+from sar_compiler.compiler.outline import unicode_tree, with_tags
+from sar_compiler.nodes.models.palette import value_text
+from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.testing import compiled
+
+FOLDER = Path(__file__).parents[1] / "reference/nodes"
+STATUSES = ("Success", "Failure", "Running")
+FAMILIES = {
+    "controls": ("Controls", "A control has one or more children, and decides which of them is ticked."),
+    "decorators": ("Decorators", "A decorator has one child. It changes the child's status, or when it is ticked."),
+    "leaves": ("Leaves of the language", "These leaves need no robot: scripts, the blackboard, time, and constant results."),
+    "search-and-rescue": (
+        "Leaves of search and rescue",
+        "These leaves belong to the [search-and-rescue mission](../../missions/search-and-rescue.md).",
+    ),
+}  # fmt: skip
+"""The pages: the title and the first sentence of each."""
+ATTRIBUTES = {
+    "BlackboardToStatus": {"variable_name": "status"},
+    "CheckBlackboardVariableExists": {"variable_name": "x"},
+    "CheckBlackboardVariableValue": {"variable": "x", "operator": "gt", "value": "1"},
+    "CheckBlackboardVariableValues": {"checks": "x gt 1; x lt 5", "operator": "and"},
+    "CompareBlackboardVariables": {"var1_key": "x", "var2_key": "y", "operator": "lt"},
+    "Condition": {"status": "SUCCESS"},
+    "Delay": {"delay_msec": "1s"},
+    "EternalGuard": {"condition": "x == 2"},
+    "ForEach": {"source_key": "list", "target_key": "item"},
+    "LoopBool": {"queue": "true;false", "value": "{item}"},
+    "LoopDouble": {"queue": "0.5;1.5", "value": "{item}"},
+    "LoopInt": {"queue": "1;2", "value": "{item}"},
+    "LoopString": {"queue": "a;b", "value": "{item}"},
+    "MissionTimeLeft": {"limit": "10min"},
+    "OneShot": {"policy": "ON_COMPLETION"},
+    "Periodic": {"n": "2"},
+    "Precondition": {"if": "x == 2"},
+    "Repeat": {"num_cycles": "2"},
+    "Retry": {"num_failures": "2"},
+    "RetryUntilSuccessful": {"num_attempts": "2"},
+    "Script": {"code": "x := 2; y := x + 1"},
+    "ScriptCondition": {"code": "x == 2"},
+    "SetBlackboard": {"value": "5", "output_key": "x"},
+    "SetBlackboardVariable": {"variable_name": "x", "variable_value": "5"},
+    "SkipUnlessUpdated": {"entry": "{x}"},
+    "Sleep": {"msec": "1s"},
+    "StatusQueue": {"queue": "RUNNING;SUCCESS"},
+    "StatusToBlackboard": {"variable_name": "x"},
+    "SuccessEveryN": {"n": "2"},
+    "TickCounter": {"duration": "2", "completion_status": "SUCCESS"},
+    "Timeout": {"msec": "1s"},
+    "UnsetBlackboard": {"key": "x"},
+    "UnsetBlackboardVariable": {"key": "x"},
+    "WaitForBlackboardVariable": {"variable_name": "x"},
+    "WaitForBlackboardVariableValue": {"variable": "x", "operator": "eq", "value": "2"},
+    "WaitValueUpdate": {"entry": "{x}"},
+    "WasEntryUpdated": {"entry": "{x}"},
+    **{
+        f"Switch{n}": {"variable": "{x}", **{f"case_{each}": str(each) for each in range(1, n + 1)}}
+        for n in range(2, 7)
+    },
+}
+"""The attributes of a node's example, if it needs any."""
+BEFORE = {
+    "ForEach": '<SetBlackboard value="json:[1, 2]" output_key="list"/>',
+    "BlackboardToStatus": '<StatusToBlackboard variable_name="status"><Success/></StatusToBlackboard>',
+    "CompareBlackboardVariables": '<Script code="x := 2; y := 3"/>',
+    **dict.fromkeys(
+        (
+            "IsSurvivorDetected",
+            "BroadcastSurvivorTF",
+            "NotifyBase",
+            "KeepReport",
+            "AwaitSurvivor",
+            "IsFindNew",
+        ),
+        "<DetectSurvivor/>",
+    ),
+}
+"""The node that must come before a node in its example; by default a Script, if the example reads `x`."""
+
+
+def pages() -> dict[Path, str]:
+    """Return each page of the library, by its path."""
+    specs = [spec for spec in default_registry() if not spec.variant]
+    made = {FOLDER / f"{name}.md": _page(name, [s for s in specs if _family(s) == name]) for name in FAMILIES}
+    rows = [
+        f"- [{title}]({name}.md): " + ", ".join(f"[`{s.tag}`]({name}.md#{s.tag.lower()})" for s in specs if _family(s) == name)
+        for name, (title, _) in FAMILIES.items()
+    ]  # fmt: skip
+    intro = (
+        "Every node that a tree can use without a class of your own. Each has a drawing, a table of statuses, its attributes, and an example.\n"
+        "`sar-compile nodes TAG` prints the same for your own leaves. For leaves that call ROS, see "
+        "[Leaves by attributes](../../how-to/leaves-by-attributes.md),\nfor nodes of Nav2 [Check Nav2's trees](../../how-to/nav2-trees.md)."
+    )
+    note = "Statuses and results are those of the examples, executed by the generator of this page (`make schemas`)."
+    made[FOLDER / "README.md"] = "\n\n".join(["# Node library", intro, "\n".join(rows), note]) + "\n"
+    return made
+
+
+def _family(spec: NodeSpec) -> str:
+    if spec.class_path.startswith("search_and_rescue"):
+        return "search-and-rescue"
+    return {Kind.CONTROL: "controls", Kind.DECORATOR: "decorators"}.get(spec.kind, "leaves")
+
+
+def _page(name: str, specs: "list[NodeSpec]") -> str:
+    title, intro = FAMILIES[name]
+    return "\n\n".join([f"# {title}", intro, *("\n\n".join(_section(spec)) for spec in specs)]) + "\n"
+
+
+def _section(spec: NodeSpec) -> Iterator[str]:
+    yield f"## {spec.tag}"
+    yield f"*{spec.kind.value}.* {spec.doc}".strip()
+    yield from _statuses(spec)
+    yield from _attributes(spec)
+    body = _example(spec)
+    yield f"```xml\n{body}\n```"
+    drawing, trace = _executed(body)
+    yield f"```text\n{drawing}\n\n{trace}\n```"
+
+
+def _statuses(spec: NodeSpec) -> Iterator[str]:
+    """Yield what the node returns: by its child, by its first two children, or, of a leaf, the outcomes that it declares."""
+    if spec.kind.is_leaf:
+        outcomes = [f"{each.status} `{each.label}`" if each.label else each.status for each in spec.answers]
+        yield f"Returns {', '.join(outcomes)}."
+    elif spec.kind is Kind.DECORATOR:
+        rows = [f"| {each.upper()} | {_returned(spec, [each])} |" for each in STATUSES]
+        yield "\n".join([f"| Child returns | {spec.tag} returns |", "|---|---|", *rows])
+    elif not spec.tag.startswith("Switch"):  # whose child is chosen by the value
+        heads = " | ".join(f"second {each.upper()}" for each in STATUSES)
+        rows = [
+            f"| first {one.upper()} | {' | '.join(_returned(spec, [one, two]) for two in STATUSES)} |" for one in STATUSES
+        ]  # fmt: skip
+        yield "\n".join([f"| Children return | {heads} |", "|---|---|---|---|", *rows])
+
+
+def _attributes(spec: NodeSpec) -> Iterator[str]:
+    items = [
+        f"- `{each.name}` ({_type(each)}, {_default(each)}): {each.doc}"
+        for each in spec.attributes
+        if each.role is not Role.NAME and each.name not in spec.fixed
+    ]
+    if items:
+        yield "\n".join(["Attributes:\n", *items]).replace("<", "\\<")
+
+
+def _type(parameter: Parameter) -> str:
+    if parameter.role is Role.REFERENCE:
+        return f"name of a {parameter.target_name}"
+    direction = f"{parameter.direction.words.partition(',')[0]}, " if parameter.direction else ""
+    return f"{direction}{parameter.value_type.label}"
+
+
+def _default(parameter: Parameter) -> str:
+    if parameter.role is Role.REFERENCE:
+        return "default: the only one"
+    if parameter.required:
+        return "required"
+    return "optional" if parameter.default is None else f"default `{value_text(parameter.default)}`"
+
+
+def _node(spec: NodeSpec, children: "list[str]") -> str:
+    written = "".join(f" {name}={quoteattr(value)}" for name, value in ATTRIBUTES.get(spec.tag, {}).items())
+    if not children:
+        return f"<{spec.tag}{written}/>"
+    inside = "\n".join(f"  {line}" for child in children for line in child.splitlines())
+    return f"<{spec.tag}{written}>\n{inside}\n</{spec.tag}>"
+
+
+def _after(spec: NodeSpec, node: str) -> str:
+    """Return a node after what its example needs."""
+    needs_x = "x" in {*ATTRIBUTES.get(spec.tag, {}).values()} or "x " in node or "{x}" in node
+    before = BEFORE.get(spec.tag, '<Script code="x := 2"/>' if needs_x and spec.tag != "Script" else "")
+    if not before:
+        return node
+    inside = "\n".join(f"  {line}" for line in (before, *node.splitlines()))
+    return f"<Sequence>\n{inside}\n</Sequence>"
+
+
+def _example(spec: NodeSpec) -> str:
+    count = 0 if spec.kind.is_leaf else max(spec.child_count[0], 2 if spec.kind is Kind.CONTROL else 1)
+    leaves = ["<AlwaysFailure/>", "<AlwaysSuccess/>", *["<AlwaysFailure/>"] * count]
+    return _after(spec, _node(spec, ["<AlwaysSuccess/>"] if count == 1 else leaves[:count]))
+
+
+def _returned(spec: NodeSpec, statuses: "list[str]") -> str:
+    """Return the status of a node after the first tick, if its children have these."""
+    _, run = _simulated(_after(spec, _node(spec, [f"<{each}/>" for each in statuses])))
+    return str(run.tick(1).root)
+
+
+def _executed(body: str) -> "tuple[str, str]":
+    """Return the drawing of a tree, and its first ticks."""
+    tree, run = _simulated(body)
+    ticks = [line for line in str(run.tick(1).trace).splitlines() if line.startswith(("tick", "  "))]
+    return with_tags(unicode_tree(tree.root), tree).rstrip(), "\n".join(ticks)
+
+
+def _simulated(body: str) -> "tuple[Any, Any]":
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "example.xml"
+        inside = "\n".join(f"    {line}" for line in body.splitlines())
+        path.write_text(
+            f'<root BTCPP_format="4">\n  <BehaviorTree ID="Example">\n{inside}\n  </BehaviorTree>\n</root>\n'
+        )
+        loaded = sar_compiler.load(path)
+        if errors := [each.render() for each in loaded.check() if each.severity.value == "error"]:
+            raise ValueError("\n".join(errors))
+        return compiled(path), loaded.simulate()
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for page, text in pages().items():
+        page.write_text(text, encoding="utf-8")

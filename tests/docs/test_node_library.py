@@ -1,0 +1,25 @@
+"""The node library is what its generator makes of the registry, and has every node."""
+
+import re
+import runpy
+
+from sar_compiler.nodes.registry import default_registry
+
+LIBRARY = runpy.run_path("docs/site/node_library.py")
+
+
+def test_the_pages_of_the_node_library_are_those_of_the_registry():
+    made = LIBRARY["pages"]()
+    old = [path.name for path, text in made.items() if path.read_text(encoding="utf-8") != text]
+    assert old == [], "make schemas renews them"
+    assert {*LIBRARY["FOLDER"].glob("*.md")} == made.keys()
+
+
+def test_every_node_has_a_section_that_says_what_it_returns():
+    sections = "".join(path.read_text(encoding="utf-8") for path in LIBRARY["FOLDER"].glob("[a-z]*.md"))
+    found = re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", sections, re.MULTILINE | re.DOTALL)
+    assert {tag for tag, _ in found} == {spec.tag for spec in default_registry()}
+    silent = [
+        tag for tag, text in found if not re.search(r"^Returns |[Cc]hild(ren)? return", text, re.MULTILINE)
+    ]
+    assert silent == [f"Switch{number}" for number in range(2, 7)]
