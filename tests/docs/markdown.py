@@ -20,6 +20,8 @@ _FENCE = re.compile(r"^\s*```(\w*)\s*$")
 # The line above a fenced block that says which file it is: `rover/drive.py`:
 _NAMED = re.compile(r"^`([\w./-]+\.\w+)`.*:$")
 _LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
+# A row of a list of definitions: - **name**: what it is
+_DEFINITION = re.compile(r"^- \*\*(.+?)\*\*: (.+)$")
 _HEADING = re.compile(r"^(#+) (.*)$")
 _SEPARATORS = {"&&", "||", "|", ";", "&"}
 
@@ -114,12 +116,14 @@ def anchors(page: Path) -> set[str]:
 
 
 def tables(page: Path) -> list[tuple[str, int, list[str]]]:
-    """Return the rows of a page's tables, heads and rulers left out: heading above, line, cells."""
+    """Return the rows of a page's tables and lists of definitions, heads and rulers left out: heading above, line, cells."""
     rows: list[tuple[str, int, list[str]]] = []
     heading, head_passed = "", False
     for number, line in prose(page):
         found = _HEADING.match(line)
         heading = found[2] if found else heading
+        if defined := _DEFINITION.match(line):
+            rows.append((heading, number, [*defined.groups()]))
         if not line.startswith("|"):
             head_passed = False
         elif re.fullmatch(r"[|\s:-]+", line):

@@ -119,7 +119,7 @@ def epilog(text):
 
 
 def table(parser, prog):
-    """Return the table of a parser's arguments; those that add to the project's configuration in one row."""
+    """Return the list of a parser's arguments; those that add to the project's configuration in one row."""
     shared = [
         action
         for group in parser._action_groups
@@ -127,16 +127,16 @@ def table(parser, prog):
         for action in group._group_actions
     ]
     rows = [
-        f"| {named(action)} | {meaning(parser, action)}{links_of(' '.join([prog, *action.option_strings[:1]]), '; see')} |"
+        f"- **{named(action)}**: {meaning(parser, action)}{links_of(' '.join([prog, *action.option_strings[:1]]), '; see')}"
         for action in arguments(parser)
         if action not in shared
     ]
     if shared:
         options = ", ".join(f"`{action.option_strings[0]}`" for action in shared)
         rows.append(
-            f"| {options} | see [for every command that reads trees](#for-every-command-that-reads-trees) |"
+            f"- {options}: see [for every command that reads trees](#for-every-command-that-reads-trees)"
         )
-    return "\n".join(["| argument | means |", "|---|---|", *rows]) if rows else ""
+    return "\n".join(rows)
 
 
 def arguments(parser):
@@ -159,7 +159,7 @@ def named(action):
     repeated = action.nargs == "+" or isinstance(action, argparse._AppendAction)
     value += "…" if repeated and value else ""
     names = action.option_strings or [""]
-    return ", ".join(f"`{f'{name} {value}'.strip()}`" for name in names).replace("|", "\\|")
+    return ", ".join(f"`{f'{name} {value}'.strip()}`" for name in names)
 
 
 def meaning(parser, action):
@@ -178,7 +178,7 @@ def meaning(parser, action):
 def prose(text):
     """Return a text of `--help` for Markdown, with the options in it as code."""
     text = re.sub(r"(?<![\w-])-(-[a-z]\w*)+(-\w+)*", lambda found: f"`{found[0]}`", text)
-    return text.replace("<", "\\<").replace("|", "\\|").replace("][", "]\\[")
+    return text.replace("<", "\\<").replace("][", "]\\[")
 
 
 def links_of(key, before):
