@@ -3,6 +3,7 @@
 from collections.abc import Hashable, Iterator, Sequence
 from typing import Any, NamedTuple
 
+from sar_compiler.analysis.merging import Merging
 from sar_compiler.runtime.blackboard import Board, Entry
 from sar_compiler.runtime.frozen import PLAIN, FrozenValueError, can_change, freeze, thaw
 from sar_compiler.runtime.kernel.entry_cells import EntryCells, Memo
@@ -30,9 +31,11 @@ class NumberedBoard(Board):
 
     Attributes:
         cells: Where they are, perhaps beside those of other boards.
+        merging: Which of their values are not distinguished; None if all are.
     """
 
     cells: EntryCells
+    merging: Merging | None = None
 
     @classmethod
     def of(cls, board: Board, cells: EntryCells) -> None:
@@ -57,7 +60,14 @@ class NumberedBoard(Board):
 
     def memo(self, entries: Sequence[Entry]) -> Memo:
         """Return what remembers the effect of code on entries of this board, and of those that share its cells."""
-        return Memo(self.cells, sorted({self.cells.place_of(entry.name) for entry in entries}))
+        places = {self.cells.place_of(entry.name) for entry in entries}
+        return Memo(self.cells, sorted(places.union(self.merging.concerned(entries) if self.merging else ())))
+
+    def merge(self, merging: Merging) -> None:
+        """Do not distinguish some values, beginning with those that there are."""
+        self.merging = merging
+        for name in self.names():
+            self._put(name, self._content_of(name))
 
     def has(self, name: str) -> bool:
         """Return whether there is an entry with an absolute name."""
@@ -131,6 +141,8 @@ class NumberedBoard(Board):
     def _put(self, name: str, content: EntryContent) -> None:
         place = self.cells.place_of(name)
         self.cells.lent.pop(place, None)
+        if self.merging and content.frozen is not None and name in self.merging.values:
+            content = content._replace(frozen=freeze(self.merging.stored(name, thaw(content.frozen))))
         self.cells.put(place, None if content == _NOTHING else content)
 
     def _next_stamp(self, name: str) -> int:

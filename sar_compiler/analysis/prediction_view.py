@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
 
+from sar_compiler.analysis.merging import merging_notes
 from sar_compiler.analysis.predict import Prediction
 from sar_compiler.analysis.predict.weighed_graph import Between
 from sar_compiler.style import literal
@@ -45,6 +46,7 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
         yield f"\nOf these leaves no chance is known, so that some numbers have two bounds: {names}"
     for reason in found.undecided:
         yield f"\nNot decided, so that some numbers have two bounds: {reason}"
+    yield from (f"\n{note}" for note in merging_notes(found.merged))
     if not found.complete:
         yield (
             "\nNot all states were gone through: what is behind the others may be anything. A time between two takes a state for each tick of it: "
@@ -106,6 +108,7 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
         "unknown": ["/".join(path) for path in prediction.unknown],
         "undecided": list(prediction.undecided),
         "left_out": [{"property": each.name, "missing": list(each.missing)} for each in prediction.left_out],
+        "not_distinguished": list(merging_notes(prediction.merged)),
         "states": prediction.states,
         "steps": prediction.steps,
         "complete": prediction.complete,

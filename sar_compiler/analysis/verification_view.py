@@ -4,6 +4,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
+from sar_compiler.analysis.merging import merging_notes
 from sar_compiler.analysis.trace_view import leaf_labels
 from sar_compiler.analysis.verify.state_space import Trace
 from sar_compiler.analysis.verify.verdicts import (
@@ -184,6 +185,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     """Yield how the answers were found, and of what there is no proof."""
     if verification.branches:
         yield f"{verification.branches} parallel branches share nothing, and were searched apart: {verification.searches} searches."
+    yield from merging_notes(verification.merged)
     for tag, cls in verification.by_semantics:
         yield f"<{tag}> ({cls}) was taken to do what its semantics say; of its own methods nothing is proved."
     if verification.complete:
@@ -204,6 +206,7 @@ def _numbers(verification: Verification) -> dict[str, object]:
         "stopped": verification.stopped,
         "searches": verification.searches,
         "branches": verification.branches,
+        "not_distinguished": list(merging_notes(verification.merged)),
         "by_semantics": [{"tag": tag, "class": cls} for tag, cls in verification.by_semantics],
     }
 

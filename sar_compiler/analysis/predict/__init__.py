@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sar_compiler.analysis.merging import MergedValues
 from sar_compiler.analysis.predict.weighed_graph import Between, Flags, WeighedGraph
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.chances import Chances, CountedTimes
@@ -27,6 +28,7 @@ from sar_compiler.analysis.verify.properties import (
     Rules,
     properties_of,
 )
+from sar_compiler.analysis.verify.slicing import merge_values
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.analysis.verify.unknown_values import explored, search_decidable
@@ -81,6 +83,7 @@ class Prediction:
         left_out: The properties that say nothing about this tree.
         undecided: The reasons for which some runs were not followed, or some conditions not evaluated, because they need unknown values.
             Chances have bounds that are right whatever these values are; times, the distribution and the influences are not computed.
+        merged: The keys and facts of which not all values were distinguished, since no run can tell them apart.
     """
 
     success: Between
@@ -97,6 +100,7 @@ class Prediction:
     stopped: bool = False
     left_out: tuple[LeftOut, ...] = ()
     undecided: tuple[str, ...] = ()
+    merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
         """Return the time by which this share of the runs that end has ended, seconds; None if that is not known."""
@@ -111,6 +115,8 @@ def predict(
     period_sec: float,
     max_states: int,
     budget: Budget | None = None,
+    *,
+    merges: bool = True,
 ) -> Prediction:
     """Return what is to be expected of a tree's runs.
 
@@ -121,6 +127,7 @@ def predict(
         period_sec: The time between two ticks, seconds.
         max_states: How many states to find at most; what is behind the others may be anything.
         budget: Is told now and then how far it is; ends the search. What is known by then is published in it.
+        merges: Whether values are one that no run can tell apart (`verify.slicing`).
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -129,6 +136,8 @@ def predict(
     _require_few_ticks(simulated, period_sec)
     prepared = Prepared.of(simulated)
     properties = properties_of(file, prepared, tags)
+    if merges:
+        merge_values(prepared, properties)
     search = partial(
         _predicted, prepared=prepared, period_sec=period_sec, max_states=max_states, budget=budget or Budget()
     )
@@ -162,6 +171,7 @@ def _predicted(
         complete=graph.complete,
         stopped=graph.stopped,
         undecided=() if unknown is None or unknown.error is None else (simulated.explain(unknown.error),),
+        merged=tuple(each for each in prepared.merged if each.is_used),
     )
     budget.publish(partial(replace, nothing, stopped=True))
     return _Reckoning(stepper, graph, chances, properties, period_sec).prediction(nothing, budget)

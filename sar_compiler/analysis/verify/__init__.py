@@ -13,9 +13,10 @@ from sar_compiler.analysis.state_search.searching import Report
 from sar_compiler.analysis.verify.branches import has_parallels
 from sar_compiler.analysis.verify.composing import proved_apart
 from sar_compiler.analysis.verify.properties import Properties, PropertyFile, properties_of
+from sar_compiler.analysis.verify.slicing import merge_values
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import StateSpace
-from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.analysis.verify.stepping import TreeStepper, plain_stepper
 from sar_compiler.analysis.verify.unknown_values import explored, search_decidable
 from sar_compiler.analysis.verify.verdicts import (
     OWN_RECORDS,
@@ -37,6 +38,7 @@ def verify(
     *,
     forgets: bool = True,
     plainly: int = 10_000,
+    merges: bool = True,
 ) -> Verification:
     """Search the states of a tree and answer every question.
 
@@ -51,6 +53,7 @@ def verify(
         budget: Is told now and then how far it is, and when a property is violated; ends the search. What is known by then is published in it.
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         plainly: With how many states a tree is searched as it is in any case.
+        merges: Whether values are one that no run can tell apart (`slicing`).
 
     Raises:
         TreeError: If the file says something that makes no sense for the tree; carries the findings.
@@ -67,7 +70,10 @@ def verify(
         plainly=plainly,
     )
     properties = properties_of(file, prepared, tags)
+    if merges:
+        merge_values(prepared, properties)
     found, reasons = search_decidable(properties, search)
+    found = replace(found, merged=tuple(each for each in prepared.merged if each.is_used))
     if not reasons:
         return found
     verdicts = {each.question: each for each in found.verdicts}
@@ -146,7 +152,8 @@ def _verified(
     """Search the states of a tree as it is."""
     simulated = prepared.simulated
     graph, unknown = explored(stepper, max_states, report, (*properties.names, OWN_RECORDS))
-    space = StateSpace(stepper, graph, properties.names, properties.owing, unknown)
+    plain = plain_stepper(prepared, properties.rules)
+    space = StateSpace(stepper, graph, properties.names, properties.owing, unknown, plain)
     questions = Questions(space, simulated.explain)
     found = Verification(
         tuple(Verdict(each, ProofStatus.UNDECIDED, "it was not worked out any more") for each in asked),

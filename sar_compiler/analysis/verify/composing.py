@@ -24,8 +24,8 @@ from sar_compiler.analysis.state_search.searching import Report
 from sar_compiler.analysis.verify.branches import Assembly, Branch, branches_of, searched
 from sar_compiler.analysis.verify.properties import Properties, Rules, without_properties
 from sar_compiler.analysis.verify.state import Prepared
-from sar_compiler.analysis.verify.state_space import IsWanted, StateSpace, Trace
-from sar_compiler.analysis.verify.stepping import TreeStepper
+from sar_compiler.analysis.verify.state_space import IsWanted, PlayedTick, StateSpace, Trace, played_again
+from sar_compiler.analysis.verify.stepping import TreeStepper, plain_stepper
 from sar_compiler.analysis.verify.unknown_values import explored
 from sar_compiler.analysis.verify.verdicts import Questions, Verdict, Verification
 from sar_compiler.runtime.events import TickRecord
@@ -117,7 +117,12 @@ class _Asked:
         parts = self._arrangement.without(concrete, asked.rules)
         graph, unknown = explored(parts.stepper, max_states, report, asked.names)
         self.spaces[concrete] = ComposedSpace(
-            parts.stepper, graph, unknown=unknown, parts=parts, whole=self._whole
+            parts.stepper,
+            graph,
+            unknown=unknown,
+            plain=plain_stepper(self._prepared, without_properties().rules),
+            parts=parts,
+            whole=self._whole,
         )
         return graph
 
@@ -243,15 +248,14 @@ class ComposedSpace(StateSpace):
         stem = len(wanted) - loop
         for each in wanted[:stem]:
             run.go_on(each)
-        if not loop:
-            return Trace(tuple(run.ticks))
         # The tree as it is may need several rounds to come back to a state.
         known: dict[object, int] = {}
-        while run.position not in known:
+        while loop and run.position not in known:
             known[run.position] = len(run.ticks)
             for each in wanted[stem:]:
                 run.go_on(each)
-        return Trace(tuple(run.ticks), len(run.ticks) - known[run.position])
+        ticks = run.ticks if self.plain is None else played_again(self.plain, run.found)
+        return Trace(tuple(ticks), len(ticks) - known[run.position] if loop else 0)
 
 
 class _WholeRun:
@@ -263,10 +267,12 @@ class _WholeRun:
 
     Attributes:
         ticks: Its ticks so far.
+        found: What was found of them.
     """
 
     def __init__(self, parts: Assembly, whole: TreeStepper) -> None:
         self.ticks: list[TickRecord] = []
+        self.found: list[PlayedTick] = []
         self._parts, self._whole = parts, whole
         self._state: bytes | None = whole.steps.start()
         self._of_parts = parts.start()
@@ -284,5 +290,6 @@ class _WholeRun:
         if step.outcome != parts.stepper.steps.outcome:
             message = "the run of the whole tree is another one than that of its parts"
             raise AssertionError(message)
+        self.found.append(PlayedTick(choices, step.outcome))
         self.ticks.append(whole.played(len(self.ticks) + 1))
         self._state = step.state

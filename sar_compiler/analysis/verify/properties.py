@@ -96,6 +96,15 @@ class Condition:
         self._memo = surroundings.memo_of(self.entries)
 
     @property
+    def script(self) -> Script:
+        """What it says."""
+        return self._program.script
+
+    def entry_name(self, name: str) -> str | None:
+        """Return the absolute name of the entry that a name in it means; None for what is known of the last tick."""
+        return None if name in AFTER_A_TICK else self._surroundings.entry(name).name
+
+    @property
     def entries(self) -> list[Entry]:
         """The entries that it reads."""
         return [self._surroundings.entry(name) for name in self.names.difference(AFTER_A_TICK)]
@@ -103,7 +112,7 @@ class Condition:
     @property
     def names(self) -> set[str]:
         """The names in it."""
-        return {use.name for use in name_uses(self._program.script)}
+        return {use.name for use in name_uses(self.script)}
 
     def holds(self) -> bool:
         """Return whether it holds now, in a tick.
@@ -131,7 +140,7 @@ class Condition:
             return self._program.holds(self._surroundings)
         except EvaluationError as error:
             hint = f"; {error.hint}" if error.hint else ""
-            reason = f"'{self._program.script.text}' cannot be evaluated in every state: {error}{hint}"
+            reason = f"'{self.script.text}' cannot be evaluated in every state: {error}{hint}"
             raise ConditionError(self._owner, reason) from error
 
 

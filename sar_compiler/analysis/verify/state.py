@@ -4,9 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from librt.vecs import vec
+from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.analysis.leaf_words import EventPattern
+from sar_compiler.analysis.merging import MergedValues, Merging
 from sar_compiler.analysis.numbered_board import NumberedBoard
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.numbering import StateStore
@@ -64,6 +67,8 @@ class Prepared:
         entries: What its keys and facts hold.
         start: The numbers of what they hold at the start.
         begun: What the cells of each node held at the start, by its behaviour.
+        merged: The keys and facts of which searches do not distinguish all values.
+        plain_start: The numbers of what entries hold at the start of a run in which they do.
     """
 
     simulated: SimulatedTree
@@ -71,6 +76,8 @@ class Prepared:
     entries: EntryCells = field(default_factory=EntryCells)
     start: list[int] = field(default_factory=list)
     begun: dict[Behaviour, tuple[list[int], list[Any]]] = field(default_factory=dict)
+    merged: list[MergedValues] = field(default_factory=list)
+    plain_start: list[int] = field(default_factory=list)
 
     @classmethod
     def of(cls, simulated: SimulatedTree) -> "Prepared":
@@ -84,6 +91,20 @@ class Prepared:
             NumberedBoard.of(board, prepared.entries)
         prepared.start.extend(prepared.entries.now)
         return prepared
+
+    def merge(self, values: Mapping[str, MergedValues]) -> None:
+        """Have searches not distinguish some values of entries, by the absolute names of these; before the tree is ticked."""
+        if not values:
+            return
+        entries, merging = self.entries, Merging(self.entries, values)
+        merging.switch_off()
+        self.plain_start.extend(entries.now)
+        entries.restore(vec[i32](self.start))
+        for board in (self.simulated.facts.board, self.simulated.compiled.board):
+            assert isinstance(board, NumberedBoard)  # noqa: S101 - `of` has made it one
+            board.merge(merging)
+        self.start[:] = list(entries.now)
+        self.merged.extend(values.values())
 
 
 @dataclass(frozen=True)

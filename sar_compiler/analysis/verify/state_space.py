@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 from sar_compiler.analysis.state_search.graph import Breach, Edge, Graph
 from sar_compiler.analysis.state_search.liveness import Lasso
@@ -32,6 +33,40 @@ class Trace:
         return (event for tick in self.ticks for event in tick.events)
 
 
+class PlayedTick(NamedTuple):
+    """A tick that was found in a search.
+
+    Attributes:
+        path: Its choices.
+        outcome: Its outcome.
+        broken: The properties that it breaks, as bits.
+        raises: Whether it raises.
+    """
+
+    path: tuple[int, ...]
+    outcome: int
+    broken: int = 0
+    raises: bool = False
+
+
+def played_again(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[TickRecord]:
+    """Play a run from the start by its choices; return its ticks.
+
+    Args:
+        stepper: Plays it.
+        ticks: What the search has found.
+    """
+    state, played = stepper.steps.start(), list[TickRecord]()
+    for found in ticks:
+        step = next(stepper.ticks(state, found.path))
+        if PlayedTick(found.path, step.outcome, step.broken, step.error is not None) != found:
+            message = "a run with all values as they are is another one than that of the search"
+            raise AssertionError(message)
+        played.append(stepper.played(len(played) + 1))
+        state = step.state or b""
+    return played
+
+
 @dataclass(frozen=True, eq=False)
 class StateSpace:
     """The states that were found of a tree, and the ticks between them.
@@ -48,6 +83,7 @@ class StateSpace:
         rules: What the properties are called, by their numbers in the graph.
         owing: The numbers of those that can owe something.
         unknown: The first tick that needs a value that is not known; None if there is none.
+        plain: Plays runs with all values as they are, where the states have some that stand for others; None if none do.
     """
 
     stepper: TreeStepper
@@ -55,6 +91,12 @@ class StateSpace:
     rules: tuple[str, ...] = ()
     owing: tuple[int, ...] = ()
     unknown: Breach | None = None
+    plain: TreeStepper | None = None
+
+    @property
+    def raised(self) -> Exception | None:
+        """What the last tick of the last run has raised that was told, if it is told by `plain`."""
+        return None if self.plain is None else self.plain.steps.error
 
     def to(self, state: int) -> Trace:
         """Return a shortest run to a state."""
@@ -77,8 +119,15 @@ class StateSpace:
 
     def _trace(self, steps: Iterable[tuple[int, IsWanted]], loop: int = 0) -> Trace:
         """Return a run of ticks, each of which is given by the state before it and by what is wanted of it."""
-        played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
+        if self.plain is None:
+            played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
+        else:
+            played = played_again(self.plain, [self._found(source, wanted) for source, wanted in steps])
         return Trace(tuple(played), loop)
+
+    def _found(self, source: int, wanted: IsWanted) -> "PlayedTick":
+        step = next(filter(wanted, self.stepper.ticks(self.graph.states[source])))
+        return PlayedTick(step.path(), step.outcome, step.broken, step.error is not None)
 
     def _play(self, source: int, wanted: IsWanted, number: int = 0) -> TickRecord:
         return self.stepper.play(self.graph.states[source], wanted, number)

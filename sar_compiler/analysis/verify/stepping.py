@@ -70,6 +70,7 @@ class TreeStepper:
         forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
         meets: Whether ticks that come to the same place are one from there on.
         chances: Is told of the choices of leaves whose chances are known; None where everything is possible.
+        merges: Whether values that no run can tell apart are one, as `slicing` has it.
 
     Raises:
         NotFlatError: If the tree has a node whose rules are not known.
@@ -95,11 +96,12 @@ class TreeStepper:
         forgets: bool = True,
         meets: bool = True,
         chances: Chances | None = None,
+        merges: bool = True,
     ) -> None:
         self._alphabet = prepared.alphabet
         choices = Choices()
         entries = prepared.entries
-        entries.restore(vec[i32](prepared.start))
+        entries.restore(vec[i32](prepared.start if merges else prepared.plain_start or prepared.start))
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
         simulated = prepared.simulated
         stub = partial(ChanceNode, chances=chances) if chances else None
@@ -242,3 +244,9 @@ class TreeStepper:
     def _facts_in(self, entries: list[int]) -> Mapping[str, object]:
         self.ticker.entries.restore(vec[i32](entries))
         return self.states.facts()
+
+
+def plain_stepper(prepared: Prepared, rules: Rules) -> TreeStepper | None:
+    """Return what plays a tree with all values as they are; None if the searches so far have merged none."""
+    has_merged = any(each.is_used for each in prepared.merged)
+    return TreeStepper(prepared, rules, merges=False) if has_merged else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from html import escape
 
+from sar_compiler.analysis.merging import MergedValues
 from sar_compiler.analysis.state_search.graph import Breach
 from sar_compiler.analysis.state_search.liveness import endings, lasso, owing_for_ever
 from sar_compiler.analysis.stub_leaf import StubLeaf
@@ -73,6 +74,7 @@ class Verification:
             `tick` of their own, of which nothing is proved.
         searches: How many searches there were; with more than one, states and steps are those of all.
         branches: How many parallel branches share nothing, and stood for themselves where the question did not speak of them.
+        merged: The keys and facts of which not all values were distinguished, since no run can tell them apart.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -87,6 +89,7 @@ class Verification:
     by_semantics: tuple[tuple[str, str], ...] = ()
     searches: int = 1
     branches: int = 0
+    merged: tuple[MergedValues, ...] = ()
 
     def __repr__(self) -> str:
         counts = Counter(verdict.outcome.value for verdict in self.verdicts)
@@ -136,7 +139,8 @@ class Questions:
             return self._unbroken(NO_ERROR)
         assert first.error is not None  # noqa: S101 - that is what kind of breach it is
         outcome = ProofStatus.UNDECIDED if error is None else ProofStatus.BROKEN
-        return Verdict(NO_ERROR, outcome, self._told(first.error), self._space.breach(first))
+        trace = self._space.breach(first)
+        return Verdict(NO_ERROR, outcome, self._told(self._space.raised or first.error), trace)
 
     def every_leaf(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""

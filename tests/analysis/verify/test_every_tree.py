@@ -116,7 +116,7 @@ def test_the_keys_of_the_tree_are_part_of_its_state():
 
 
 def test_what_never_comes_to_an_end_of_its_states_is_not_decided():
-    tree = '<Sequence><A _onSuccess="n := 0" oneshot="ON_COMPLETION"/><Script code="n += 1"/></Sequence>'
+    tree = '<Sequence><A _onSuccess="n := 0; m := -1" oneshot="ON_COMPLETION"/><Script code="n += 1" _skipIf="n == m"/></Sequence>'
     verification = verified(tree, max_states=300)
     assert not verification.complete
     assert outcome(verification, NO_LIVELOCK) is UNDECIDED
@@ -127,7 +127,7 @@ def test_what_speaks_against_it_within_the_bound_is_still_found():
     tree = (
         '<Parallel success_count="2"><RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'
         '<KeepRunningUntilFailure><Sequence><B oneshot="ON_COMPLETION" _onSuccess="n := 0" _onFailure="n := 0"/>'
-        '<Script code="n += 1"/></Sequence></KeepRunningUntilFailure></Parallel>'
+        '<Script code="n += 1; m := n / 2"/><AlwaysSuccess _skipIf="m == 0.1"/></Sequence></KeepRunningUntilFailure></Parallel>'
     )
     found = verified(tree, "properties: {p: {never: A FAILURE}}", max_states=200)
     assert (found.complete, outcome(found, "p")) == (False, BROKEN)

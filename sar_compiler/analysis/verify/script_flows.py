@@ -1,0 +1,234 @@
+"""What scripts do with numbers: which constants a variable is compared with, and what flows from one to another by `y = x + 2`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from sar_compiler.runtime.expressions import (
+    Assignment,
+    ComparisonChain,
+    Conditional,
+    Expression,
+    Literal,
+    Name,
+    Operation,
+    Prefix,
+    Script,
+)
+from sar_compiler.runtime.operators import LONGEST_TEXT
+
+Resolve = Callable[[str], str | None]
+"""Returns the entry that a name means, by its absolute name; None for one that means none."""
+
+_MOST_FORMS = 16
+_LONGEST_NUMBER = 330
+"""So many characters a number has at most as a part of a text."""
+
+
+@dataclass(frozen=True)
+class FlowValue:
+    """What is known of the value of an expression.
+
+    Attributes:
+        forms: What it may be: an entry with a constant added to it, or without an entry the constant alone; empty if
+            it may be anything else.
+        types: The types that it can have; an entry stands for those of its own.
+        names: The entries that it depends on, unless it only depends on how they compare with constants.
+        is_total: Whether it can be calculated whatever numbers these hold.
+        length: How many characters it has at most, as a text.
+    """
+
+    forms: frozenset[tuple[str | None, float]]
+    types: frozenset[object]
+    names: frozenset[str] = frozenset()
+    is_total: bool = True
+    length: int = _LONGEST_NUMBER
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is one of some constants."""
+        return bool(self.forms) and not self.names
+
+    def plus(self, constant: float) -> "FlowValue":
+        """Return it with a constant added."""
+        forms = frozenset((name, offset + constant) for name, offset in self.forms)
+        return replace(self, forms=forms, types=_REAL)
+
+
+NUMBERS = frozenset[object]([int, float])
+"""The types of numbers."""
+_REAL = frozenset[object]([float])
+_TEXT = frozenset[object]([str])
+_TRUTH = FlowValue(frozenset([(None, 0.0), (None, 1.0)]), _REAL)
+
+
+@dataclass
+class ScriptFlows:
+    """What some scripts do with entries.
+
+    Args:
+        enums: The numbers that names stand for.
+
+    Attributes:
+        fixed: The entries that are used in another way than those below.
+        tests: The entries that are compared with constants, with these.
+        flows: The entries that are given the value of another one, with that one and with the constant that is added to it.
+        results: The entries that are given another value, with that value.
+        types: The types of what each entry is given; an entry stands for those of its own.
+    """
+
+    enums: Mapping[str, int]
+    fixed: set[str] = field(default_factory=set)
+    tests: set[tuple[str, float]] = field(default_factory=set)
+    flows: set[tuple[str, str, float]] = field(default_factory=set)
+    results: list[tuple[str, FlowValue]] = field(default_factory=list)
+    types: dict[str, set[object]] = field(default_factory=dict)
+
+    @property
+    def read(self) -> set[str]:
+        """The entries that are read for whatever purpose."""
+        results = (name for _, value in self.results for name in value.names)
+        return {
+            *self.fixed,
+            *(name for name, _ in self.tests),
+            *(source for _, source, _ in self.flows),
+            *results,
+        }
+
+    def take(self, script: Script, resolve: Resolve, *, is_condition: bool) -> None:
+        """Take a script.
+
+        Args:
+            script: The script.
+            resolve: What its names mean.
+            is_condition: Whether its value is used, as a truth value.
+        """
+        reader = _FlowReader(self, resolve)
+        for number, statement in enumerate(script.statements, 1):
+            is_last = is_condition and number == len(script.statements)
+            if isinstance(statement, Assignment) and not is_last:
+                reader.assign(statement)
+            else:
+                value = reader.value(statement)
+                if is_last or not value.forms:
+                    self.fixed |= value.names
+
+
+class _FlowReader:
+    """Reads the expressions of a script."""
+
+    def __init__(self, found: ScriptFlows, resolve: Resolve) -> None:
+        self._found, self._resolve = found, resolve
+
+    def value(self, node: Expression) -> FlowValue:
+        """Return what is known of the value of an expression, and note what evaluating it does."""
+        if isinstance(node, Literal):
+            return _constant(node.value)
+        if isinstance(node, Name):
+            enums = self._found.enums
+            return _constant(float(enums[node.name])) if node.name in enums else self._variable(node.name)
+        if isinstance(node, Conditional):
+            self._test(self.value(node.condition), 0.0)
+            return _either(self.value(node.then), self.value(node.otherwise))
+        if isinstance(node, Assignment):
+            # Its value is what was stored.
+            target = self.assign(node)
+            self._found.fixed |= {target} if target else set()
+            return self._variable(node.target.name)
+        return self._calculated(node)
+
+    def _calculated(self, node: Prefix | Operation | ComparisonChain) -> FlowValue:
+        if isinstance(node, Prefix):
+            return self._prefix(node.operator, self.value(node.operand))
+        value = self.value(node.first)
+        for step in node.steps:
+            left, right = value, self.value(step.operand)
+            if isinstance(node, Operation):
+                value = self._combined(step.operator, left, right)
+            else:
+                self._compare(left, right)
+                value = right
+        return _TRUTH if isinstance(node, ComparisonChain) else value
+
+    def assign(self, node: Assignment) -> str | None:
+        """Note an assignment; return the entry that it changes."""
+        found, value, target = self._found, self.value(node.value), self._resolve(node.target.name)
+        if node.operator not in {":=", "="}:
+            value = self._combined(node.operator[0], self._variable(node.target.name), value)
+        if target is None:
+            found.fixed |= value.names
+            return None
+        found.types.setdefault(target, set()).update(value.types)
+        if not value.forms:
+            found.results.append((target, value))
+        found.flows |= {(target, name, offset) for name, offset in value.forms if name is not None}
+        return target
+
+    def _variable(self, name: str) -> FlowValue:
+        entry = self._resolve(name)
+        if entry is None:
+            return FlowValue(frozenset(), frozenset([object]), is_total=False)
+        return FlowValue(frozenset([(entry, 0.0)]), frozenset([entry]), frozenset([entry]))
+
+    def _prefix(self, operator: str, value: FlowValue) -> FlowValue:
+        if operator == "!":
+            self._test(value, 0.0)
+            return _TRUTH
+        if operator == "-" and value.is_constant:
+            return FlowValue(frozenset((None, -offset) for _, offset in value.forms), _REAL)
+        return FlowValue(frozenset(), _REAL, value.names, is_total=operator == "-" and _is_number(value))
+
+    def _combined(self, operator: str, left: FlowValue, right: FlowValue) -> FlowValue:
+        if operator in {"&&", "||"}:
+            self._found.fixed |= left.names | right.names
+            return _TRUTH
+        if operator in {"+", "-"} and left.forms and right.is_constant and len(right.forms) == 1:
+            ((_, offset),) = right.forms
+            return left.plus(offset if operator == "+" else -offset)
+        if operator == "+" and len(left.forms) == 1 and left.is_constant and right.forms:
+            return self._combined("+", right, left)
+        names, are_total = left.names | right.names, left.is_total and right.is_total
+        if operator == "..":
+            length, is_text = left.length + right.length, _TEXT in (left.types, right.types)
+            are_total = are_total and is_text and length <= LONGEST_TEXT
+            return FlowValue(frozenset(), _TEXT, names, are_total, length)
+        is_number = operator != "+" or any(each.types <= NUMBERS for each in (left, right))
+        are_total = are_total and operator in "+-*/" and _is_number(left) and _is_number(right)
+        return FlowValue(frozenset(), _REAL if is_number else _REAL | _TEXT, names, are_total)
+
+    def _compare(self, left: FlowValue, right: FlowValue) -> None:
+        for one, other in ((left, right), (right, left)):
+            if one.is_constant and other.forms:
+                for _, constant in one.forms:
+                    self._test(other, constant)
+                return
+        self._found.fixed |= left.names | right.names
+
+    def _test(self, value: FlowValue, constant: float) -> None:
+        """Note that a value is compared with a constant."""
+        if not value.forms:
+            self._found.fixed |= value.names
+        self._found.tests |= {(name, constant - offset) for name, offset in value.forms if name is not None}
+
+
+def _constant(value: float | str) -> FlowValue:
+    if isinstance(value, str):
+        return FlowValue(frozenset(), _TEXT, length=len(value))
+    return FlowValue(frozenset([(None, float(value))]), frozenset([type(value)]))
+
+
+def _either(first: FlowValue, second: FlowValue) -> FlowValue:
+    forms = (
+        first.forms | second.forms if first.forms and second.forms else frozenset[tuple[str | None, float]]()
+    )
+    return FlowValue(
+        forms if len(forms) <= _MOST_FORMS else frozenset(),
+        first.types | second.types,
+        first.names | second.names,
+        first.is_total and second.is_total,
+        max(first.length, second.length),
+    )
+
+
+def _is_number(value: FlowValue) -> bool:
+    """Return whether a value is a number, provided that the entries that it depends on hold numbers."""
+    return str not in value.types and object not in value.types

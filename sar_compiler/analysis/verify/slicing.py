@@ -1,0 +1,237 @@
+"""Which values of keys and facts no run can tell apart, so that states with them are one.
+
+A patrol that counts its rounds (`rounds = rounds + 1`) has a state for each number, although nothing depends on it, or only
+on whether it is below 3. So before a search the scripts of a tree are read, with those of its leaves' answers and of the properties:
+
+- a key on which nothing depends but keys of the same kind has one value of each type;
+- of a key that is only compared with constants, and changed by constants, all values from some number up are one, and all
+  from another one down.
+
+Why that is exact. Two states that differ only in such values are bisimilar: every comparison has the same result in both, every
+script raises in both or in neither, and what an assignment makes of such values are such values again. The last needs care: if `y`
+is given `x - 2`, the values of `x` that are one must be 2 above those of `y`. These inequalities are solved here; a key that
+is lowered *and* compared from above has no solution, and stays as it is. Raising needs more care, because what a key holds
+has a type that decides what it can be given. Only a value is replaced, never its type, nor whether there is one:
+
+- a key from which values flow into others is merged only if all of them hold numbers, and then only its whole numbers, unless no
+  whole number can get into any of them;
+- a key that is used in another way is never merged: by a port of a control, as a truth value, in a product.
+
+Whole numbers raise when they are too large to calculate with, and a merged one never gets there. So it may be changed by 1,000 at
+most in a step: an error of this kind is 10^12 additions away. Numbers above 2^50 are not merged.
+
+A run that is shown was played once more with the values as they are (`state_space`).
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from itertools import count
+
+from sar_compiler.analysis.merging import MergedValues
+from sar_compiler.analysis.simulated_tree import SimulatedTree, is_answered
+from sar_compiler.analysis.stub_leaf import StubLeaf
+from sar_compiler.analysis.verify.properties import Properties
+from sar_compiler.analysis.verify.script_flows import NUMBERS, FlowValue, Resolve, ScriptFlows
+from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.checks.rules.entry_accesses import entry_table_of
+from sar_compiler.nodes.semantics import AccessKind
+from sar_compiler.runtime.blackboard import Board, Scope
+from sar_compiler.runtime.expressions import Script
+from sar_compiler.runtime.language_nodes import RunScript
+from sar_compiler.runtime.script import parse
+from sar_compiler.runtime.variables import UNKNOWN
+
+_LARGEST_LIMIT = 2.0**40
+_LARGEST_CHANGE = 1000
+_AFTERWARDS = ("_onSuccess", "_onFailure", "_onHalted", "_post")
+
+
+def merge_values(prepared: Prepared, properties: Properties) -> None:
+    """Have searches of a tree merge the values of keys and facts that no run can tell apart.
+
+    Nothing is merged where a property asks whether the tree idles: that is, whether every value stays as it is.
+
+    Args:
+        prepared: The tree, before it is ticked.
+        properties: What is asked of it.
+    """
+    if not properties.asks_for_idle:
+        prepared.merge(_mergeable(prepared.simulated, properties))
+
+
+def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, MergedValues]:
+    """Return what can be merged, by the absolute names of entries."""
+    flows = ScriptFlows(simulated.enums)
+    for script, resolve, is_condition in (*_scripts_of_nodes(simulated), *_scripts_of_answers(simulated)):
+        flows.take(script, resolve, is_condition=is_condition)
+    for condition in properties.conditions:
+        flows.take(condition.script, condition.entry_name, is_condition=True)
+    if not flows.types or not _take_ports(flows, simulated):
+        return {}
+    # A name says on which board it is.
+    board = simulated.compiled.board
+    start = {name: _types_at_start(board, name) for name in {*flows.types, *flows.read}}
+    return _Solution(flows, start).merged()
+
+
+_ReadScript = tuple[Script, Resolve, bool]
+"""A script, what its names mean, and whether its value is used."""
+
+
+def _scripts_of_nodes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
+    for instance in simulated.compiled.instance.iterate():
+
+        def resolve(key: str, scope: Scope = instance.scope) -> str:
+            return scope.resolve(key).name
+
+        for bound in instance.tree.nodes:
+            for attribute, script in bound.conditions.items():
+                yield script, resolve, attribute not in _AFTERWARDS
+            if not is_answered(bound.spec):
+                scripts = (value for value in bound.values.values() if isinstance(value, Script))
+                yield from ((script, resolve, bound.spec.cls is not RunScript) for script in scripts)
+
+
+def _scripts_of_answers(simulated: SimulatedTree) -> Iterator[_ReadScript]:
+    for leaf in simulated.leaves:
+
+        def resolve(name: str, leaf: StubLeaf = leaf) -> str | None:
+            is_unknown = name == UNKNOWN and not leaf.variables.is_fact(name)
+            return None if is_unknown else leaf.variables.entry(name).name
+
+        for answer in leaf.answers:
+            written = ((answer.when, True), (answer.then, False))
+            yield from ((parse(script), resolve, is_used) for script, is_used in written if script)
+
+
+def _take_ports(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
+    """Take what ports read and write; return False if a node may use entries that cannot be known.
+
+    Those of leaves that only answer read nothing here, and what they write is in the scripts of their answers.
+    """
+    table = entry_table_of(simulated.compiled.instance)
+    uses = [
+        use
+        for entry in table.entries
+        for use in entry.uses
+        if use.access.place is None and not is_answered(use.bound.spec)
+    ]
+    for use in uses:
+        entry = use.instance.scope.resolve(use.access.key).name
+        flows.types.setdefault(entry, set()).add(object)
+        if use.access.kind is not AccessKind.WRITE:
+            flows.fixed.add(entry)
+    return not table.is_open
+
+
+def _types_at_start(board: Board, name: str) -> set[object]:
+    """Return the types that an entry has at the start: its own, and that of its value."""
+    own = {board.kind(name)} if board.is_declared(name) else set()
+    return {*own, *((type(board.get(name)),) if board.has(name) else ())} - {None}
+
+
+class _Solution:
+    """What can be merged.
+
+    Args:
+        flows: What scripts do.
+        start: The types that each entry has at the start.
+    """
+
+    def __init__(self, flows: ScriptFlows, start: Mapping[str, set[object]]) -> None:
+        self._flows, self._read = flows, flows.read
+        self._types = _types_of_all(flows, start)
+        self._real = self._all_real()
+        fixed = self._fixed()
+        self._above = dict.fromkeys(self._types, -math.inf) | dict.fromkeys(fixed, math.inf)
+        self._below = dict.fromkeys(self._types, math.inf) | dict.fromkeys(fixed, -math.inf)
+        for name, constant in flows.tests:
+            self._require(name, math.ceil(constant), math.floor(constant))
+        self._follow_flows()
+
+    def merged(self) -> dict[str, MergedValues]:
+        """Return what can be merged, by the names of entries."""
+        found = {}
+        for name in sorted(self._flows.types):
+            above, below, is_unread = self._above[name], self._below[name], name not in self._read
+            if is_unread or above < math.inf or below > -math.inf:
+                label = name.split("/", 2)[2]
+                found[name] = MergedValues(label, above, below, is_unread, name in self._real)
+        return found
+
+    def _are_numbers(self, name: str) -> bool:
+        return self._types[name] <= NUMBERS
+
+    def _all_real(self) -> set[str]:
+        """Return the entries that only hold real numbers, and from which values only flow into others of that kind."""
+        real = {name for name, types in self._types.items() if types == {float}}
+        while lost := {
+            source for target, source, _ in self._flows.flows if source in real and target not in real
+        }:
+            real -= lost
+        return real
+
+    def _fixed(self) -> set[str]:
+        """Return the entries that are read in a way in which all of their values may differ."""
+        flows = self._flows
+        fixed = {*flows.fixed, *(name for name in self._read if not self._are_numbers(name))}
+        for target, source, offset in flows.flows:
+            is_exact = source in self._real or (offset.is_integer() and abs(offset) <= _LARGEST_CHANGE)
+            if not is_exact or not self._are_numbers(target):
+                fixed.add(source)
+        for target, value in flows.results:
+            if not self._is_irrelevant(target, value):
+                fixed |= value.names
+        return fixed
+
+    def _is_irrelevant(self, target: str, value: FlowValue) -> bool:
+        """Return whether it makes no difference which value an assignment gives an entry, since nothing reads that and it has one type."""
+        types = self._types[target]
+        is_taken = len(types) == 1 and types == value.types and types <= {float, str}
+        return target not in self._read and value.is_total and is_taken
+
+    def _require(self, name: str, above: float, below: float) -> bool:
+        """Require values to be distinguished up to a number, and down to one; return whether that is new."""
+        above = above if above <= _LARGEST_LIMIT else math.inf
+        below = below if below >= -_LARGEST_LIMIT else -math.inf
+        is_new = above > self._above[name] or below < self._below[name]
+        self._above[name] = max(above, self._above[name])
+        self._below[name] = min(below, self._below[name])
+        return is_new
+
+    def _follow_flows(self) -> None:
+        """Require of each entry what those require that its values flow into.
+
+        These are longest paths: one that gets longer after as many turns as there are entries goes round for ever.
+        """
+        for turn in count():
+            is_new = False
+            for target, source, offset in self._flows.flows:
+                above = self._above[target] + _distance(-offset)
+                below = self._below[target] - _distance(offset)
+                if turn > len(self._types):
+                    above = math.inf if above > self._above[source] else above
+                    below = -math.inf if below < self._below[source] else below
+                is_new = self._require(source, above, below) or is_new
+            if not is_new:
+                return
+
+
+def _distance(offset: float) -> float:
+    """Return by how much a bound moves towards the other values; sums of other than whole numbers are rounded."""
+    return max(0.0, offset if offset.is_integer() else math.ceil(offset) + 1.0)
+
+
+def _types_of_all(flows: ScriptFlows, start: Mapping[str, set[object]]) -> dict[str, set[object]]:
+    """Return the types that each entry can hold.
+
+    Args:
+        flows: What scripts do.
+        start: The types at the start; what is assigned to an entry may be converted to one of these.
+    """
+    types = {name: start.get(name, set()) | flows.types.get(name, set()) for name in {*start, *flows.types}}
+    sizes = -1
+    while sizes < (sizes := sum(map(len, types.values()))):
+        for held in types.values():
+            held.update(*[types[each] for each in held if isinstance(each, str)])
+    return {name: {each for each in held if not isinstance(each, str)} for name, held in types.items()}
