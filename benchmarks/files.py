@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.commands import Cost, plain, run
 from benchmarks.figures import Effort, compared, medians
 from benchmarks.rows import Benchmark, Limit, Measured, Row, seconds
-from benchmarks.trees import balanced, document, in_turn, mission
+from benchmarks.trees import around, balanced, document, in_turn, mission
 
 _LXML = "x `import lxml.etree`"
 _NODES, _FILES = 10_000, 300
@@ -48,15 +48,16 @@ class Stage:
         more = {"XDG_CACHE_HOME": str(self.cache)}
         return run([plain(name), *words], statuses=statuses, more=more, folder=self.folder)
 
-    def large(self, name: str, nodes: int, changed: int = 0) -> str:
-        """Write a file with so many nodes, if it is not there; in every n-th a value is another one."""
+    def large(self, name: str, nodes: int, *, is_changed: bool = False) -> str:
+        """Write a file with so many nodes, if it is not there; a changed one has another element in 1 of 25 places."""
         path = self.folder / f"{name}_{nodes}.xml"
         if not path.exists():
             leaves = _LARGE(nodes)
-            if changed:
-                leaves[::changed] = [
-                    each.replace("/>", ' _onSuccess="done := 1"/>') for each in leaves[::changed]
-                ]
+            if is_changed:
+                leaves[::100] = [each.replace("/>", ' _onSuccess="done := 1"/>') for each in leaves[::100]]
+                leaves[25::100] = [around("Inverter", [each]) for each in leaves[25::100]]
+                leaves[50::100] = [each + '<AlwaysSuccess name="new"/>' for each in leaves[50::100]]
+                del leaves[75::100]
             path.write_text(document(balanced(leaves)), encoding="utf-8")
         return path.name
 
@@ -147,7 +148,7 @@ def _diff(stage: Stage, effort: Effort) -> Measured:
     def once() -> tuple[float, float]:
         return tuple(  # type: ignore[return-value]
             stage.compile(
-                "diff", stage.large("old", nodes), stage.large("new", nodes, changed=100), statuses=(0, 1)
+                "diff", stage.large("old", nodes), stage.large("new", nodes, is_changed=True), statuses=(0, 1)
             ).cpu
             for nodes in (effort.size(_NODES), effort.size(_NODES // 2))
         )
@@ -211,7 +212,7 @@ BENCHMARK = Benchmark(
         Row(
             f"`diff` of two files of {_SIZE}",
             (Limit(2.0, "s CPU"), Limit(2.3, "x half the nodes")),
-            "every hundredth element has changed",
+            "1 of 25 elements is changed, wrapped, added or removed",
             _diff,
         ),
         Row(f"`show` of {_SIZE}", (Limit(2.0, "s CPU"),), "CPU time", _of_large("show")),
