@@ -1,6 +1,7 @@
 """`sar-compile conform`: were flights runs of their tree, and did they keep its properties."""
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from sar_compiler.cli.loading import INPUT_HELP, load_checked
 from sar_compiler.cli.verify import add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.errors import UndecidableError
-from sar_compiler.journal.journal_entries import OF_ROBOT, Ending, JournalEntry
+from sar_compiler.journal.journal_entries import OF_ROBOT, Ending
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.conformance import Conformance
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.project import ProjectTree
     from sar_compiler.reports.compared_flights import Flight
+    from sar_compiler.runtime.events import Event
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -69,14 +71,13 @@ def _flight(place: Path, tree: "ProjectTree", budget: "Budget", arguments: argpa
     from sar_compiler.reports.journals import journal_word
 
     with JournalFile.reading(place) as file:
-        entries = [*file.last_run(without=OF_ROBOT)]
-    state = MissionState.of(entries)
+        state = MissionState.of(file.last_run(without=OF_ROBOT, is_condensed=True))
     state.look_at_process(is_gone=not file.is_written)
     flight = Flight(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
     if not state.nodes:
         return flight._replace(problem="there is no run of a tree in it")
     try:
-        found = budget.run(lambda: _compared(tree, entries, state, arguments))
+        found = budget.run(lambda: _compared(tree, place, state, arguments))
         return flight._replace(found=found, changed=_changed(tree, state, arguments))
     except OtherTreeError as error:
         return flight._replace(problem=f"{error}; it is of {_tree_of(state)}, and not of {tree.path}")
@@ -87,19 +88,27 @@ def _flight(place: Path, tree: "ProjectTree", budget: "Budget", arguments: argpa
 
 
 def _compared(
-    tree: "ProjectTree", entries: list[JournalEntry], state: "MissionState", arguments: argparse.Namespace
+    tree: "ProjectTree", place: Path, state: "MissionState", arguments: argparse.Namespace
 ) -> "Conformance":
     from sar_compiler.analysis.assumptions import StartValues
     from sar_compiler.analysis.tree_analysis import conform_tree
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
+    from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.recorded_events import recorded_events
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
 
     run = state.runs[-1]
+
+    def record() -> "Iterator[Event]":
+        # It is read once more, in the thread of the search, since a long one takes much memory.
+        with JournalFile.reading(place) as file:
+            entries = file.last_run(without=OF_ROBOT)
+            yield from recorded_events(each for each in entries if each.run == run.number)
+
     try:
         return conform_tree(
             tree,
-            recorded_events(entries),
+            record(),
             [each.name for each in state.nodes],
             arguments.properties,
             is_over=run.ending == Ending.OVER.value,

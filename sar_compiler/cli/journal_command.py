@@ -95,7 +95,7 @@ def _show(options: argparse.Namespace) -> None:
 
     # To look at the lock takes away those of whoever reads the file in this process.
     with JournalFile.reading(options.journal) as file:
-        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT))
+        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT, is_condensed=True))
         state, show_all = inquiry.state, options.all
         state.look_at_process(is_gone=not file.is_written)
         if options.format == "json":

@@ -58,7 +58,7 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
                     f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}; what leaves have answered is "
                     "counted for one tree"
                 )
-            found.add(file.stream(without=OF_ROBOT))
+            found.add(file.stream(without=OF_ROBOT, is_condensed=True))
     return found
 
 

@@ -2,6 +2,7 @@
 
 import errno
 import functools
+import itertools
 import math
 import os
 import sqlite3
@@ -34,7 +35,9 @@ from sar_compiler.journal.journal_entries import (
     check_value_types,
     end_data,
 )
+from sar_compiler.journal.mission_state import tree_nodes
 from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_reserve
+from sar_compiler.journal.steady_rows import RawRow, condensed
 from sar_compiler.opener import (
     UnreadableFileError,
     open_by_name,
@@ -396,10 +399,12 @@ class JournalFile:
         """Yield what was watched, in its order: entries of some kinds; of all, if none is named."""
         return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
-    def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in their order, one by one, as `Journal.listen` gives them live; without those of some watched kinds."""
-        for number, entry in enumerate(self.stream_behind(StreamPlace(), without=without), 1):
-            yield JournalEntry(number, *entry[1:])
+    def stream(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
+        """Yield all entries in their order, one by one, as `Journal.listen` gives them live; arguments as for `last_run`."""
+        with self.snapshot():
+            runs = (self._of_run(run, without, is_condensed=is_condensed) for run in self.runs())
+            for number, entry in enumerate(itertools.chain.from_iterable(runs), 1):
+                yield JournalEntry(number, *entry[1:])
 
     def stream_behind(self, after: StreamPlace, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
         """Yield all entries behind a place in their order, one by one, with the numbers that places have; without those of some watched kinds."""
@@ -408,14 +413,24 @@ class JournalFile:
                 if run.number >= after.run:
                     yield from self._of_run(run, without, after if run.number == after.run else None)
 
-    def last_run(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield the entries of the last run in their order, one by one, without those of some watched kinds."""
+    def last_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
+        """Yield the entries of the last run in their order, one by one.
+
+        Args:
+            without: Watched kinds that are left out.
+            is_condensed: Whether statuses are left out that only repeat others (`steady_rows`).
+        """
         with self.snapshot():
             for run in self.runs()[-1:]:
-                yield from self._of_run(run, without)
+                yield from self._of_run(run, without, is_condensed=is_condensed)
 
     def _of_run(
-        self, run: JournalRun, without: Sequence[str] = (), after: StreamPlace | None = None
+        self,
+        run: JournalRun,
+        without: Sequence[str] = (),
+        after: StreamPlace | None = None,
+        *,
+        is_condensed: bool = False,
     ) -> Iterator[JournalEntry]:
         if after is None:
             after = StreamPlace(run.number, 0, _start(run))
@@ -423,7 +438,8 @@ class JournalFile:
         if after.number == END:
             return
         latest = after.time
-        for entry in self.entries(run.number, without=without, after=after.number):
+        entries = self.entries(run.number, without=without, after=after.number, is_condensed=is_condensed)
+        for entry in entries:
             latest = max(latest, entry.time)
             yield entry
         # What is left out may be later still.
@@ -431,7 +447,13 @@ class JournalFile:
             yield end
 
     def entries(
-        self, run: int, *, with_watched: bool = True, without: Sequence[str] = (), after: int = 0
+        self,
+        run: int,
+        *,
+        with_watched: bool = True,
+        without: Sequence[str] = (),
+        after: int = 0,
+        is_condensed: bool = False,
     ) -> Iterator[JournalEntry]:
         """Yield the facts of a run in their order, one by one.
 
@@ -440,12 +462,13 @@ class JournalFile:
             with_watched: Whether what was watched is among them.
             without: Kinds of it that are left out.
             after: The number behind which they begin.
+            is_condensed: As for `last_run`.
         """
         chosen = "WHERE run = ?1 AND number > ?2"
         source = f"fact {chosen}"
         if with_watched:
             source += f" UNION ALL {_ENTRIES} watched {chosen} AND kind NOT IN ({_places(without)})"
-        return self._read(source, (run, after, *without))
+        return self._read(source, (run, after, *without), is_condensed=is_condensed)
 
     def widest_kind(self, run: int, *, with_watched: bool) -> int:
         """Return the length of the longest kind among the entries of a run; 0 if there are none."""
@@ -524,11 +547,16 @@ class JournalFile:
             (last,) = self._connection.execute(query, (run,)).fetchone()
         return -math.inf if last is None else float(last)
 
-    def _read(self, source: str, values: Iterable[str | int] = ()) -> Iterator[JournalEntry]:
+    def _read(
+        self, source: str, values: Iterable[str | int] = (), *, is_condensed: bool = False
+    ) -> Iterator[JournalEntry]:
         """Yield the entries of a table, with a condition on them, in their order."""
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._reading():
-            for number, run, wall, time_, kind, data in self._connection.execute(query, tuple(values)):
+            rows: Iterable[RawRow] = self._connection.execute(query, tuple(values))
+            if is_condensed:
+                rows = condensed(rows, [each.parent for each in tree_nodes(self.about().get("tree"))])
+            for number, run, wall, time_, kind, data in rows:
                 entry = JournalEntry(number, run, _finite(wall), _finite(time_), str(kind), _mapping(data))
                 check_value_types(entry.kind, entry.data)
                 yield entry

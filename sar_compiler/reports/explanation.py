@@ -83,7 +83,7 @@ class Explanation(NamedTuple):
         from sar_compiler.journal.recorded_events import recorded_events
         from sar_compiler.reports.why import Inquiry
 
-        inquiry = Inquiry.of(tree_entries(file))
+        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT, is_condensed=True))
         inquiry.state.look_at_process(is_gone=is_gone)
         reasons = inquiry.why()
         if not reasons.chain or projects is None:

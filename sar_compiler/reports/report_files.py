@@ -73,8 +73,8 @@ def _mission(journal: Path) -> tuple[MissionState, Why]:
 
     with JournalFile.reading(journal) as file:
         paths = ShortPaths(journal.parent)
-        state = MissionState.of(paths.of(file.stream()))
-        why = Inquiry.of(paths.of(file.last_run(without=OF_ROBOT))).why()
+        state = MissionState.of(paths.of(file.stream(is_condensed=True)))
+        why = Inquiry.of(paths.of(file.last_run(without=OF_ROBOT, is_condensed=True))).why()
     state.look_at_process(is_gone=not file.is_written)
     return state, why
 

@@ -1,0 +1,135 @@
+"""Rows that repeat a status are left out, and what is computed of a journal stays the same."""
+
+import random
+from contextlib import closing
+
+import pytest
+
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, STATUS, Row
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json
+from sar_compiler.reports.why import Inquiry
+from sar_compiler.tree.json_values import json_text
+from tests.chance import rounds
+
+
+def leaf(name):
+    return {"name": name, "class": "a.Leaf", "children": [], "file": "t.xml", "line": 1}
+
+
+TREE = {
+    **leaf("Root"),
+    "children": [
+        {**leaf("Left"), "children": [leaf("a"), leaf("b")]},
+        {**leaf("Right"), "children": [leaf("c")]},
+    ],
+}
+PARENTS = [None, 0, 1, 1, 0, 4]
+
+
+def written(path, rows):
+    """Write a journal of some rows, each as its kind and its data, and return its name."""
+    with closing(JournalFile.create(path)) as file:
+        file.reserve()
+        file.begin_run({"mission": "m", "tree": TREE}, {"time": 0.0}, 0.0)
+        # All entries of a tick are of one time.
+        tick, made = 0, []
+        for number, (kind, data) in enumerate(rows, 1):
+            tick = data.get("tick", tick) if isinstance(data, dict) else tick
+            text = data if isinstance(data, str) else json_text(data)
+            made.append(Row(number, 1, float(tick), float(tick), kind, text))
+        file.write(made)
+    return path
+
+
+def status(node, tick, word="RUNNING", message="", **more):
+    return STATUS, {"node": node, "tick": tick, "status": word, "message": message, **more}
+
+
+def numbers(path, **options):
+    with JournalFile.reading(path) as file:
+        return [entry.number for entry in file.last_run(**options)][1:]
+
+
+RUNNING = [status(0, 1), status(1, 1), status(2, 1, message="9 m")]
+
+
+def test_of_rows_that_repeat_a_status_the_last_one_is_kept(tmp_path):
+    path = written(
+        tmp_path / "j", [*RUNNING, *(status(2, tick, message=f'{tick} "m"') for tick in range(2, 9))]
+    )
+    assert numbers(path, is_condensed=True) == [1, 2, 3, 10]
+    assert numbers(path) == [*range(1, 11)]
+
+
+def test_nodes_that_run_side_by_side_are_each_kept_once(tmp_path):
+    rows = [*RUNNING, status(4, 1), status(5, 1)]
+    rows += [status(node, tick, message=str(tick)) for tick in range(2, 9) for node in (2, 5)]
+    assert numbers(written(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5, 18, 19]
+
+
+@pytest.mark.parametrize(
+    "between",
+    [
+        status(3, 3, "SUCCESS"),
+        status(2, 3, "SUCCESS"),
+        status(2, 3, label="near"),
+        (LOG, {"node": "n", "level": 10, "text": "x", "stamp": 0.0}),
+        (STATUS, '{"tick": 3, "node": 2, "status": "RUNNING", "message": ""}'),
+    ],
+)
+def test_nothing_is_left_out_across_anything_else(between, tmp_path):
+    rows = [*RUNNING, status(2, 2, message="8 m"), between, status(2, 4, message="7 m")]
+    assert numbers(written(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5, 6]
+
+
+def test_nothing_is_left_out_below_a_node_that_does_not_run(tmp_path):
+    rows = [
+        status(0, 1),
+        status(1, 1, "SUCCESS"),
+        status(2, 1),
+        *(status(2, tick, message=str(tick)) for tick in (2, 3)),
+    ]
+    assert numbers(written(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5]
+
+
+def random_rows(chance):
+    tick, words = 1, ("RUNNING", "RUNNING", "RUNNING", "SUCCESS", "FAILURE", "IDLE", "HALTED")
+    for _ in range(60):
+        tick += chance.choice((0, 1, 1, 1))
+        node = chance.choice((2, 2, 2, 3, 5, chance.randrange(6)))
+        word = "RUNNING" if chance.random() < 0.7 else chance.choice(words)
+        more = (
+            {"last": tick}
+            if word in ("IDLE", "HALTED")
+            else {"label": chance.choice(("", "", "x"))}
+            if chance.random() < 0.2
+            else {}
+        )
+        yield status(node, tick, word, chance.choice(("", "8 m", 'a "b" \\ ü')), **more)
+        if chance.random() < 0.05:
+            yield LOG, {"node": "n", "level": 30, "text": "x", "stamp": 0.0}
+
+
+def computed(path, **options):
+    """Return all that is computed of a journal."""
+    with JournalFile.reading(path) as file:
+        state = MissionState.of(file.stream(**options))
+        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT, **options))
+        found = RunStatistics()
+        found.add(file.stream(without=OF_ROBOT, **options))
+        return (
+            state.nodes,
+            state.now,
+            state.tick,
+            inquiry.why(),
+            inquiry.failed_tick,
+            statistics_as_json(found, 0.95),
+        )
+
+
+@pytest.mark.parametrize("seed", range(rounds(60)))
+def test_what_is_computed_of_a_journal_is_the_same_without_them(seed, tmp_path):
+    path = written(tmp_path / "j", random_rows(random.Random(seed)))  # noqa: S311
+    assert computed(path, is_condensed=True) == computed(path)
