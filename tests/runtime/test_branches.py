@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from py_trees.common import Status
 
+from sar_compiler.runtime import operators
 from sar_compiler.runtime.operators import equal_texts
 from sar_compiler.runtime.ports import Input, PortError
 from tests.conformance.leaves import ScriptedError
@@ -203,3 +204,17 @@ def test_a_variable_that_does_not_fit_is_an_error():
     root = Switch("s", stage.leaves(a="S", b="S", c="S"), variable, stage.enums, Input("1"), Input("2"))
     with pytest.raises(PortError, match=r"variable: \{v\}: 2 is not a text"):
         root.tick_once()
+
+
+def test_a_switch_looks_once_at_the_digits_of_a_text(monkeypatch):
+    read = []
+
+    def number_of(text):
+        read.append(text)
+        return float(text)
+
+    operators._number_in.cache_clear()
+    monkeypatch.setattr(operators, "number_of", number_of)
+    assert [equal_texts("5.0", case, {}) for case in ("4", "5", "4", "5")] == [False, True, False, True]
+    assert read == ["5.0", "4", "5"]
+    operators._number_in.cache_clear()

@@ -189,3 +189,37 @@ def test_nobody_waits_for_less_than_no_time(make):
         make("t", stage.leaf("a"), Input(-5), ManualClock()).tick_once()
     with pytest.raises(DurationError, match="'z' is to wait -5"):
         Sleep("z", Input(-5), ManualClock()).tick_once()
+
+
+@given(
+    left=st.lists(
+        st.one_of(st.floats(0.01, 90.0), st.integers(1, 900).map(lambda tenths: tenths / 10 - 0.05)),
+        max_size=30,
+    )
+)
+def test_the_time_that_is_left_is_told_to_a_tenth(left):
+    clock, stage = ManualClock(), Stage()
+    root = stage.ready(Sleep("s", Input(100_000), clock))
+    stage.tick(root)
+    for seconds in sorted(left, reverse=True):
+        clock.advance(100.0 - seconds - clock.now())
+        stage.tick(root)
+        assert root.feedback_message == f"remaining: {100.0 - clock.now():.1f}s"
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda _stage, clock: Sleep("s", Input(5000), clock),
+        lambda stage, clock: Delay("d", stage.leaf("a"), Input(5000), clock),
+    ],
+)
+def test_what_is_told_is_made_once_for_each_tenth_of_a_second(make):
+    clock, stage = ManualClock(), Stage()
+    root = stage.ready(make(stage, clock))
+    told = []
+    for _ in range(4):
+        stage.tick(root)
+        told.append(root.feedback_message)
+        clock.advance(0.01)
+    assert len({id(each) for each in told}) == 1

@@ -11,6 +11,9 @@ COUNTING: Final = 1
 UP: Final = 2
 UNLIMITED: Final = 3
 _MILLISECONDS: Final = 1000.0
+_TENTHS: Final = 10.0
+_HALF: Final = 0.5
+_CLOSE: Final = 1e-6
 
 
 class DurationError(NodeError):
@@ -43,6 +46,9 @@ class Countdown:
         self.index = part.index
         self.state = part.cell(OFF)
         self.token = part.value(0)
+        # What was told last, and of how many tenths of a second: a tree may tick thousands of times in one.
+        self.tenths = -1
+        self.told = ""
 
     def start(self, seconds: float, ticker: Ticker) -> None:
         """Begin to count from a number of seconds."""
@@ -65,7 +71,11 @@ class Countdown:
         if not ticker.tells:
             return ""
         seconds = ticker.times.remaining(self.index, ticker.values[self.token])
-        return f"remaining: {seconds:.1f}s"
+        tenths = int(seconds * _TENTHS + _HALF)
+        # Halfway between two tenths, the digits that are printed depend on more than this sum.
+        if tenths != self.tenths or abs(seconds * _TENTHS + _HALF - tenths) < _CLOSE:
+            self.tenths, self.told = tenths, f"remaining: {seconds:.1f}s"
+        return self.told
 
     def stop(self, ticker: Ticker, state: int = OFF) -> None:
         """Count no more."""
@@ -91,8 +101,8 @@ class DelayNode(TimedNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child if the time is over."""
         behaviour, timer = self.behaviour, self.timer
-        seconds = seconds_of(behaviour, "delay_msec")
         if ticker.cells[timer.state] == OFF:
+            seconds = seconds_of(behaviour, "delay_msec")
             timer.start(seconds, ticker)
             if not seconds:
                 behaviour.wake()
@@ -115,19 +125,19 @@ class TimeoutNode(TimedNode):
     def begin(self, ticker: Ticker) -> int:
         """Tick the child, unless it runs and its time is over."""
         cells, timer = ticker.cells, self.timer
-        seconds = seconds_of(self.behaviour, "msec")
         if cells[timer.state] == OFF:
-            self.start(seconds, ticker)
+            self.start(ticker)
         elif timer.is_up(ticker):
             if cells[self.child.at] == RUNNING:
                 return self.time_out(ticker)
-            self.start(seconds, ticker)
+            self.start(ticker)
         limited = cells[timer.state] == COUNTING
         self.behaviour.feedback_message = timer.left(ticker) if limited else ""
         return self.tick_child(self.child, ticker)
 
-    def start(self, seconds: float, ticker: Ticker) -> None:
+    def start(self, ticker: Ticker) -> None:
         """Start the timer; with no seconds at all there is no limit."""
+        seconds = seconds_of(self.behaviour, "msec")
         if seconds:
             self.timer.start(seconds, ticker)
         else:
