@@ -4,6 +4,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext, suppress
 from functools import partial
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -117,7 +118,12 @@ class Localised(Requirement):
         pose: The robot's pose, in the frame `map`.
         begins_anew: Whether the localisation is known to have none, as that of a simulation that has just begun.
         can_resume: Whether the journal of the mission before is there.
+
+    Attributes:
+        may_publish: Whether the pose may be published; until then the localisation is only listened to.
     """
+
+    may_publish = True
 
     def __init__(
         self, node: Node, pose: InitialPose, *, begins_anew: bool = False, can_resume: bool = False
@@ -152,9 +158,11 @@ class Localised(Requirement):
         if self._answered:
             return None
         heard = self._publisher.get_subscription_count() > 0
+        has_been_listened_to = self._has_been_listened_to(now)
         if (
             heard
-            and self._has_been_listened_to(now)
+            and self.may_publish
+            and has_been_listened_to
             and self._has_not_moved()
             and now - self._sent_at >= _INITIAL_POSE_PERIOD_SEC
         ):
@@ -389,6 +397,7 @@ class Readiness:
         # The next steps of what is looked at, each of which says what is missing; and what is to be closed in the end.
         self._steps: list[Callable[[], str | None]] = []
         self._closing: list[Requirement] = []
+        self._localised: Localised | None = None
         self._graph = ros_graph(node)
         uses = list(dict.fromkeys(uses))
         self._endpoints = [
@@ -422,10 +431,11 @@ class Readiness:
         localizer, navigator = NAV2_NODES
         self._parameters = nav2_parameters(self.node)
         if initial_pose is not None:
-            self._closing.append(
-                Localised(self.node, initial_pose, begins_anew=begins_anew, can_resume=can_resume)
+            self._localised = Localised(
+                self.node, initial_pose, begins_anew=begins_anew, can_resume=can_resume
             )
-            self._steps.append(self._closing[-1].missing)
+            self._closing.append(self._localised)
+            self._steps.append(self._localised.missing)
         # Asked even after it was active: it may no longer be when all else is there.
         self._steps.append(robot_estimate(self.node).lifecycle(localizer).missing)
         self._closing.append(NavigatorActive(self.node, navigator, tells_pose=initial_pose is not None))
@@ -456,7 +466,13 @@ class Readiness:
         """Take the next step, and return what is missing, one readable line each."""
         first = {each: line for each in self._first if (line := each.missing()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
-        lines = [*first.values()] or [line for step in self._steps if (line := step()) is not None]
+        if self._localised is not None:
+            self._localised.may_publish = not first
+        # Questions are asked, and answers heard, also while something must be there before anything is changed.
+        others: list[str] = []
+        with suppress(SarError) if first else nullcontext():  # it is raised again when nothing goes before it
+            others = [line for step in self._steps if (line := step()) is not None]
+        lines = [*first.values()] or others
         advice = self._graph.advice(self._endpoints) if lines and not first else ""
         # Nav2's nodes declare most of their parameters while they are configured.
         if not lines and self.uses_nav2 and self._parameters.are_awaited():

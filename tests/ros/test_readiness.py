@@ -32,6 +32,7 @@ class FakeNav2:
         self.node = node
         self.states = dict(zip(("amcl", "bt_navigator"), states, strict=True))
         self.answers = True
+        self.asked: set[str] = set()
         self.poses: list[Any] = []
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.publisher = node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
@@ -49,6 +50,7 @@ class FakeNav2:
 
     def state_of(self, name: str) -> Callable[[Any, Any], Any]:
         def answer(_: Any, response: Any) -> Any:
+            self.asked.add(name)
             response.current_state.label = self.states[name]
             return response
 
@@ -617,6 +619,33 @@ class TestNav2:
         ros.spin_until(lambda: ready.poll() or len(nav2.poses) >= 3, "the pose for a third time")
         nav2.answers = True
         wait(ros, ready)
+
+    def test_nothing_is_changed_while_something_else_must_be_there_first_but_all_is_asked(
+        self, ros: Ros
+    ) -> None:
+        from sar_compiler.ros.clock import AWAKE
+        from sar_compiler.ros.readiness import Readiness, Requirement
+
+        class First(Requirement):
+            line: str | None = "the first"
+
+            def missing(self) -> str | None:
+                return self.line
+
+        nav2, first = FakeNav2(ros.node("nav2")), First()
+        ready = Readiness(ros.node(), [Use.nav2()], initial_pose=(0.0, 0.0, 0.0), first=[first])
+        localised = ready._localised
+        assert localised is not None
+
+        def is_known() -> bool:
+            assert ready.missing() == ["the first"]
+            return nav2.asked == nav2.states.keys() and localised._has_been_listened_to(AWAKE.now())
+
+        ros.spin_until(is_known, "the answers of Nav2")
+        assert nav2.poses == []
+        first.line = None
+        wait(ros, ready)
+        assert nav2.poses
 
     def test_an_old_pose_kept_for_latecomers_is_no_answer(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch
