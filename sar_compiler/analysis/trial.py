@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from sar_compiler.analysis.plain_scripts import is_plain
 from sar_compiler.nodes.binding.attributes import CONDITIONS
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.project.file_check import TrialOutcome
@@ -55,6 +56,9 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Dia
     forest, registry = tree.forest, tree.project.registry
     executable = forest.executable
     if not executable or not any(_may_raise(each, registry) for each in forest.iterate()):
+        return []
+    bound = {id(each.element): each for each in tree.context.bound.trees}
+    if not tree.palettes and all(id(each) in bound and is_plain(bound[id(each)]) for each in executable):
         return []
     from sar_compiler.analysis.proofs import try_runs
 
