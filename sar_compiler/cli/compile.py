@@ -270,7 +270,8 @@ def _diff(arguments: argparse.Namespace) -> int:
     def is_same_type(before: str, after: str) -> bool:
         return is_same(normalized(before), normalized(after))
 
-    differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new, is_same_type))
+    with gc_paused():  # the collector would look again and again through two trees without garbage
+        differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new, is_same_type))
     if arguments.format == "json":
         from sar_compiler.tree.plain import as_json
 
