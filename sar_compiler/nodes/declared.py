@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -128,7 +129,6 @@ def _type(data: Any) -> ValueType:
 
 
 def _spec(data: Mapping[str, Any]) -> NodeSpec:
-    parameters = [_parameter(**each) for each in data["parameters"]]
     return NodeSpec(
         data["tag"],
         data["class"],
@@ -140,7 +140,8 @@ def _spec(data: Mapping[str, Any]) -> NodeSpec:
         data.get("facts", {}),
         tuple(data.get("reads", ())),
         tuple(data.get("writes", ())),
-        signature=Signature({each.name: each for each in parameters}, data.get("doc", "")),
+        # A file has few of the leaves that are installed.
+        signature=Signature(partial(_parameters, data["parameters"]), data.get("doc", "")),
     )
 
 
@@ -149,6 +150,11 @@ def _answer(**said: Any) -> Answer:
         name: tuple(each) if isinstance(each, list) else each for name, each in said.items()
     }
     return Answer(**given)
+
+
+def _parameters(data: Iterable[Mapping[str, Any]]) -> dict[str, Parameter]:
+    parameters = (_parameter(**each) for each in data)
+    return {each.name: each for each in parameters}
 
 
 def _parameter(role: str, value_type: object, direction: str | None = None, **said: Any) -> Parameter:

@@ -299,14 +299,14 @@ class Signature(NamedTuple):
     """What is said of a node's attributes where its constructor is not asked.
 
     Attributes:
-        described: All parameters by name, in their order (`nodes.declaring`); None for those of the constructor.
+        described: All parameters by name, in their order (`nodes.declaring`), or what reads them; None for those of the constructor.
         doc: The node's description; empty for that of the class.
         fixed: What the tag implies: values of parameters (`ReactiveSequence`: `memory` is false), or what only the class asks for.
         factory: The import path of the function that creates the node of its record and the arguments; empty for none.
         from_use: Whether it was made from the node's use.
     """
 
-    described: Mapping[str, Parameter] | None = None
+    described: Mapping[str, Parameter] | Callable[[], Mapping[str, Parameter]] | None = None
     doc: str = ""
     fixed: Mapping[str, object] = {}
     factory: str = ""
@@ -381,8 +381,9 @@ class NodeSpec:
         Raises:
             RegistrationError: If the constructor cannot be written in a tree file; names the parameter.
         """
-        if self.signature.described is not None:
-            return self.signature.described
+        described = self.signature.described
+        if described is not None:
+            return described() if callable(described) else described
         return _parameters_of(self)
 
     @functools.cached_property

@@ -329,7 +329,7 @@ def test_a_declared_parameter_has_the_type_of_such_an_annotation_and_the_name_wi
     signed = signature(
         Kind.DECORATOR, "Waits.", attribute("if_", int, "A."), input_port("rate", float, "B.", 2.5)
     )
-    assert signed.described is not None
+    assert isinstance(signed.described, dict)
     assert list(signed.described) == ["name", "child", "if", "rate"]
     first, second = signed.described["if"], signed.described["rate"]
     assert (first.keyword, first.required, first.default) == ("if_", True, None)
