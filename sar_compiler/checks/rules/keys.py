@@ -179,7 +179,7 @@ def _how_to_give(use: EntryAccess, key: str) -> str:
 
 def _is_slip(entry: EntryAccesses, near: str) -> bool:
     """Return whether a key must be a misspelling of another one: blanks apart it is that, or it is used once and very similar."""
-    if entry.key.strip() == near:
+    if entry.key.strip() == near.strip():
         return True
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
     numbered = entry.key.rstrip("0123456789") == near.rstrip("0123456789")
@@ -203,6 +203,9 @@ def _is_name_of_key(use: EntryAccess) -> bool:
 
 
 def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
+    for same in (key.strip(), f"{key} ", f" {key}"):
+        if same != key and same in others:
+            return same
     near = guesses.nearest(key.strip(), others)
     return near if near is not None and likeness(key.strip(), near) >= _LIKE else None
 
