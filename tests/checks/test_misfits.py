@@ -179,3 +179,33 @@ def test_a_literal_for_a_port_that_its_node_writes_is_a_warning(cpp, written, no
 def test_the_literal_queue_of_a_loop_is_meant_so():
     body = '<LoopInt queue="1;2" value="{v}"><Drive count="{v}"/></LoopInt>'
     assert "wrong-value" not in {code for code, *_ in found(body)}
+
+
+def test_a_text_that_is_copied_over_a_number_of_a_subtree_says_one():
+    part = '<BehaviorTree ID="P"><Sequence><SetBlackboard value="{text}" output_key="k"/></Sequence></BehaviorTree>'
+    for text, told in (("x", ["cpp-type-mismatch"]), ("7", []), ("-7", [])):
+        tree = TREE.format(body='<SubTree ID="P" k="3"/>', port="speed").replace(
+            "<TreeNodesModel>", f"{part.format(text=text)}<TreeNodesModel>"
+        )
+        found = check(forest_of(tree), default_registry())
+        assert [each.code for each in found if "type" in each.code] == told, text
+
+
+def test_a_port_that_writes_first_in_some_runs_only_is_no_reason_for_a_finding():
+    # A text cannot be written over by a number, and a number can by a text.
+    body = '<Fallback><AlwaysFailure/><Drive any="{k}"/></Fallback>'
+    writes = ('<W_string out="{k}"/>', '<W_int out="{k}"/>')
+    models = "".join(
+        f'<Action ID="W_{name}"><output_port name="out" type="{cpp}"/></Action>'
+        for name, cpp in (("string", "std::string"), ("int", "int"))
+    )
+    for written, told in (
+        (f"<Sequence>{''.join(writes)}</Sequence>", ["cpp-type-mismatch"]),
+        (f"<Sequence>{''.join(reversed(writes))}</Sequence>", []),
+        (f"<Fallback>{''.join(writes)}</Fallback>", []),
+    ):
+        tree = TREE.format(body=body + written, port="speed").replace(
+            "</TreeNodesModel>", f"{models}</TreeNodesModel>"
+        )
+        found = check(forest_of(tree), default_registry())
+        assert [each.code for each in found if each.code == "cpp-type-mismatch"] == told, written

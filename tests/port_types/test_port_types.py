@@ -58,7 +58,7 @@ SILENT = {
     ),
     "the C++ of a node may read a text from a port without a type, or write a value of any type": lambda tree, _: (
         tree.column in {"Any", "untyped"}
-        and tree.family in {"literal", "constant overwritten", "port then write"}
+        and tree.family in {"literal", "constant overwritten", "port then write", "written twice"}
     ),
     "the text that a leaf writes may be the word for a status": lambda tree, _: (
         tree.row == "string" and tree.column in {"Status", "else", "if_empty"}

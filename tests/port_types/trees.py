@@ -130,6 +130,7 @@ def _between_ports() -> Iterator[Tree]:
             yield Tree("write then read", row, column, write(row) + read(column))
             yield Tree("port then write", row, column, _idle(read(row)) + write(column))
             yield Tree("untyped first", row, column, _idle(read("untyped")) + write(row) + read(column))
+            yield Tree("written twice", row, column, _idle(read("untyped")) + write(row) + write(column))
             copy = '<SetBlackboard value="{j}" output_key="k"/>'
             yield Tree("copy", row, column, write(row, "j") + copy + read(column))
         for column, taker in TAKERS.items():

@@ -4,7 +4,13 @@ import itertools
 from collections.abc import Collection, Iterator
 from typing import NamedTuple, TypeAlias
 
-from sar_compiler.checks.rules.entry_accesses import EntryAccess, EntryAccesses, EntryTable, is_of_root
+from sar_compiler.checks.rules.entry_accesses import (
+    EntryAccess,
+    EntryAccesses,
+    EntryTable,
+    comes_first,
+    is_of_root,
+)
 from sar_compiler.checks.rules.scripts import is_condition, raised_always
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.key_types import (
@@ -22,6 +28,7 @@ from sar_compiler.nodes.btcpp.port_types import (
     can_be_converted,
     can_be_copied,
     can_be_read,
+    can_replace,
     is_loop_queue,
     is_number,
     is_untyped,
@@ -195,6 +202,7 @@ class KeyTypeRules:
             is_open = is_untyped(first.cpp) or first.cpp == TEXT
             readers = [port for port in ports if is_open or is_loop_queue(port.cpp)]
             yield from self._unreadable(writes, readers)
+            yield from self._replaced([*kinds.values()] if is_untyped(first.cpp) else [])
             if scripts and writes and not entry.given:
                 yield from self._late_scripts(writes[0], scripts, first)
             if scripts and entry.given:
@@ -317,7 +325,12 @@ class KeyTypeRules:
                 return
         types = [value.cpp for value in values]
         shown = " or ".join(dict.fromkeys(types))
-        if write.is_copy and not any(can_be_copied(each, first.cpp) for each in types):
+        is_number_given = first.parameter is None and is_number(first.cpp)
+        if write.is_copy and not any(
+            can_be_copied(each.cpp, first.cpp)
+            and not (is_number_given and each.is_shown and not self._is_read_as(each, first.cpp))
+            for each in values
+        ):
             what = f"{shown} is copied with its type to '{write.key}', which is {first.label(element)}"
             yield self._refused(f"{write.attribute}: {what}", element, write.span, None)
             return
@@ -329,6 +342,10 @@ class KeyTypeRules:
         )
         notes = (unknown_conversion(element, write.attribute, write.span, port.cpp) for port in open_)
         yield from itertools.islice(itertools.chain(refused, notes), 1)
+
+    def _is_read_as(self, value: _WrittenValue, cpp: str) -> bool:
+        """Return whether a value that the file shows is no text, or one that says a number of a type."""
+        return not isinstance(value.value, str) or can_be_converted(value.value, cpp, self._version)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
@@ -387,6 +404,21 @@ class KeyTypeRules:
                 return
             if port.is_of_user and set(types) == {TEXT}:
                 yield unknown_conversion(element, name, element.value_span(name), port.cpp)
+                return
+
+    def _replaced(self, uses: list[EntryAccess]) -> Iterator[Diagnostic]:
+        """Yield the first port that cannot write over what another one has written."""
+        ports = [(use, port) for use in uses if (port := self._port(use)) is not None and port.writes]
+        for (earlier, held), (later, port) in itertools.combinations(ports, 2):
+            if can_replace(port.cpp, held.cpp) or is_loop_queue(held.cpp) or is_loop_queue(port.cpp):
+                continue
+            if _has_written(earlier, later) or not can_replace(held.cpp, port.cpp):
+                name, element = port.parameter.name, port.bound.element
+                line = f"line {held.bound.element.line}{file_of(held.bound.element, element)}"
+                what = (
+                    f"'{port.bound.keys[name]}' is {port.cpp} here, and {held.cpp} is written to it ({line})"
+                )
+                yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
                 return
 
     def _late_scripts(
@@ -454,6 +486,14 @@ class KeyTypeRules:
         elif port is not None and not port.bound.spec.is_foreign and not is_loop_queue(port.cpp):
             message = f"{message}, although it is converted here"
         return element.finding(code, message, span, hint="use two keys", severity=self._severity)
+
+
+def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
+    """Return whether a node has written when a later one does: the two are in one sequence, which a failure ends."""
+    around = earlier.place.around
+    if around is None or around is not later.place.around:
+        return False
+    return around.bound.spec.semantics.is_sequence and comes_first(earlier, later)
 
 
 def _script_in(text: str, port: _TypedPort) -> Script | None:

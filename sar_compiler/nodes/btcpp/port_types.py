@@ -15,6 +15,15 @@ _INT_RANGE = range(-(2**31), 2**31)
 _UNTYPED = ("", ANY)
 _INTEGERS = ("int8_t", "uint8_t", "int16_t", "uint16_t", INT, UNSIGNED_INT, LONG, "uint64_t")
 _NUMBERS = frozenset((*_INTEGERS, "float", REAL, "bool", "long long", "unsigned long long"))
+# The whole numbers of which 4.8 to 4.10 convert none to the type of the other, as they do not compare their ranges.
+_KEPT_BY = {
+    INT: (UNSIGNED_INT, "uint64_t", "int16_t"),
+    UNSIGNED_INT: (INT, "int16_t"),
+    LONG: (INT, "uint64_t", "int16_t"),
+    "uint64_t": (INT, LONG, "int16_t"),
+    "int16_t": (UNSIGNED_INT, "uint64_t", "uint16_t"),
+    "uint16_t": ("int16_t",),
+}
 _QUEUE = r"std::(?:vector|shared_ptr<std::deque)<([^<>]*)>>?"
 _ITEMS = {"LoopInt": INT, "LoopDouble": REAL, "LoopBool": "bool", "LoopString": TEXT}
 _QUEUE_NAME = "queue."
@@ -132,6 +141,21 @@ def _is_in_range(value: object, cpp: str) -> bool:
 def _is_pointer(cpp: str) -> bool:
     """Return whether a type is a pointer that no text can be read as."""
     return cpp.startswith(_POINTER) and not cpp.startswith(_POINTER_TO_TEXT)
+
+
+def can_replace(written: str, held: str) -> bool:
+    """Return whether a port can write a value of one type over one of another, in an entry that no port has given a type.
+
+    Args:
+        written: The type of the port that writes, normalized.
+        held: The type of the value that is there, normalized.
+    """
+    if is_untyped(written) or is_untyped(held) or is_same(written, held):
+        return True
+    if held not in _NUMBERS or (held == "bool" and written in _NUMBERS):
+        # A list of known items, as a number, becomes a text.
+        return written == TEXT and held.startswith("std::vector<")
+    return written == TEXT or (written in _NUMBERS and written not in _KEPT_BY.get(held, ()))
 
 
 def can_be_copied(written: str, entry: str) -> bool:
