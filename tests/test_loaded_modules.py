@@ -74,3 +74,46 @@ def test_a_command_of_a_checker_loads_no_part_of_a_robot(module, command, file, 
         for part, allowed in FORBIDDEN.items()
     }
     assert {part: sorted(modules) for part, modules in found.items() if modules} == {}
+
+
+SHORT = {
+    "sar-compile --help": ("compile", 0),
+    "sar-compile --version": ("compile", 0),
+    "sar-compile validate none.xml": ("compile", 2),
+    "sar-compile show none.xml": ("compile", 2),
+    "sar-run --help": ("run", 0),
+    "sar-run none.xml": ("run", 2),
+}
+"""Commands that are answered at once, each with the module of its command and its status."""
+LONG = (
+    "importlib.metadata",
+    "lxml",
+    "py_trees",
+    "rclpy",
+    "yaml",
+    "sar_compiler.checks",
+    "sar_compiler.nodes",
+)
+"""What takes longer to import than they take."""
+
+
+@pytest.mark.parametrize("command", SHORT)
+def test_what_is_answered_at_once_imports_nothing_that_takes_long(command, tmp_path):
+    module, status = SHORT[command]
+    program = (
+        "import atexit, os, sys; from sar_compiler.cli.{0} import main\n"
+        "try: status = main(sys.argv[1:])\n"
+        "except SystemExit as end: status = end.code or 0\n"
+        "print(*sorted(sys.modules), file=sys.stderr); sys.stderr.flush(); os._exit(status)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program.format(module), *command.split()[1:]],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    loaded = done.stderr.splitlines()[-1].split()
+    assert done.returncode == status, done.stderr
+    assert [each for each in LONG if each in loaded] == []
+    assert len(loaded) < 220

@@ -22,7 +22,13 @@ from sar_compiler.cli.arguments import (
     seed,
     speed,
 )
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
+from sar_compiler.cli.loading import (
+    FILE_HELP,
+    add_mission,
+    add_project_options,
+    additions,
+    require_there,
+)
 from sar_compiler.cli.parser import Parser
 from sar_compiler.cli.run_extensions import extensions_asked_for
 from sar_compiler.commands import USAGE, add_version, print_error, run
@@ -115,6 +121,8 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
         )
         return serve(_passed_on(argv, options), served, signals)
     _supervise(options, supervision)
+    if options.tree is not None and options.journal is None:
+        require_there(options.tree)  # beside a journal that is named, a refused start is recorded
     require_middleware()
     with gc_paused():  # in what is imported there is nothing to collect
         from sar_compiler.execution.mission_run import run_mission
@@ -196,7 +204,7 @@ def _passed_on(argv: Sequence[str], options: Namespace) -> list[str]:
 
 
 def _options(argv: Sequence[str]) -> Namespace:
-    from sar_compiler.execution.ending import Until
+    from sar_compiler.execution.until import Until
 
     split = split_arguments(argv)
     parser = _parser()
@@ -304,7 +312,7 @@ def _parser() -> Parser:
 
 def _add_what_is_flown(parser: Parser, group: _ArgumentGroup) -> None:
     # py_trees, which comes with it, cannot be imported where standard output is closed.
-    from sar_compiler.execution.ending import Until
+    from sar_compiler.execution.until import Until
 
     add = group.add_argument
     text = f"{FILE_HELP} (default: the one that the mission brings, which --mission names)"

@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING
 from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
-    from sar_compiler.execution.ending import Until as Until
     from sar_compiler.execution.python_run import run_mission as run_mission
     from sar_compiler.execution.run_options import RunOptions as RunOptions
     from sar_compiler.execution.run_options import RunOutcome as RunOutcome
+    from sar_compiler.execution.until import Until as Until
 
 PUBLIC_MODULES = (
-    "ending",
     "extensions",
     "mission_run",
     "order_record",
@@ -23,6 +22,7 @@ PUBLIC_MODULES = (
     "sim_isolation",
     "supervision",
     "supervisor",
+    "until",
     "verb_calls",
 )
 """The modules that other parts may import."""

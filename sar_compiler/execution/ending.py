@@ -2,28 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import Enum
 
 from py_trees.common import Status
 
+from sar_compiler.execution.until import Until
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.runtime.clock import clock_text
-
-
-class Until(str, Enum):
-    """The condition that ends a run."""
-
-    END = "end"
-    """The root succeeds or fails."""
-    COMPLETE = "complete"
-    """The mission is complete, or can no longer become so."""
-    SUCCESS = "success"
-    """The root succeeds."""
-    FAILURE = "failure"
-    """The root fails."""
-    FOREVER = "forever"
-    """It is stopped from outside."""
-
 
 _ENDS = {
     Until.END: (Status.SUCCESS, Status.FAILURE, Status.INVALID),

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sar_compiler.execution.ending import Until
 from sar_compiler.execution.supervision import Supervision
+from sar_compiler.execution.until import Until
 from sar_compiler.project.additions import Additions
 
 

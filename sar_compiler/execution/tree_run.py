@@ -18,10 +18,11 @@ from sar_compiler.budget import Budget
 from sar_compiler.commands import ADRIFT, FINDINGS, OK, print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.execution.ending import EndCondition, RunResult, Until, default_summary
+from sar_compiler.execution.ending import EndCondition, RunResult, default_summary
 from sar_compiler.execution.extensions import Extensions
 from sar_compiler.execution.run_options import RunOutcome
 from sar_compiler.execution.run_setup import RunSetup
+from sar_compiler.execution.until import Until
 from sar_compiler.journal.journal_entries import LEAF_RAISED, Ending
 from sar_compiler.missions.choosing import MissionError
 from sar_compiler.missions.mission import MissionRun, SearchedArea

@@ -8,7 +8,6 @@ from itertools import pairwise
 from pathlib import Path
 
 from sar_compiler.errors import SarError
-from sar_compiler.missions.parameter_file import check_parameter_file
 
 _BEGIN, _END = "--ros-args", "--"
 _FILE_FLAG = "--params-file"
@@ -60,6 +59,8 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
     first = [] if params_file is None else [_FILE_FLAG, str(params_file)]
     arguments = [*first, *ros]
     for file in parameter_files(arguments):
+        from sar_compiler.missions.parameter_file import check_parameter_file
+
         check_parameter_file(file)
     kept = _without_node_names(arguments)
     return [_BEGIN, *kept] if kept else []

@@ -10,7 +10,7 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from sar_compiler.execution.ending import Until
+from sar_compiler.execution.until import Until
 from sar_compiler.resources import find
 from tests.launch.launch_file import ROOT, LaunchFile, keyword, texts
 from tests.launch.topics import KNOWN, SIMULATED

@@ -3,7 +3,8 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.execution.ending import EndCondition, Until, default_summary
+from sar_compiler.execution.ending import EndCondition, default_summary
+from sar_compiler.execution.until import Until
 from sar_compiler.journal.situation import Display, Figure
 from sar_compiler.missions.mission import MissionRun
 from search_and_rescue.record import MissionRecord

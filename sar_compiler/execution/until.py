@@ -1,0 +1,18 @@
+"""The conditions that end a run; apart from what decides them, so that help names them without importing a tree."""
+
+from enum import Enum
+
+
+class Until(str, Enum):
+    """The condition that ends a run."""
+
+    END = "end"
+    """The root succeeds or fails."""
+    COMPLETE = "complete"
+    """The mission is complete, or can no longer become so."""
+    SUCCESS = "success"
+    """The root succeeds."""
+    FAILURE = "failure"
+    """The root fails."""
+    FOREVER = "forever"
+    """It is stopped from outside."""
