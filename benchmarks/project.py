@@ -45,7 +45,7 @@ BENCHMARK = Benchmark(
         Row(
             "`make test`",
             (Limit(7.0, "min passing"), Limit(14.0, "min CPU")),
-            "the last one on this machine, from a built environment; before or after this run",
+            "the last `make test` on this machine, from a built environment",
             _suite,
         ),
         Row(
