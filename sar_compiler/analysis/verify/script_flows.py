@@ -131,8 +131,7 @@ class _FlowReader:
             return _either(self.value(node.then), self.value(node.otherwise))
         if isinstance(node, Assignment):
             # Its value is what was stored.
-            target = self.assign(node)
-            self._found.fixed |= {target} if target else set()
+            self.assign(node)
             return self._variable(node.target.name)
         return self._calculated(node)
 
@@ -149,19 +148,18 @@ class _FlowReader:
                 value = right
         return _TRUTH if isinstance(node, ComparisonChain) else value
 
-    def assign(self, node: Assignment) -> str | None:
-        """Note an assignment; return the entry that it changes."""
+    def assign(self, node: Assignment) -> None:
+        """Note an assignment."""
         found, value, target = self._found, self.value(node.value), self._resolve(node.target.name)
         if node.operator not in {":=", "="}:
             value = self._combined(node.operator[0], self._variable(node.target.name), value)
         if target is None:
             found.fixed |= value.names
-            return None
+            return
         found.types.setdefault(target, set()).update(value.types)
         if not value.forms:
             found.results.append((target, value))
         found.flows |= {(target, name, offset) for name, offset in value.forms if name is not None}
-        return target
 
     def _variable(self, name: str) -> FlowValue:
         entry = self._resolve(name)
