@@ -366,10 +366,9 @@ def test_each_file_is_compiled_once_to_try_its_runs(tmp_path):
     write("a.xml", SCRIPT)
     program = """
 import sys
-from sar_compiler.compiler import simulated_tree
 from sar_compiler.analysis import proofs
 
-compile_simulated, count = simulated_tree.compile_simulated, []
+compile_simulated, count = proofs.compile_simulated, []
 
 def counted(*arguments, **options):
     count.append(1)
