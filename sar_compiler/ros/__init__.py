@@ -7,6 +7,7 @@ PUBLIC_MODULES = (
     "engines",
     "executors",
     "forced_end",
+    "graph_check",
     "graph_queries",
     "guardian",
     "leaves.leaf",

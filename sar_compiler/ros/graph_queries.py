@@ -1,6 +1,6 @@
 """What the ROS graph shows under a name or the nearest one, and whether its messages reach a node; use `ros_graph`.
 
-Readiness, the watch and leaves' messages ask here before they guess. Nothing blocks and nothing is subscribed to: the
+Readiness, the watch, leaves' messages and `ros2 doctor` ask here before they guess. Nothing blocks and nothing is subscribed to: the
 answers are what discovery has found until now.
 """
 
@@ -213,6 +213,16 @@ class RosGraph:
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
             return ""
         return f"topic {with_full_name(topic, full)}: published by {names_in_words(nodes)}; stop all but one"
+
+    def contested_topics(self) -> list[str]:
+        """Describe each topic in sight of which one source is meant, and that several nodes publish."""
+        several = {topic: nodes for topic, nodes in self._publishing().items() if len(nodes) > 1}
+        single = {*_ONE_SOURCE, _CLOCK_TYPE}
+        return [
+            f"topic {topic}: published by {names_in_words(sorted(nodes))}; stop all but one"
+            for topic, nodes in sorted(several.items())
+            if single.intersection(*nodes.values())
+        ]
 
     def transforms(self) -> str:
         """Describe why the transforms of this robot do not reach the node; empty if they do, or none are there.

@@ -1,0 +1,82 @@
+"""What `ros2 doctor` checks and reports of this project: whether all that a mission takes is installed.
+
+It looks at the installed files, and for a second at the ROS graph: sources that exclude each other. Whether a robot is ready for a tree is
+asked by `ros2 mission run TREE --check`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from importlib.metadata import version
+
+from ros2doctor.api import DoctorCheck, DoctorReport, Report, Result
+from ros2doctor.api.format import doctor_error, doctor_warn
+
+from sar_compiler.commands import INTERFACES, not_installed
+from sar_compiler.errors import SarError
+from sar_compiler.missions.choosing import load_missions
+from sar_compiler.runtime import kernel
+
+_CATEGORY = "mission"
+
+
+class MissionCheck(DoctorCheck):
+    """Whether missions can be run here."""
+
+    def category(self) -> str:
+        """Return what check and report have in common."""
+        return _CATEGORY
+
+    def check(self) -> Result:
+        """Say what is missing, and count it."""
+        result = Result()
+        loads: list[Callable[[], object]] = [partial(import_module, package) for package in INTERFACES]
+        for load in [*loads, load_missions]:
+            if trouble := _trouble_with(load):
+                doctor_error(f"sar_compiler: {trouble}")
+                result.add_error()
+        for line in _conflicts() if not result.error else ():
+            doctor_error(f"sar_compiler: {line}")
+            result.add_error()
+        if not kernel.IS_COMPILED:
+            doctor_warn(f"sar_compiler: trees are ticked by {kernel.describe()}, several times slower")
+            result.add_warning()
+        return result
+
+
+class MissionReport(DoctorReport):
+    """What missions are run with."""
+
+    def category(self) -> str:
+        """Return what check and report have in common."""
+        return _CATEGORY
+
+    def report(self) -> Report:
+        """Return versions, the kernel, and the missions that are installed."""
+        report = Report("MISSION")
+        for package in ("sar_compiler", "py_trees"):
+            report.add_to_report(package, version(package))
+        report.add_to_report("kernel", kernel.describe())
+        try:
+            missions = ", ".join(load_missions())
+        except SarError as error:
+            missions = str(error)
+        report.add_to_report("missions", missions or "none")
+        return report
+
+
+def _conflicts() -> list[str]:
+    from sar_compiler.ros.graph_check import conflicts_in_sight
+
+    return conflicts_in_sight()
+
+
+def _trouble_with(load: Callable[[], object]) -> str:
+    """Return why something cannot be loaded; empty if it can."""
+    try:
+        load()
+    except ImportError as error:
+        return not_installed(error) or str(error)
+    except SarError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,30 @@
+"""A look at the ROS graph without a mission: what has several sources, and is meant to have one."""
+
+import time
+
+from rclpy.context import Context
+from rclpy.node import Node
+
+from sar_compiler.ros.frame_sources import frame_sources
+from sar_compiler.ros.graph_queries import ros_graph
+
+# Half of the participants on one machine meet within a third of this, seconds.
+_LOOK_SEC, _TURN_SEC = 1.0, 0.1
+
+
+def conflicts_in_sight(look_sec: float = _LOOK_SEC) -> list[str]:
+    """Return topics, clocks and frames that have several sources, where one is meant, with their nodes.
+
+    Args:
+        look_sec: How long to look and to listen, seconds.
+    """
+    context = Context()
+    context.init(initialize_logging=False)
+    try:
+        node = Node("mission_doctor", context=context, start_parameter_services=False)
+        sources, deadline = frame_sources(node), time.monotonic() + look_sec
+        while not (conflict := sources.conflict()) and time.monotonic() < deadline:
+            time.sleep(_TURN_SEC)
+        return [*ros_graph(node).contested_topics(), *filter(None, [conflict])]
+    finally:
+        context.try_shutdown()
