@@ -17,7 +17,7 @@ from sar_compiler.sim import occupancy
 from sar_compiler.web import feed, page_server
 from search_and_rescue import areas_file
 from tests.docs.markdown import codes, prose, tables
-from tests.docs.test_reliability_page import all_tests
+from tests.docs.test_reliability_page import PROMISES, all_tests, promise
 
 SECURITY, RELIABILITY = Path("docs/concepts/security.md"), Path("docs/concepts/failures-and-recovery.md")
 NO_BEHAVIOUR = {
@@ -42,7 +42,6 @@ NO_BEHAVIOUR = {
         "What has a †",
         "*Noticed* is the time",
         "A process that dies without notice",
-        "the computer is gone",
         "Security has the limits",
         "Start the mission and Nav2 with it",
         "A network that is silent",
@@ -206,9 +205,13 @@ PAGES = tuple(HELD_BY)
 
 def statements(page: Path) -> list[str]:
     """Return the sentences of a page's paragraphs and lists, and the first cells of rows that name no test; links by their texts."""
-    found = [_without_links(cells[0]) for _, _, cells in tables(page) if not _names_tests(cells[-1])]
+    rows = [row for row in tables(page) if page != RELIABILITY or promise(row[0], row[2]) not in PROMISES]
+    found = [_without_links(cells[0]) for _, _, cells in rows if not _names_tests(cells[-1])]
+    promises = {number for _, number, _ in tables(page)} if page == RELIABILITY else set()
     paragraphs, current = list[str](), ""
-    for _, line in [*prose(page), (0, "")]:
+    for number, line in [*prose(page), (0, "")]:
+        if number in promises:
+            continue
         item = re.match(r"[-*] ", line)
         if not line.strip() or item or line.startswith(("#", "|")):
             paragraphs.append(current.strip())
