@@ -38,6 +38,36 @@ _LANGUAGES = {
     ".toml": "toml",
 }
 _AS_THEY_ARE = {".html", ".pgm", ".png", ".svg"}
+TERMS = {
+    "concepts/behaviour-trees.md": "behavior tree, BT, tick, root, control flow",
+    "concepts/statuses.md": "running status, SUCCESS, FAILURE, INVALID, halt a node, preempt, reactive, sequence with memory",
+    "concepts/blackboard.md": "blackboard entry, key, input port, output port, remap, shared variable",
+    "concepts/facts.md": "world model, test case, mock, stub",
+    "concepts/proofs.md": "model checking, formal verification, counterexample, state space, liveness, deadlock, LTL",
+    "start/install.md": "setup, pip, colcon, apt, docker, container, requirements, dependencies",
+    "how-to/from-btcpp.md": "migrate, port, convert, import from BehaviorTree.CPP, Groot",
+    "how-to/from-py-trees.md": "migrate from py_trees, py_trees_ros, behaviour class",
+    "how-to/check-in-ci.md": "continuous integration, lint, pre-commit hook, GitHub Actions, GitLab, SARIF",
+    "how-to/write-a-leaf.md": "action client, service client, subscriber, custom node, custom leaf, StatefulActionNode, plugin",
+    "how-to/controls-and-decorators.md": "custom decorator, custom control node",
+    "how-to/run-a-mission.md": "fault injection, namespace remapping, remap, ROS arguments, simulate a failure",
+    "how-to/run-on-a-robot.md": "launch file arguments, bringup, real robot, deployment",
+    "how-to/other-tools.md": "Groot2, Foxglove, RViz, rosbag, record, visualise, monitor",
+    "how-to/editors.md": "VSCode, VS Code, language server, LSP, autocompletion",
+    "how-to/watch-a-run.md": "runtime monitoring, runtime verification, monitor, alarm",
+    "how-to/compare-runs.md": "trace checking, conformance, log analysis",
+    "how-to/success-probability.md": "reliability, Markov chain, probabilistic model checking, risk",
+    "how-to/monte-carlo.md": "random runs, simulation campaign, statistics",
+    "operate/operators-manual.md": "emergency stop, pause the robot, return to base, abort, dashboard",
+    "operate/troubleshooting.md": "error message, not working, fails to start, fix",
+    "reference/journal.md": "log, resume after a crash, restart, persistence, checkpoint",
+    "reference/parameters.md": "ROS parameter file, YAML parameters, waypoints, zones, configuration of the mission",
+    "reference/nodes/decorators.md": "retry node, repeat node, timeout node, inverter node",
+    "reference/nodes/controls.md": "selector node, fallback node, sequence node, parallel node, switch node",
+}
+"""Words under which a reader may search for a page, and which need not be on it."""
+_UNSOUGHT = "---\nsearch:\n  exclude: true\n---\n\n"
+"""At the head of a page that is no result of a search: a source file."""
 _FENCE = re.compile(r"^\s*```")
 _CODE = re.compile(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)")
 _LINK = re.compile(r"(\]\()(?!https?:|mailto:|#)([^)\s#]+)((?:#[^)\s]*)?\))")
@@ -75,10 +105,17 @@ def _write(path: Path, folder: Path) -> Iterator[Path]:
             if not is_code:
                 lines[number] = _with_links(line, path)
                 yield from (_goal(path, found[2]) for found in _links(line))
+        place_there = place(path)
+        if place_there in TERMS:
+            lines.append(f"\n*Related terms: {TERMS[place_there]}.*\n")
+        if path.name == "CHANGELOG.md":
+            lines.insert(0, _UNSOUGHT)
         data = "".join(lines).encode()
     elif path.suffix not in _AS_THEY_ARE:
         name = path.relative_to(ROOT).as_posix()
-        data = f"# {name}\n\n````{_LANGUAGES.get(path.suffix, '')}\n{data.decode()}\n````\n".encode()
+        data = (
+            f"{_UNSOUGHT}# {name}\n\n````{_LANGUAGES.get(path.suffix, '')}\n{data.decode()}\n````\n".encode()
+        )
     _save(folder / place(path), data)
 
 

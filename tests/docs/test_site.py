@@ -69,7 +69,7 @@ def test_every_public_name_has_its_place_among_the_pages_of_the_api(folder, grou
 def test_a_source_that_a_page_links_to_is_a_page_with_its_text(folder):
     text = (folder / "trees/search_and_rescue.xml.md").read_text(encoding="utf-8")
     assert Path("trees/search_and_rescue.xml").read_text(encoding="utf-8") in text
-    assert text.startswith("# trees/search_and_rescue.xml\n\n````xml\n")
+    assert "\n# trees/search_and_rescue.xml\n\n````xml\n" in text
 
 
 def test_what_is_shown_as_code_is_no_link(tmp_path):
