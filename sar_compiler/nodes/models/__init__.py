@@ -224,8 +224,10 @@ def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
         if element.tag == SUBTREE_TAG:
             keys.update(element.attributes)
         for name, value in element.attributes.items():
-            keys.update(*_KEY.findall(value))
-            if _SCRIPT.fullmatch(name):
+            is_script = _SCRIPT.fullmatch(name) is not None
+            if is_script or "{" in value:
+                keys.update(*_KEY.findall(value))
+            if is_script:
                 names.update(_NAME.findall(_QUOTED.sub("", value)))
             elif value.strip("{} ") == "=":
                 keys.add(name)
