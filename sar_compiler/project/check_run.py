@@ -1,6 +1,7 @@
 """The checks of the files that a command names: of results that are kept, of copies of this process, or in it."""
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
@@ -64,7 +65,7 @@ class CheckRun:
         self._count = 1
         self._others = Observation()
         self._reads_set = False
-        self._sent = 0
+        self._sent = self._modules = 0
         self._cpu: dict[int, float] = {}
 
     def make_copies(self, max_sec: float) -> None:
@@ -96,7 +97,8 @@ class CheckRun:
         except Exception:  # noqa: BLE001 - it is raised where the user hears of it
             return None
         observed = checker.surroundings
-        if self._cache is not None:
+        if self._cache is not None and self._modules != len(sys.modules):
+            self._modules = len(sys.modules)
             add_modules(observed)
         new = Observation(islice(observed.items(), self._sent, None))
         self._sent = len(observed)
