@@ -28,7 +28,7 @@ FARTHEST_SEEN_M = 1_000.0
 """The largest detection range and sweep width, metres: so far around the robot obstacles are looked for, cell by cell."""
 # An outline may follow the fence so closely.
 _TOUCHES_M = 1e-6
-# A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is no position in metres.
+# A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is not a position in metres.
 _NEAR_DEG = 0.5
 
 

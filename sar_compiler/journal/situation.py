@@ -434,5 +434,5 @@ def position(x: Any, y: Any) -> tuple[float, float]:
     """
     place = float(x), float(y)
     if not all(map(math.isfinite, place)):
-        raise ValueError(f"({x}, {y}) is no position")
+        raise ValueError(f"({x}, {y}) is not a position")
     return place

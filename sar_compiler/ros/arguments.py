@@ -1,4 +1,4 @@
-"""Command lines with ROS arguments: split and composed, without ROS; and what ROS says of them, in readable words."""
+"""Split and compose command lines with ROS arguments, without ROS, and make ROS's errors about them readable."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -53,8 +53,7 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
 
     Raises:
         UnreadableFileError: If a parameter file does not exist or cannot be read.
-        ParameterFileError: If a parameter file, also one among the user's own arguments, is one that
-            ROS would refuse or misread.
+        ParameterFileError: If ROS would refuse or misread a parameter file, including one of the user's arguments.
     """
     first = [] if params_file is None else [_FILE_FLAG, str(params_file)]
     arguments = [*first, *ros]
@@ -75,9 +74,7 @@ def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list
 def node_arguments(ros: Sequence[str]) -> list[str]:
     """Return the arguments for the node itself, in addition to those of `rclpy.init`.
 
-    A `-p name:=value` must override a file before it. ROS ensures this only within one section: a value
-    given for the whole process belongs to `/**`, and is overridden by a later section of the file with
-    the node's name. A node's own arguments are applied last.
+    A `-p name:=value` must override an earlier file. ROS ensures this only within one section: a value given for the whole process belongs to `/**`, and a section of the file with the node's name overrides it. A node's own arguments are applied last.
 
     A new name (`-r __node:=name`) is for this node only: given for the whole process it would also rename
     the servers' and the simulator's nodes in it.
@@ -91,7 +88,7 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def security_arguments(ros: Sequence[str]) -> list[str]:
-    """Return those of ROS arguments that name the enclave of SROS 2, for another process of the same mission."""
+    """Return the ROS arguments that name the SROS 2 enclave, for another process of the same mission."""
     return [part for flag, value in pairwise(ros) if flag in _ENCLAVE_FLAGS for part in (flag, value)]
 
 
@@ -106,12 +103,12 @@ def _without_node_names(arguments: Sequence[str]) -> list[str]:
 
 
 class RosArgumentError(SarError):
-    """ROS arguments, or a parameter file among them, that ROS does not accept."""
+    """ROS rejected its arguments, or a parameter file among them."""
 
 
 @contextmanager
 def readable_ros_errors() -> Iterator[None]:
-    """Convert errors of ROS about its arguments and names, raised in the block, to readable ones.
+    """Convert rclpy's errors about arguments and names, raised in the block, to readable ones.
 
     Raises:
         RosArgumentError: Instead of rclpy's own errors.
@@ -124,8 +121,8 @@ def readable_ros_errors() -> Iterator[None]:
     except rcl.UnknownROSArgsError as error:
         unknown = ", ".join(re.findall(r"'([^']*)'", str(error))) or str(error)
         raise RosArgumentError(
-            f"not a ROS argument: {unknown} (what follows --ros-args is ROS's, up to a --; "
-            "a parameter is given with -p name:=value)"
+            f"not a ROS argument: {unknown} (all arguments after --ros-args belong to ROS, up to a --). "
+            "Write a parameter as -p name:=value"
         ) from error
     except (rcl.RCLError, rcl.RCUtilsError, NameValidationException) as error:
         raise RosArgumentError(_in_words(str(error))) from error
@@ -139,7 +136,7 @@ _FORMS = {
 
 
 def _in_words(text: str) -> str:
-    """Return a readable text for an error of rcl, without the places in rcl's source code."""
+    """Return a readable text for an error of rcl, without locations in rcl's source code."""
     text = re.sub(r"(, at /\S+:\d+)+$", "", text.strip())
     text = re.sub(r"\s*, at /\S+:\d+", "", text).removeprefix("failed to initialize rcl: ")
     trailing = re.search(r"Couldn't parse trailing (\S+) flag", text)
@@ -153,7 +150,7 @@ def _in_words(text: str) -> str:
     return f"'{given}' is not understood: {in_name or _FORMS.get(kind, reason)}"
 
 
-# The patterns that rcl refuses in the new name of a rule, besides single characters.
+# The patterns that rcl rejects in the new name of a rule, in addition to single characters.
 _FAULTS = {
     r"^$": "there is no name after :=",
     r"(^|/)\d": "a name, and each part of it between slashes, begins with a letter or _",
@@ -163,7 +160,7 @@ _FAULTS = {
 
 
 def _wrong_in_remap(rule: str) -> str | None:
-    """Return which name of `from:=to` is invalid for ROS, and why; None if the form itself is wrong."""
+    """Return the invalid name of `from:=to` and the reason, or None if the form itself is wrong."""
     old, assigned, new = rule.partition(":=")
     if not assigned or not old:
         return None

@@ -1,7 +1,7 @@
-"""The clocks: a node's as that of its trees, which may stand still and may jump; the time in which this process has run; deadlines.
+"""The clock of a node, which may pause or jump, the awake time of this process, and deadlines.
 
-Limits for others are counted in the latter. A process that is stopped, or that the machine has no time for, hears nobody meanwhile.
-What it then finds late is not others' fault, and DDS may have to find them anew.
+Limits for other programs are measured in awake time. A process that is stopped, or gets no processor time, receives no
+messages meanwhile. Late answers are then not the servers' fault, and DDS may have to discover them again.
 """
 
 import math
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from rclpy.timer import Timer
 
 
-# An executor that is turned again and again has not been for so long: nothing of this process has gone on, seconds.
+# Longest time between two turns of the executor before the process is assumed to have been stopped, seconds.
 _STANDSTILL_SEC = 2.0
-# How long others may need to be heard again: participants of Fast DDS announce themselves every three seconds.
+# Time that others may need to be discovered again: participants of Fast DDS announce themselves every three seconds.
 _RECOVERY_SEC = 5.0
-# Who stands still again and again, such as by a leaf that blocks, is not spared for good.
+# A process that stands still repeatedly, such as by a leaf that blocks, gets this grace time only so often.
 _SPARED_EVERY_SEC = 60.0
 
 
 class AwakeTime:
-    """The machine's steady seconds, without those in which this process stood still, and those after them to hear others again.
+    """Steady seconds without standstills of this process and the rediscovery time after them.
 
     Attributes:
-        stood_still_at: When a standstill was found the last time, by `time.monotonic`.
+        stood_still_at: When the last standstill was detected, by `time.monotonic`.
     """
 
     def __init__(self) -> None:
@@ -70,41 +70,41 @@ class AwakeTime:
         if steady - self._recovered_at > _SPARED_EVERY_SEC:
             self._recovered_at = steady + _RECOVERY_SEC
             self._say(
-                f"This process stood still for {gap:.1f} s (stopped, or without a processor; or a leaf blocks): it has heard "
-                "nobody meanwhile, no server is to blame for that, and every deadline is longer by it."
+                f"This process stood still for {gap:.1f} s (stopped, without a processor, or blocked by a "
+                "leaf). Answers may be late for this reason. Every deadline is extended by it."
             )
 
 
 AWAKE = AwakeTime()
-"""That of this process."""
+"""The awake time of this process."""
 
 
 _NANOSECONDS = 1_000_000_000
 
 PATIENCE_SEC = 10.0
-"""How long a clock may stand still before the machine's time counts in its place, steady seconds."""
+"""Steady seconds that a clock may stand still before the machine's time replaces it."""
 
-# No simulation is so much faster than the machine's time; what is, has jumped.
+# No simulation runs so much faster than the machine's time. A faster advance is a jump.
 _FASTEST = 200.0
 _JUMP_SEC = 10.0
 _INSTANT_SEC = 1e-9
-# A clock that has not gone on for longer has stood still; steady seconds.
+# A clock that has not advanced for longer has stopped; steady seconds.
 _GAP_SEC = 1.0
 
 
 class NodeTime:
-    """Seconds of a node's clock that never go back, never leap, and never stand still for good.
+    """Seconds of a node's clock that never go back, never jump, and never stop for good.
 
-    Simulated time (`use_sim_time`) is counted as it comes, however slow or fast. A jump counts as the machine's time
-    that has passed meanwhile. Of a clock that has stood still for longer than a patience, the machine's time counts in
-    its place, from its last advance on, until it goes on: so every wait ends. Without simulated time the machine's
-    steady clock counts, which nobody sets.
+    Simulated time (`use_sim_time`) is used as it arrives, however slow or fast. A jump is replaced by the
+    machine's time that has passed meanwhile. If a clock has stood still for longer than its patience, the
+    machine's time replaces it from its last advance on, until it advances again. So every wait ends. Without
+    simulated time the steady clock of the machine is used, which cannot be set.
 
     Args:
         node: The node.
-        patience_sec: How long simulated time may stand still, steady seconds.
-        fastest: Simulated seconds that are counted for a steady second at most; what exceeds it is cut off.
-        say: Called with a line when the clock stops, goes on, or jumps.
+        patience_sec: The longest standstill of simulated time that is accepted, steady seconds.
+        fastest: The largest accepted ratio of simulated to steady seconds. Any excess is cut off.
+        say: Called with a line when the clock stops, resumes or jumps.
         steady: The machine's time.
     """
 
@@ -146,34 +146,34 @@ class NodeTime:
 
     def _advance(self, steady: float, ros: float) -> None:
         step, passed = ros - self._ros, steady - self._counted_to
-        # The first time that comes is no jump.
+        # The first time that arrives is no jump.
         jumped = self._ros > 0.0 and not 0.0 <= step <= _JUMP_SEC + _FASTEST * (steady - self._advanced_at)
         if jumped:
             self._say(
                 f"The clock has jumped {'forward' if step > 0.0 else 'back'} by {abs(step):.1f} s; "
-                f"{passed:.1f} s are counted, as the machine's clock has it."
+                f"{passed:.1f} s are used, according to the machine's clock."
             )
             step = passed
         elif self._ros <= 0.0:
             step = passed
         if self._stands_still:
             self._stands_still = False
-            self._say("The clock goes on.")
+            self._say("The clock advances again.")
         self._count(steady, ros, min(step, self._fastest * max(passed, _INSTANT_SEC)))
 
     def _stand_still(self, steady: float) -> None:
         if not self._stands_still:
             self._stands_still = True
             self._say(
-                f"The clock has stood still for {self._patience_sec:g} s (is the simulator running?): until it goes "
-                "on, the machine's time counts."
+                f"The clock has stood still for {self._patience_sec:g} s (is the simulator running?). The "
+                "machine's time is used until it advances again."
             )
         self._now += steady - self._counted_to
         self._counted_to = steady
 
 
 class ClockedTime:
-    """Awake seconds in which a node's clock went on, for deadlines of those who do nothing while it stands still.
+    """Awake seconds in which a node's clock advances, for deadlines of programs that pause with it.
 
     Without simulated time they are all that pass.
 
@@ -198,15 +198,15 @@ class ClockedTime:
 
 
 def mission_clock(node: "Node") -> NodeTime:
-    """Return the time of a mission, the same object in every call with its node: the simulator's under `use_sim_time`.
+    """Return the mission time of a node, the same object in every call: simulated time under `use_sim_time`.
 
-    What becomes of the clock is said in the node's log, once.
+    A stop or a jump of the clock is logged once by the node.
     """
     return of_node(node, NodeTime, lambda: NodeTime(node, say=lambda text: node.get_logger().warning(text)))
 
 
 def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Return a timer of a node by the machine's steady clock, which no simulator stops."""
+    """Return a timer of a node that uses the steady clock of the machine, which no simulator stops."""
     from rclpy.clock import Clock, ClockType
 
     # One for all: the executor of events has a thread for each clock.
@@ -214,7 +214,7 @@ def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "T
     return node.create_timer(period_sec, call, clock=clock)
 
 
-# After this time without an advance, simulated time counts as stopped: long before most deadlines, which are ten.
+# After this time without an advance simulated time counts as stopped, well before most deadlines (10 s).
 _DEADLINES_PATIENCE_SEC = 3.0
 # A fast simulation does not make the machine's network faster: a limit of 10 s takes at least one of these.
 _DEADLINES_FASTEST = 10.0
@@ -225,22 +225,22 @@ class _Pace:
 
 
 def trust_simulation(node: "Node") -> None:
-    """Have deadlines on a node count simulated time however fast it is: whoever simulates and answers waits for the node's executor."""
+    """Measure deadlines in simulated time at any speed, if the simulated servers wait for the executor."""
     of_node(node, _Pace, _Pace).fastest = math.inf
 
 
 def deadline_clock(node: "Node") -> Clock:
-    """Return the clock of deadlines on a node: simulated time where there is any, else the machine's.
+    """Return the clock for a node's deadlines: simulated time if it is used, else the machine's time.
 
-    Simulated time counts at most ten times as fast as the machine's, unless it is to be trusted (`trust_simulation`); the machine's
-    counts while it stands still. What passes while this process stands still counts in neither.
+    Simulated time advances at most ten times as fast as the machine's, unless it is trusted (`trust_simulation`). The
+    machine's time is used while simulated time stands still. Standstills of this process are excluded from both.
     """
     fastest = of_node(node, _Pace, _Pace).fastest
     return NodeTime(node, patience_sec=_DEADLINES_PATIENCE_SEC, fastest=fastest, steady=AWAKE.now)
 
 
 def deadline_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Return a timer of a node by simulated time where that is to be trusted, else by the machine's steady clock."""
+    """Return a timer of a node by simulated time if it is trusted, else by the steady clock of the machine."""
     if of_node(node, _Pace, _Pace).fastest == math.inf:
         return node.create_timer(period_sec, call)
     return steady_timer(node, period_sec, call)
@@ -251,7 +251,7 @@ class Deadline:
 
     Args:
         seconds: The time until it passes, in seconds.
-        clock: The clock that counts; by default the machine's steady one.
+        clock: The clock to use; by default the steady clock of the machine.
     """
 
     def __init__(self, seconds: float, clock: Clock | None = None) -> None:

@@ -1,7 +1,7 @@
-"""The engine that ticks a tree: the project's own runner, or `py_trees_ros` if installed; and what is the same for both.
+"""Interface of the engines that tick a tree: the project's own runner, or `py_trees_ros` if installed.
 
-That is the log of what a behaviour has raised, and where, the limit of a tree's depth, the clean-up when its leaves cannot be set up, and stopping it so that a robot is not left
-driving, whatever its leaves raise.
+The module holds the parts that both share: log lines about exceptions of behaviours, the limit of a tree's
+depth, the clean-up when setup fails, and a stop that leaves no robot driving, whatever the leaves raise.
 """
 
 import os
@@ -33,11 +33,11 @@ _OURS = tuple(
     f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(str(py_trees.__file__)).parent)
 )
 _TRACEBACKS = "traceback"
-"""The part that the name of the logger of tracebacks has behind the node's."""
+"""Suffix that the logger of tracebacks adds to the node's name."""
 
 
 def error_text(error: BaseException) -> str:
-    """Return an exception's type and text in one line; the project's own need no type."""
+    """Return an exception's type and text in one line, without the type for the project's own errors."""
     text = " ".join(str(error).split())
     if isinstance(error, SarError):
         return text
@@ -45,7 +45,7 @@ def error_text(error: BaseException) -> str:
 
 
 def raised_in(error: BaseException) -> Behaviour | None:
-    """Return the innermost behaviour of a tree that an exception passed through, if any."""
+    """Return the innermost behaviour of a tree that an exception passed through, or None."""
     passed = _behaviours_passed(error)
     return passed[-1] if passed else None
 
@@ -58,16 +58,16 @@ def behaviour_title(behaviour: Behaviour | None) -> str:
 
 
 def failure_places(behaviour: Behaviour | None, error: BaseException) -> str:
-    """Return where an exception of a behaviour comes from, in brackets: the lines of the tree file and of Python.
+    """Return the source locations of a behaviour's exception in brackets: in the tree file and in Python.
 
-    Empty if neither is known. The line of Python is that in the behaviour's own method; what is called there is in the
-    traceback.
+    The result is empty if neither is known. The Python line is the one in the behaviour's own method. The
+    traceback has the called functions.
     """
     return places_of(behaviour, reversed(list(traceback.walk_tb(error.__traceback__))))
 
 
 def places_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]]) -> str:
-    """Return where a behaviour is, in brackets: its line in the tree file, and the line of its own method in a stack.
+    """Return a behaviour's location in brackets: the lines in the tree file and of its own method.
 
     Args:
         behaviour: The behaviour; None for a tick handler.
@@ -79,7 +79,7 @@ def places_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int
 
 
 def failure_text(error: BaseException) -> str:
-    """Return who has raised an exception in a tick, what, and where."""
+    """Return a text with the behaviour that raised an exception in a tick, the exception and its location."""
     behaviour = raised_in(error)
     return f"{behaviour_title(behaviour)} failed: {error_text(error)}{failure_places(behaviour, error)}"
 
@@ -95,7 +95,7 @@ def _line_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]
 
 
 def show_tracebacks(node: Node) -> None:
-    """Have the tracebacks of all that fails logged, which otherwise only `--log-level debug` shows."""
+    """Log the tracebacks of all failures, which otherwise need `--log-level debug`."""
     _traceback_logger(node).set_level(rclpy.logging.LoggingSeverity.DEBUG)
 
 
@@ -104,7 +104,7 @@ def _traceback_logger(node: Node) -> rclpy.logging.RcutilsLogger:
 
 
 def tell(node: Node | None, text: str, error: BaseException | None = None) -> None:
-    """Log an error, if there is a node to log it.
+    """Log an error if there is a node to log it.
 
     Args:
         node: The node.
@@ -130,12 +130,12 @@ def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
 
 def _behaviours_passed(error: BaseException) -> list[Behaviour]:
     owners = [frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__)]
-    # What the kernel raises about a behaviour has passed through none of its methods.
+    # An exception that the kernel raises about a behaviour has passed through none of its methods.
     owners.append(getattr(error, "behaviour", None))
     return [owner for owner in owners if isinstance(owner, Behaviour)]
 
 
-# Python has a thousand frames; these are for the program around the tree.
+# Python allows a thousand frames. These are reserved for the program around the tree.
 _FRAMES_AROUND = 200
 
 
@@ -143,7 +143,7 @@ class TreeTooDeepError(SarError):
     """A tree is nested too deeply for Python's stack.
 
     Attributes:
-        depth: Its number of levels.
+        depth: The number of levels.
     """
 
     def __init__(self, depth: int) -> None:
@@ -158,7 +158,7 @@ def require_tickable_depth(root: Behaviour, frames_per_level: int = 1) -> None:
 
     Args:
         root: The root.
-        frames_per_level: How many of Python's frames it needs for a level: `iterate` one, its own ticks two.
+        frames_per_level: The Python frames that a level needs: one for `iterate`, two for the tree's own ticks.
 
     Raises:
         TreeTooDeepError: If it is too deep.
@@ -176,7 +176,7 @@ _TURN_SEC = 0.02
 
 
 def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None) -> None:
-    """Stop the leaf that failed, the root, and then all behaviours not reached from there.
+    """Stop the leaf that failed, then the root, then all behaviours that the root did not reach.
 
     A composite that raised in its first tick is INVALID and stops none of its children, and the leaf
     that raised is INVALID too, although it may have sent its goal.
@@ -223,9 +223,9 @@ def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
 
 
 def send_cancels(root: Behaviour, node: Node | None) -> None:
-    """Have the leaves of a tree cancel their goals, from another thread: that of the executor is blocked.
+    """Cancel the goals of a tree's leaves from another thread, because the executor's thread is blocked.
 
-    The requests are sent; nobody will see their answers. Leaves that can have work in progress come first.
+    The requests are sent, and their answers are not awaited. Leaves that can have work in progress come first.
     """
     leaves = [each for each in root.iterate() if not each.children]
     for leaf in sorted(leaves, key=lambda each: not isinstance(each, Settling)):
@@ -246,7 +246,7 @@ def _stop_one(behaviour: Behaviour, node: Node | None) -> None:
         failed = raised_in(error) or behaviour
         words = f"{error_text(error)}{failure_places(failed, error)}"
         tell(node, f"'{failed.name}' failed while it was stopped: {words}", error)
-        # Not again, and not as one that is still running.
+        # Do not stop it again, and do not treat it as running.
         failed.status = Status.INVALID
 
 
@@ -259,7 +259,7 @@ def _shut_one_down(behaviour: Behaviour, node: Node | None) -> None:
 
 
 def leaves_at_work(root: Behaviour) -> list[Behaviour]:
-    """Return the leaves of a stopped tree that have something under way."""
+    """Return the leaves of a stopped tree that still have work in progress."""
     return [leaf for leaf in root.iterate() if isinstance(leaf, Settling) and not leaf.settled()]
 
 
@@ -284,7 +284,7 @@ def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
         SetupFailedError: If it was raised by a behaviour's setup.
         Exception: The original exception, if it needs no context (a `SarError`) or was raised elsewhere.
     """
-    # The engine has called the outermost of them.
+    # The engine has already called the outermost of them.
     called = next(iter(_behaviours_passed(error)), None)
     ready = list(takewhile(lambda behaviour: behaviour is not called, root.iterate()))
     stop_leaves(ready, node)
@@ -300,7 +300,7 @@ class EngineError(SarError):
 
 
 class Engine(Protocol):
-    """The interface between a run and the engine that ticks its tree; see `TreeRunner` for the methods.
+    """Interface between a run and the engine that ticks its tree. See `TreeRunner` for the methods.
 
     Attributes:
         count: The number of ticks so far.
@@ -314,7 +314,7 @@ class Engine(Protocol):
         """Register a handler to be called after every tick."""
 
     def add_visitor(self, visitor: VisitorBase) -> None:
-        """Have every node that is ticked shown to a visitor."""
+        """Show every ticked node to a visitor."""
 
     def setup(self, node: Node) -> None:
         """Set up every behaviour of the tree on a node.
@@ -327,7 +327,7 @@ class Engine(Protocol):
         """Start ticking, from the node's executor, and return at once."""
 
     def settle(self, executor: Executor, timeout_sec: float) -> list[str]:
-        """Stop the tree, and wait briefly for its leaves; returns the names of those that are still active."""
+        """Stop the tree, wait briefly for its leaves, and return the names of those that are still active."""
 
     def shutdown(self) -> None:
         """Stop the tree and release its resources."""

@@ -1,4 +1,4 @@
-"""Which engines there are to tick a tree."""
+"""The engines that can tick a tree."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ def find_engine(name: str) -> EngineFactory:
         name: `own`, or `py_trees_ros`.
 
     Raises:
-        EngineError: If it, or a module that it needs, is not installed.
+        EngineError: If the engine, or a module that it needs, is not installed.
     """
     if name == "own":
         from sar_compiler.ros.runner import TreeRunner
@@ -29,12 +29,9 @@ def find_engine(name: str) -> EngineFactory:
         if (missing or "").partition(".")[0] == "py_trees_ros":
             message = (
                 f"--engine py_trees_ros: it is not installed here ({error}). On a robot: sudo apt install "
-                "ros-jazzy-py-trees-ros (it is not on PyPI); or leave --engine out, to tick with the project's own"
+                "ros-jazzy-py-trees-ros (it is not on PyPI). Or omit --engine to use the built-in engine"
             )
         else:
-            message = (
-                f"--engine py_trees_ros: it is here, and cannot be loaded: {f'{missing} is missing' if missing else error}. "
-                "Mend that, or leave --engine out, to tick with the project's own"
-            )
+            message = f"--engine py_trees_ros: it is installed but cannot be loaded: {f'{missing} is missing' if missing else error}. Fix that, or omit --engine to use the built-in engine"
         raise EngineError(message) from error
     return PyTreesRosEngine

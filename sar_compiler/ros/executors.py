@@ -1,7 +1,8 @@
 """The executor that runs the callbacks of a mission's node.
 
-One with a wait set looks at all that its nodes have whenever anything happens. rclpy's `EventsExecutor` is told what has happened, which takes
-a fraction of the time. In Jazzy it refuses guard conditions, and sends the coroutine of a service's callback in the place of an answer.
+An executor with a wait set checks every entity of its nodes whenever anything happens. rclpy's
+`EventsExecutor` is notified of the event, which takes a fraction of the time. In Jazzy it rejects guard
+conditions, and sends the coroutine of a service's callback instead of an answer.
 """
 
 from collections.abc import Callable
@@ -16,14 +17,14 @@ from rclpy.node import Node
 
 
 def call_soon(executor: Any, method: Callable[[], object]) -> None:
-    """Have a method called in the thread of an executor, unless its object is gone by then; may be called from any thread.
+    """Schedule a method in an executor's thread, unless its object is gone by then; callable from any thread.
 
-    The executor of events keeps what it has not called yet when it is shut down, in C++, where Python's garbage collector does not
-    see it. A method of what a run is made of would keep the whole run for good.
+    When the executor of events is shut down, it keeps its pending calls in C++, where Python's garbage
+    collector does not see them. A bound method of an object of a run would keep the whole run alive for good.
 
     Args:
         executor: The executor.
-        method: A bound method, which is referred to weakly.
+        method: A bound method, held by a weak reference.
     """
     reference = WeakMethod(method)
 
@@ -35,7 +36,7 @@ def call_soon(executor: Any, method: Callable[[], object]) -> None:
 
 
 def make_executor(context: Context, kind: str) -> Executor:
-    """Return an executor: that of `events` if that is wanted, and if this rclpy has it; else one with a wait set."""
+    """Return the `events` executor if requested and available in this rclpy, else one with a wait set."""
     if kind == "events":
         with suppress(ImportError):
             from rclpy.experimental import EventsExecutor
@@ -45,16 +46,16 @@ def make_executor(context: Context, kind: str) -> Executor:
 
 
 def suited(executor: Executor, node: Node) -> Executor:
-    """Return the executor of a node, or one with a wait set that has taken its place, if the node has what needs one."""
+    """Return a node's executor, or one with a wait set that replaces it if the node needs one."""
     has_coroutine = any(iscoroutinefunction(service.callback) for service in node.services)
     # rclpy's EventsExecutor is no Executor.
     if isinstance(node.executor, Executor) or not (has_coroutine or any(node.guards)):
         return executor
     node.get_logger().info(
-        f"A {'service has a coroutine' if has_coroutine else 'guard condition is there'}: callbacks are run by a "
-        "SingleThreadedExecutor, for which each turn takes longer."
+        f"A {'service has a coroutine' if has_coroutine else 'guard condition is there'}needs a wait set. "
+        "Callbacks run in a SingleThreadedExecutor, whose turns take longer."
     )
-    if hasattr(executor, "serve_apart"):  # which serves a simulated world as well
+    if hasattr(executor, "serve_apart"):  # the node serves a simulated world as well
         executor.serve_apart(node)
         return executor
     executor.shutdown()

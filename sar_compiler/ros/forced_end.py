@@ -1,4 +1,4 @@
-"""The end of a run from another thread than the one that ticks its tree: that one is blocked, or was asked to end twice."""
+"""End a run from another thread than the ticking one, because that is blocked or a second signal arrived."""
 
 from collections.abc import Callable
 from typing import NoReturn
@@ -13,21 +13,21 @@ from sar_compiler.ros.leaves.goals import goals_under_way
 from sar_compiler.ros.left_goals import Cancel
 from sar_compiler.ros.signals import StopSignals
 
-# How long leaves may take to be stopped from another thread than the one that is blocked, seconds; a ROS context of its own to be made; and its
-# node to find the servers.
+# Limits in seconds: to stop the leaves from a thread that is not the blocked one, to create a ROS context,
+# and for its node to discover the servers.
 _LEAVES_SEC, _APART_SEC, _DISCOVERY_SEC = 1.0, 5.0, 5.0
 
 
 class ForcedEnd:
-    """Ends the process of a run as signals have asked for.
+    """Ends the process of a run after a signal that the ticking thread does not handle.
 
     Args:
         name: The name of the program, for its messages.
         node: The run's node.
         root: The tree.
         signals: The requests to stop.
-        cancel: Cancels the node's goals; None where they end with this process, as in a simulation.
-        settle_sec: How long the goals have to end, steady seconds.
+        cancel: Cancels the node's goals; None if the goals end with this process, as in a simulation.
+        settle_sec: The time that the goals have to end, steady seconds.
         moves: Whether the robot moves although no goal is active.
         before_message: Called before anything is printed.
     """
@@ -49,12 +49,12 @@ class ForcedEnd:
         self._moves, self._before_message = moves, before_message
 
     def end_blocked(self, where: str) -> NoReturn:
-        """End the process, since the thread that ticks does not hear of the request; *where* says what blocks it."""
+        """End the process when the ticking thread ignores the request; *where* names the blocking code."""
         settle_sec = self._settle_sec + _DISCOVERY_SEC
 
         def cancel() -> int | None:
             self._print(f"stopped although {where}")
-            # Leaves may have more to stop than goals; one that blocks there as well keeps nobody.
+            # Leaves may have to stop more than goals. If a leaf blocks here too, the end does not wait for it.
             try_for(_LEAVES_SEC, lambda: send_cancels(self._root, self._node))
             active = self._cancel(settle_sec) if self._cancel is not None else []
             if not active:
@@ -68,15 +68,15 @@ class ForcedEnd:
         end_at_once(status, cancel, _LEAVES_SEC + _APART_SEC + settle_sec)
 
     def hurry(self) -> int | None:
-        """Do what there is time for before the process ends at once, because it was asked twice; return its exit status, None for the signal's."""
+        """Clean up quickly after a second signal; return the exit status, or None for the signal's."""
         active = len(goals_under_way(self._node)) or self._moves()
-        # Before anything that may take its time, which there is little of.
+        # Restore the terminal first: the following steps may take longer than the time that is left.
         send_cancels(self._root, self._node)
         if not active:
-            self._print("ended at once, as asked twice")
+            self._print("terminated at once after the second signal")
             return None
         self._print(
-            "ended at once, as asked twice: what is under way was told to stop, the robot may still be moving"
+            "terminated at once after the second signal: leaves were stopped, but the robot may still be moving"
         )
         return ADRIFT
 

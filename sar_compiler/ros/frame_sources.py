@@ -1,4 +1,4 @@
-"""Frames whose transforms come from more than one node, as those of two robots on one `/tf` do; use `frame_sources`."""
+"""Detection of frames whose transforms come from several nodes, as from two robots on one `/tf`."""
 
 import math
 import time
@@ -13,23 +13,24 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-# Messages that are kept until somebody asks: half a second of a busy robot.
+# Messages that are queued until the next query: half a second of a busy robot.
 _DEPTH = 100
 _MOST_FRAMES = 10_000
-# Two publishers of a frame are found within so long if each sends one transform a second, seconds.
+# Two publishers of a frame are detected within this time if each sends one transform a second, seconds.
 _CONFLICT_SEC = 2.0
-# A static frame that is also moved: for so long after the last moving transform, seconds.
+# A static frame that also moves is reported until this long after its last moving transform, seconds.
 _MOVING_SEC = 1.0
-# Bytes of a message as it came: its head, a stamp, and the seven numbers of a transform.
+# Byte sizes in a serialised message: its head, a stamp, and the seven numbers of a transform.
 _HEAD, _STAMP, _NUMBERS = 4, 8, 56
 _NANOSECONDS = 1_000_000_000
 
 
 class TurnsOfPublishers:
-    """Finds out by the numbers of messages whether the transforms of a frame come from publishers that take turns.
+    """Detects from message numbers whether the transforms of a frame come from publishers that alternate.
 
-    rclpy does not say who has sent a message, but which of its publisher's messages it is. These numbers rise for one publisher. For
-    two that take turns they fall again and again, whatever they are; for one that was started anew they fall once.
+    rclpy does not identify the sender of a message, but gives the message's number among those of its
+    publisher. These numbers rise for one publisher. They fall again and again for two that alternate, and
+    once for one that was restarted.
     """
 
     def __init__(self) -> None:
@@ -41,8 +42,8 @@ class TurnsOfPublishers:
 
         Args:
             children: The frames of which it has a transform.
-            number: Its number among those of its publisher.
-            at_sec: When it came, seconds.
+            number: Its number among the messages of its publisher.
+            at_sec: Its time of arrival, seconds.
         """
         for child in children:
             last = self._numbers.get(child)
@@ -53,12 +54,12 @@ class TurnsOfPublishers:
                 self._falls[child] = (self._falls.get(child, (-math.inf, -math.inf))[1], at_sec)
 
     def contested(self, now_sec: float) -> list[str]:
-        """Return the frames that come from several publishers now, seconds as they were given to `add`."""
+        """Return the frames that now have several publishers, with the seconds that were given to `add`."""
         return sorted(child for child, (at, _) in self._falls.items() if now_sec - at <= _CONFLICT_SEC)
 
 
 class _StaticFrame(NamedTuple):
-    """The last static transform of a frame as it was sent, its number, and the publishers that were there when two differed."""
+    """The last static transform of a frame, its number, and the publishers when two transforms differed."""
 
     transform: RigidTransform
     number: int
@@ -66,13 +67,13 @@ class _StaticFrame(NamedTuple):
 
 
 class FrameSources:
-    """Listens to transforms for who sends them; use `frame_sources`.
+    """Listens to transforms and their message numbers; use `frame_sources`.
 
-    It has a node of its own, which nobody spins: messages wait until somebody asks, and cost nothing before. (The callback of a
-    subscription would not do: rclpy's EventsExecutor cannot call one that takes the number of a message.)
+    It has a node of its own that is never spun: messages are queued until the next query, and cost nothing before. (A
+    subscription's callback would not do: rclpy's EventsExecutor cannot call one that takes the message number.)
 
     Args:
-        node: The node whose topics are meant, as it remaps them.
+        node: The node whose topics are watched, with its remappings.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -84,7 +85,7 @@ class FrameSources:
         self._turns, self._moved_at = TurnsOfPublishers(), dict[str, float]()
         self._static: dict[str, _StaticFrame] = {}
         self._topics = tuple(node.resolve_topic_name(topic) for topic in ("/tf", "/tf_static"))
-        # Without the arguments of the process: they would give it the name of the other one.
+        # Without the process's arguments, which would give it the name of the other node.
         self._listener = Node(
             f"_{node.get_name()}_frames",
             namespace=node.get_namespace(),
@@ -130,16 +131,16 @@ class FrameSources:
 
     def _two_sources(self, child: str, topic: str) -> str:
         nodes = ros_graph(self._node).publishers(topic)
-        # Which of more than two they are the numbers do not say.
+        # With more than two publishers, the numbers do not show which of them alternate.
         among = f"among its {len(nodes)} publishers " if len(nodes) > 2 else ""  # noqa: PLR2004
         who = f"{among}{names_in_words(nodes)}" if nodes else "two publishers"
         return (
-            f"frame '{child}' has two sources on {topic}, {who}: stop one, or give each robot a namespace and transforms of its "
-            "own (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
+            f"frame '{child}' has two sources on {topic}, {who}. Stop one, or give each robot its own "
+            "namespace and transforms (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
         )
 
     def _listen(self) -> None:
-        """Read what has come since the last time."""
+        """Read the messages received since the last call."""
         if not alive(self._listener):
             return
         for subscription, on_message in zip(
@@ -175,7 +176,8 @@ class FrameSources:
             if before is None and len(self._static) >= _MOST_FRAMES:
                 continue
             rivals = before.rivals if before is not None else frozenset[bytes]()
-            # What one publisher sends later is a correction. That of another one counts while both are there.
+            # A later transform of the same publisher is a correction. One of another publisher conflicts
+            # while both are present.
             if (
                 before is not None
                 and number <= before.number
@@ -187,12 +189,12 @@ class FrameSources:
 
 
 def frame_sources(node: "Node") -> FrameSources:
-    """Return who sends the transforms that a node hears, the same object in every call; it exists as long as the node."""
+    """Return the sources of the transforms that a node receives, one object for the lifetime of the node."""
     return of_node(node, FrameSources, lambda: FrameSources(node))
 
 
 def child_frames(message: bytes) -> list[str]:
-    """Return the frames of which a message of `/tf`, as it came, has a transform; no more than are whole."""
+    """Return the child frames in a serialised message of `/tf`, as far as the message is complete."""
     order: Literal["little", "big"] = "little" if message[1:2] == b"\1" else "big"
     at, children = _HEAD + 4, []
     for _ in range(int.from_bytes(message[_HEAD : _HEAD + 4], order)):
@@ -201,7 +203,7 @@ def child_frames(message: bytes) -> list[str]:
             length = int.from_bytes(message[at : at + 4], order)
             name = message[at + 4 : at + 3 + length]
             at = (at + 4 + length + 3) // 4 * 4
-        # Numbers of eight bytes begin at a multiple of eight, counted from behind the head.
+        # Numbers of eight bytes are aligned to multiples of eight, counted from the end of the head.
         at += (_HEAD - at) % 8 + _NUMBERS
         if at > len(message):
             break

@@ -1,6 +1,6 @@
-"""Where frames are in each other: the transforms of `/tf` and `/tf_static`, of which the last one of each frame counts.
+"""Transforms between frames from `/tf` and `/tf_static`, with the latest transform of each frame.
 
-tf2's own listener has no Python package on PyPI. Unlike it, nothing is kept of the past, and nothing is interpolated.
+tf2's own listener has no Python package on PyPI. Unlike it, this module keeps no history and does not interpolate.
 """
 
 import math
@@ -24,23 +24,23 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# As in tf2: how many messages are kept until they are taken.
+# As in tf2: the number of messages that are queued.
 _DEPTH = 100
 _MOST_FRAMES = 10_000
 _SUBJECT = "the transforms are"
-# How many frames are named in a message, and how many are compared with a name.
+# Limits for the frames named in a message, and for those compared with a name.
 _MOST_NAMED, _MOST_COMPARED = 8, 200
 _Displacement = tuple[float, float, float]
 
 
 class Transform(NamedTuple):
-    """Where one frame is in another.
+    """The pose of one frame in another.
 
     Attributes:
         x: Metres.
         y: Metres.
         z: Metres.
-        qx: A part of the rotation, a quaternion of length one; so are the following.
+        qx: A part of the rotation, a quaternion of length one, like the following.
         qy: See `qx`.
         qz: See `qx`.
         qw: See `qx`.
@@ -56,11 +56,11 @@ class Transform(NamedTuple):
 
     @property
     def yaw(self) -> float:
-        """The turn about z, rad."""
+        """The rotation about z, rad."""
         return yaw_of_turn(self.qx, self.qy, self.qz, self.qw)
 
     def of(self, inner: "Transform") -> "Transform":
-        """Return where a frame is in the outer one, given where it is in the inner one."""
+        """Return the pose of a frame in the outer one, given its pose in the inner one."""
         x, y, z = self._turned((inner.x, inner.y, inner.z))
         ax, ay, az, aw = self[3:]
         bx, by, bz, bw = inner[3:]
@@ -76,7 +76,7 @@ class Transform(NamedTuple):
 
     @property
     def inverse(self) -> "Transform":
-        """Where the outer frame is in the inner one."""
+        """The pose of the outer frame in the inner one."""
         turn = Transform(0.0, 0.0, 0.0, -self.qx, -self.qy, -self.qz, self.qw)
         x, y, z = turn._turned((self.x, self.y, self.z))
         return turn._replace(x=-x, y=-y, z=-z)
@@ -90,11 +90,11 @@ class Transform(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """What transforms say of a frame in another one.
+    """The pose of a frame in another one, with the age of the transforms.
 
     Attributes:
-        transform: Where it is there.
-        age_sec: How old the oldest of these transforms is, seconds of the node's clock; static ones do not age.
+        transform: The pose.
+        age_sec: The age of the oldest of these transforms, seconds of the node's clock; static ones do not age.
     """
 
     transform: Transform
@@ -105,11 +105,11 @@ class _Heard(NamedTuple):
     """The last transform of a frame, or several in a row.
 
     Attributes:
-        parent: The frame around it.
-        transform: Where it is there.
-        of_sec: The oldest stamp, seconds; infinite where all are static.
+        parent: The parent frame.
+        transform: The pose in the parent frame.
+        of_sec: The oldest stamp, seconds; infinite if all are static.
         newest_sec: The newest stamp of those that are not static, seconds; minus infinite without one.
-        came_sec: When it came, by the node's clock, seconds.
+        came_sec: The time of arrival, by the node's clock, seconds.
     """
 
     parent: str
@@ -120,9 +120,10 @@ class _Heard(NamedTuple):
 
 
 class FrameTree:
-    """The frames that a node has heard of; use `frame_tree`.
+    """The frames that a node has received; use `frame_tree`.
 
-    A frame that two nodes publish, or one as static and one as moving, is nowhere: which of them is right is not known.
+    A frame that two nodes publish, or that is both static and moving, has no pose: it is unknown which of
+    them is right.
 
     Args:
         node: The rclpy node.
@@ -142,20 +143,20 @@ class FrameTree:
         node.create_subscription(TFMessage, "/tf_static", self._on_static, latched)
 
     def listen(self, listener: Callable[[], None]) -> None:
-        """Have a function called whenever transforms have come."""
+        """Register a callback for arriving transforms."""
         self._listeners.append(listener)
 
     def withdraw(self, listener: Callable[[], None]) -> None:
-        """Take back a function given to `listen`."""
+        """Remove a callback that was given to `listen`."""
         self._listeners.remove(listener)
 
     def look_up(self, target: str, source: str, max_age_sec: float = math.inf) -> Sighting | str:
-        """Return where the source frame is in the target frame; in words why that is not known, if it is not.
+        """Return the pose of the source frame in the target frame, or the reason in words why it is unknown.
 
         Args:
             target: The outer frame.
-            source: The frame that is looked for.
-            max_age_sec: How old the transforms may be, seconds of the node's clock.
+            source: The frame to locate.
+            max_age_sec: The largest accepted age of the transforms, seconds of the node's clock.
         """
         target, source = frame_name(target), frame_name(source)
         up, down = self._way_up(source), self._way_up(target)
@@ -199,13 +200,13 @@ class FrameTree:
         )
 
     def _way_up(self, frame: str) -> dict[str, _Heard]:
-        """Return the frames around a frame, the inner ones first, each with where the frame is in it, and since when."""
+        """Return a frame's ancestors, inner ones first, each with the frame's pose in it and the stamp."""
         now = node_sec(self._node)
         at = _Heard(frame, Transform(), math.inf, -math.inf, now)
         way = {frame: at}
-        # What came later than now came before the clock began anew, as that of a simulator does.
+        # A stamp later than now is from before the clock restarted, as a simulator's does.
         while (above := self._heard.get(at.parent)) is not None and above.came_sec <= now:
-            if above.parent in way:  # they go round in a circle
+            if above.parent in way:  # the frames form a cycle
                 break
             at = _Heard(
                 above.parent,
@@ -233,7 +234,7 @@ class FrameTree:
         if read is None or not read.child or not read.parent or read.child == read.parent:
             return
         if read.child in self._heard or len(self._heard) < _MOST_FRAMES:
-            # One without a stamp is of when it came.
+            # A transform without a stamp gets its time of arrival.
             times = (math.inf, -math.inf) if is_static else (read.stamp_sec or came_sec,) * 2
             transform = Transform(*read.offset, *read.turn)
             self._heard[read.child] = _Heard(read.parent, transform, *times, came_sec)
@@ -244,7 +245,7 @@ class FrameTree:
 
 
 def frame_tree(node: "Node") -> FrameTree:
-    """Return the frames that a node hears of, the same object in every call; it exists as long as the node."""
+    """Return the frames that a node receives, one object per node that lives as long as the node."""
     return of_node(node, FrameTree, lambda: FrameTree(node))
 
 

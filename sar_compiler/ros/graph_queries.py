@@ -1,4 +1,4 @@
-"""What the ROS graph shows under a name or the nearest one, and whether its messages reach a node; use `ros_graph`.
+"""Queries of the ROS graph: which nodes provide a name, similar names, and whether messages reach a node.
 
 Readiness, the watch, leaves' messages and `ros2 doctor` ask here before they guess. Nothing blocks and nothing is subscribed to: the
 answers are what discovery has found until now.
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-# Answers are reused for so long, steady seconds: a wait asks 20 times a second.
+# Answers are reused for this long, steady seconds: a wait queries 20 times a second.
 _FRESH_SEC = 0.25
 _GOAL_SERVICE, _STATE_SERVICE = "/_action/send_goal", "/get_state"
 # The attributes of a leaf that declare its endpoints.
@@ -37,13 +37,13 @@ _DECLARED_IN = {
 }
 _ACTION_PARTS = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
-# So many candidates are named.
+# The number of candidates that a message names.
 _MOST = 3
-# A name of which the wanted one is the beginning must have at least so many letters in common with it.
+# The minimum number of common letters for a longer name that begins with the wanted one.
 _LEAST_SHARED = 4
-# Types that say nothing about the use of a name.
+# Types that do not show the use of a name.
 _GENERIC_TYPES = ("std_msgs/", "std_srvs/", "lifecycle_msgs/", "rcl_interfaces/")
-# Types of which one source is meant: two are two robots, or an old node and a new one.
+# Types that should have one source: two sources are two robots, or an old node and a new one.
 _ONE_SOURCE = (
     "nav_msgs/msg/Odometry",
     "nav_msgs/msg/OccupancyGrid",
@@ -51,20 +51,20 @@ _ONE_SOURCE = (
     "sensor_msgs/msg/BatteryState",
 )
 _REMAP_TRANSFORMS = "-r /tf:=tf -r /tf_static:=tf_static"
-# The name of a node before its announcement arrives, after that of its publisher.
+# The name of a node whose publisher is announced before the node itself.
 UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A name that a program uses, and how.
+    """A name that a program uses, with its kind, type and quality of service.
 
     Attributes:
-        kind: `action`, `service`, `topic` (which others publish), `listeners` (to a topic) or `node` (a lifecycle node).
+        kind: `action`, `service`, `topic` (published by others), `listeners` (to a topic) or `node` (a lifecycle node).
         name: The name as it is written, mostly relative.
         type_name: Its type, `package/srv/Name`; empty for any.
         qos: The quality of service of each subscription to a topic; for listeners, of what is published.
-        attribute: The attribute of a tree file in which the name can be written; empty if there is none.
+        attribute: The attribute of a tree file that sets the name; empty if there is none.
     """
 
     kind: str
@@ -74,7 +74,7 @@ class Endpoint:
     attribute: str = ""
 
     def remappings(self, target: str) -> list[str]:
-        """Return the rules that lead its name to another one, by the full name of that."""
+        """Return the remapping rules from this name to another one, given as a full name."""
         parts = {
             "action": [f"/_action/{part}" for part in _ACTION_PARTS],
             "node": [_STATE_SERVICE],
@@ -84,16 +84,16 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class GraphAnswer:
-    """What the graph shows for an endpoint.
+    """The result of a query for an endpoint.
 
     Attributes:
-        endpoint: What was asked for.
+        endpoint: The endpoint that was queried.
         full_name: Its full name, remapped.
         nodes: The full names of the other nodes that provide it.
-        problem: Why it cannot be used, in words; empty if it can.
-        is_there: Whether some node provides it.
+        problem: The reason why it cannot be used, in words; empty if it can.
+        is_there: Whether any node provides it.
         is_contested: Whether several servers would accept the same call.
-        elsewhere: The full names under which the same, or the nearest thing, is there, the likeliest first.
+        elsewhere: The full names that provide the same or the most similar endpoint, the likeliest first.
         is_same: Whether these are the same relative name in other namespaces.
     """
 
@@ -108,23 +108,23 @@ class GraphAnswer:
 
     @property
     def title(self) -> str:
-        """Its kind and name."""
+        """The kind and the name."""
         kind = "topic" if self.endpoint.kind == "listeners" else self.endpoint.kind
         return f"{kind} {with_full_name(self.endpoint.name, self.full_name)}"
 
     @property
     def hint(self) -> str:
-        """What is there instead: `; there is /tb1/scan`; empty if nothing is."""
+        """The alternatives as `; there is /tb1/scan`; empty if there are none."""
         return f"; there is {names_in_words(self.elsewhere, 'or')}" if self.elsewhere else ""
 
     @property
     def line(self) -> str | None:
-        """The problem with its subject, and what is there instead; None if there is none."""
+        """The problem with its subject and the alternatives; None if there is no problem."""
         return f"{self.title}: {self.problem}{self.hint}" if self.problem else None
 
     @property
     def remedy(self) -> str:
-        """What to write if this alone is elsewhere: `run with …`; empty if it is nowhere."""
+        """The remedy for this endpoint alone: `run with …`; empty without an alternative."""
         if not self.elsewhere:
             return ""
         target = self.elsewhere[0]
@@ -134,12 +134,12 @@ class GraphAnswer:
 
     @property
     def explanation(self) -> str:
-        """What is there instead, and what to write: the end of a sentence; empty if nothing is there."""
+        """The alternatives and the remedy as the end of a sentence; empty without an alternative."""
         return f"{self.hint}: {self.remedy}" if self.elsewhere else ""
 
     @property
     def namespaces(self) -> list[str]:
-        """The namespaces in which the same relative name is there."""
+        """The namespaces that have the same relative name."""
         tail = f"/{self.endpoint.name}"
         relative = self.is_same and not self.endpoint.name.startswith(("/", "~"))
         return [name.removesuffix(tail) or "/" for name in self.elsewhere if relative and name.endswith(tail)]
@@ -149,7 +149,7 @@ class RosGraph:
     """The ROS graph as a node sees it.
 
     Args:
-        node: The node that asks; what it provides itself is left out of all answers.
+        node: The node that queries; its own endpoints are left out of all answers.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -159,13 +159,13 @@ class RosGraph:
         self._cached_at = -math.inf
 
     def ask(self, endpoint: Endpoint) -> GraphAnswer:
-        """Return what the graph shows for an endpoint: there and usable, there and not usable, or elsewhere."""
+        """Return the state of an endpoint: usable, present but unusable, or elsewhere."""
         return self._cached((endpoint, str(endpoint.qos)), lambda: self._ask(endpoint))
 
     def advice(self, endpoints: Iterable[Endpoint]) -> str:
-        """Return the command-line rules that lead all endpoints that are elsewhere to where they are; empty if none is.
+        """Return command-line rules that remap all endpoints to their alternatives; empty if there are none.
 
-        One namespace is advised where it takes fewer rules than remapping the names one by one.
+        A namespace is recommended if it takes fewer rules than remapping each name.
         """
         answers = [self.ask(each) for each in dict.fromkeys(endpoints)]
         absent = [each for each in answers if not each.is_there and each.elsewhere]
@@ -182,10 +182,10 @@ class RosGraph:
             return f"{text}, or write {attributes} in the tree" if attributes else text
         text = f"run with `--ros-args {' '.join(in_spaces[space])}`"
         others = [other for other in spaces if other != space and self._fits_as_well(absent, other, space)]
-        return f"{text}, or with {' or '.join(others)} in the place of {space}" if others else text
+        return f"{text}, or with {' or '.join(others)} instead of {space}" if others else text
 
     def nodes(self) -> "Counter[str]":
-        """Return the full names of all nodes in sight, this one among them, with the number of nodes that have each."""
+        """Return the full names of all visible nodes, this one included, with the number of nodes of each."""
         return self._cached(
             "names",
             lambda: Counter(
@@ -202,17 +202,17 @@ class RosGraph:
         return tuple(sorted({_node_of(each) for each in self._infos(self._node.resolve_topic_name(topic))}))
 
     def publisher_ids(self, topic: str) -> frozenset[bytes]:
-        """Return what distinguishes the publishers of other nodes on a topic, also of nodes that share a name."""
+        """Return the identities of other nodes' publishers on a topic, also of nodes that share a name."""
         infos = self._infos(self._node.resolve_topic_name(topic))
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
     def several_publishers(self, topic: str) -> str:
-        """Describe that several nodes publish on a topic of which one source is meant; empty if that is not so."""
+        """Describe that several nodes publish on a topic that should have one source; empty if that is not so."""
         full = self._node.resolve_topic_name(topic)
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
             return ""
-        return f"topic {with_full_name(topic, full)}: published by {names_in_words(nodes)}; stop all but one"
+        return f"topic {with_full_name(topic, full)}: published by {names_in_words(nodes)}. Stop all but one"
 
     def contested_topics(self) -> list[str]:
         """Describe each topic in sight of which one source is meant, and that several nodes publish."""
@@ -225,25 +225,25 @@ class RosGraph:
         ]
 
     def transforms(self) -> str:
-        """Describe why the transforms of this robot do not reach the node; empty if they do, or none are there.
+        """Describe why the transforms of this robot do not reach the node; empty if they do, or if there are none.
 
-        They are on `/tf` as it is written; a namespaced robot has them in its namespace.
+        The topic is `/tf` as written; a namespaced robot has its transforms in its namespace.
         """
         return self._cached("transforms", self._find_transforms)
 
     @property
     def is_clock_contested(self) -> bool:
-        """Whether simulated time is used, and comes from several publishers."""
+        """Whether simulated time is used and has several publishers."""
         return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
 
     def missing_transforms(self) -> str:
-        """Describe why no transform reaches the node: they are elsewhere, or nowhere; empty if some can."""
+        """Describe why no transform reaches the node: they are elsewhere, or do not exist; empty if some can."""
         there = self.publishers("/tf") or self.publishers("/tf_static")
         here = self._node.resolve_topic_name("/tf")
         return self.transforms() or ("" if there else f"transforms: no publisher on {here} or {here}_static")
 
     def clock(self) -> str:
-        """Describe what is wrong with simulated time: none comes, or two nodes publish it; empty if all is well."""
+        """Describe a problem with simulated time: none arrives, or two nodes publish it; empty if there is none."""
         node_clock = self._node.get_clock()
         if not node_clock.ros_time_is_active:
             return ""
@@ -251,8 +251,8 @@ class RosGraph:
         nodes = self.publishers(topic)
         if self.is_clock_contested:
             return (
-                f"topic {topic}: {len(self.publisher_ids(topic))} publishers, of {names_in_words(nodes)}: the time jumps "
-                "between them; stop all but one"
+                f"topic {topic}: {len(self.publisher_ids(topic))} publishers, of {names_in_words(nodes)}: "
+                "the time jumps between them. Stop all but one"
             )
         if node_clock.now().nanoseconds > 0:
             return ""
@@ -265,7 +265,7 @@ class RosGraph:
         return missing
 
     def unused_clock(self) -> str:
-        """Describe that some node publishes simulated time, and this one does not use it; empty if that is not so."""
+        """Describe that another node publishes simulated time which this node does not use, if so; else empty."""
         nodes = self.publishers("/clock")
         if not nodes or self._node.get_clock().ros_time_is_active:
             return ""
@@ -275,7 +275,7 @@ class RosGraph:
         )
 
     def foreign_localisation(self) -> str:
-        """Describe why the localisation that is heard may be another robot's; empty if nothing says so."""
+        """Describe why the received localisation may belong to another robot; empty if nothing indicates it."""
         poses = self.ask(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
         if not poses.is_there and poses.is_same:
             return f"{poses.title} has no publisher; there is {names_in_words(poses.elsewhere, 'or')}"
@@ -284,9 +284,9 @@ class RosGraph:
         return self.several_publishers("odometry/filtered") or self.transforms()
 
     def other_robots(self) -> tuple[str, ...]:
-        """Return the nodes of other robots that publish on the `/tf` of this one: their namespace has a localisation, too.
+        """Return the nodes of other robots, with their own localisation, that publish on this robot's `/tf`.
 
-        Of nodes that share a full name the second one counts as well.
+        If nodes share a full name, the second one is included as well.
         """
         topic, space = self._node.resolve_topic_name("/tf"), self._node.get_namespace().rstrip("/")
         nodes = [_node_of(each) for each in self._infos(topic)]
@@ -316,17 +316,18 @@ class RosGraph:
         if is_contested:
             number, which = ("two", "one") if count == 2 else (count, "all but one")  # noqa: PLR2004
             of_nodes = f", {names_in_words(nodes)}" if len(set(nodes)) == count else ""
-            problem = f"{number} servers answer to {full}{of_nodes}: stop {which}"
+            problem = f"{number} servers answer to {full}{of_nodes}. Stop {which}"
         elif endpoint.type_name:
             types = {kind for _, served in self._servers() for kind in served.get(service, ())}
-            # Whose a server is may be known later than the server; until then clients of the name count, too.
+            # The owner of a server may be discovered later than the server. Until then clients of the name
+            # are included.
             types = types or set(dict(self._node.get_service_names_and_types()).get(service, ()))
             problem = _wrong_type("served", types, endpoint.type_name)
         problem = problem or self._unheard_service(service)
         return GraphAnswer(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
 
     def _unheard_service(self, service: str) -> str:
-        """Describe that no request reaches a service, or no answer arrives; empty if they do, or the middleware does not say."""
+        """Describe that requests do not reach a service, or answers do not return; empty if not so or unknown."""
         from rclpy.qos import qos_profile_services_default as own
 
         for topic, hears in ((f"rq{service}Request", True), (f"rr{service}Reply", False)):
@@ -364,7 +365,7 @@ class RosGraph:
         return GraphAnswer(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
 
     def _rules_in(self, answers: Sequence[GraphAnswer], space: str) -> list[str]:
-        """Return the rules that a run in a namespace needs; in its present one, if that is empty."""
+        """Return the rules that a run in a namespace needs; an empty namespace means the present one."""
         rules = [f"-r __ns:={space}"] if space else []
         if space not in ("", "/") and f"{space}/tf" in self._topics() and self._resolves_tf_globally:
             rules.append(_REMAP_TRANSFORMS)
@@ -380,7 +381,7 @@ class RosGraph:
         return rules
 
     def _is_in(self, endpoint: Endpoint, space: str) -> bool:
-        """Return whether a relative name is there in a namespace."""
+        """Return whether a relative name exists in a namespace."""
         moved = Endpoint(endpoint.kind, f"{space.rstrip('/')}/{endpoint.name}")
         return self.ask(moved).is_there
 
@@ -398,7 +399,7 @@ class RosGraph:
         for topic, nodes in sorted(self._publishing().items()):
             if not topic.endswith("/tf") or topic == here:
                 continue
-            # With other robots on the topic, it counts where the nodes of this one publish.
+            # If other robots use the topic, it belongs to this one only if this robot's nodes publish on it.
             inside = {
                 node for node in heard.union(nodes) if space and node.startswith(f"{space}/")
             } | localisers
@@ -421,11 +422,12 @@ class RosGraph:
         from rclpy.duration import Duration, Infinite
 
         node = self._node
-        # rclpy remaps the name here (contrary to what it says, and to `count_publishers`): a foreign name could become another one.
+        # Contrary to its documentation, and to `count_publishers`, rclpy remaps the name here: a foreign name
+        # could become another one.
         find = node.get_subscriptions_info_by_topic if hears else node.get_publishers_info_by_topic
         infos = find(topic, no_mangle=is_service)
         for qos in (each.qos_profile for each in infos):
-            # The graph says infinite for no limit, which `qos_check_compatible` takes for one.
+            # The graph reports "infinite" for no limit, and `qos_check_compatible` treats it as a limit.
             if qos.deadline == Infinite:
                 qos.deadline = Duration()
             if qos.liveliness_lease_duration == Infinite:
@@ -433,7 +435,7 @@ class RosGraph:
         return [each for each in infos if _node_of(each) != self._own]
 
     def _publishing(self, *, hears: bool = False) -> dict[str, dict[str, set[str]]]:
-        """Return the topics on which other nodes publish (or to which they subscribe), with these nodes, and the types of each."""
+        """Return the topics that other nodes publish (or subscribe to), with these nodes and the types."""
         return self._cached(("nodes", hears), lambda: self._find_publishing(hears=hears))
 
     def _find_publishing(self, *, hears: bool) -> dict[str, dict[str, set[str]]]:
@@ -449,13 +451,13 @@ class RosGraph:
             node = f"{space.rstrip('/')}/{name}"
             if node == self._own or name == UNKNOWN_NODE:
                 continue
-            with suppress(NodeNameNonExistentError):  # it has gone meanwhile
+            with suppress(NodeNameNonExistentError):  # the node has disappeared meanwhile
                 for topic, types in find(name, space):
                     found.setdefault(topic, {}).setdefault(node, set()).update(types)
         return found
 
     def _topics(self, *, hears: bool = False) -> dict[str, set[str]]:
-        """Return the topics on which other nodes publish (or to which they subscribe), with their types."""
+        """Return the topics that other nodes publish (or subscribe to), with their types."""
         publishing = self._publishing(hears=hears)
         return {
             topic: set().union(*nodes.values()) for topic, nodes in publishing.items() if "/_" not in topic
@@ -515,7 +517,7 @@ def ros_graph(node: "Node") -> RosGraph:
 
 
 def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
-    """Return the actions, services and topics that a tree's leaves declare, with their types and qualities of service."""
+    """Return the actions, services and topics that leaves declare, with types and qualities of service."""
     found: dict[Use, Endpoint] = {}
     for leaf in root.iterate():
         for word, (of_name, of_type) in _DECLARED_IN.items():
@@ -531,19 +533,19 @@ def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
 
 
 def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
-    """Return the end of a sentence about a leaf's server or topic that is not heard: what is there, and what to write.
+    """Return the end of a sentence about a leaf's unreachable server or topic: alternatives and remedy.
 
-    It is empty for a topic that is there, and whose messages reach the leaf.
+    It is empty for a topic that exists and whose messages reach the leaf.
     """
     endpoint = declared_endpoints(leaf).get(Use(kind, name), Endpoint(kind, name))
     return explain_endpoint(node, endpoint)
 
 
 def explain_endpoint(node: "Node", endpoint: Endpoint) -> str:
-    """Return the end of a sentence about an endpoint that is not reached, as `explain_absence` does."""
+    """Return the end of a sentence about an unreachable endpoint, as `explain_absence` does."""
     answer = ros_graph(node).ask(endpoint)
     if answer.is_there:
-        connected = "" if endpoint.kind == "topic" else "it is there, and not connected yet"
+        connected = "" if endpoint.kind == "topic" else "it is present but not connected yet"
         problem = answer.problem or connected
         return problem and f"; {problem}"
     nobody = {"topic": "; no node publishes it", "listeners": ""}.get(endpoint.kind, "; no node serves it")
@@ -566,7 +568,7 @@ def services_by_node(node: "Node") -> Iterator[tuple[str, str, dict[str, list[st
     from rclpy.node import NodeNameNonExistentError
 
     for name, namespace in node.get_node_names_and_namespaces():
-        with suppress(NodeNameNonExistentError):  # it has gone meanwhile
+        with suppress(NodeNameNonExistentError):  # the node has disappeared meanwhile
             yield name, namespace, dict(node.get_service_names_and_types_by_node(name, namespace))
 
 
@@ -578,8 +580,8 @@ def _node_of(info: Any) -> str:
 
 
 def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
-    """Describe a resource that exists in other types only; empty if it has the wanted one, or nothing is known."""
-    # The service of an action that takes goals is of a type of its own.
+    """Describe a resource that exists in other types only; empty if it has the wanted type, or if unknown."""
+    # The goal service of an action has a type derived from the action's type.
     there = sorted({each.removesuffix("_SendGoal") for each in types})
     return (
         "" if not wanted or not there or wanted in there else f"{how} as {', '.join(there)}, must be {wanted}"
@@ -587,12 +589,12 @@ def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
 
 
 def _unheard(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) -> str:
-    """Describe that no message passes between this node and any other, with the quality of service to write; empty if some do.
+    """Describe that incompatible qualities of service stop all messages, with the remedy; empty if some pass.
 
     Args:
         infos: The publishers of others, or their subscriptions.
         own: The qualities of service of this node.
-        hears: Whether the others hear, and this node publishes.
+        hears: Whether the others subscribe and this node publishes.
     """
 
     def obstacle(other: Any, mine: "QoSProfile") -> str:
@@ -603,12 +605,13 @@ def _unheard(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) 
         reasons = [(each, obstacle(each, mine)) for each in infos]
         if not reasons or not all(reason for _, reason in reasons):
             continue
-        # The most demanding that all publishers offer; the least demanding that suffices for all subscribers.
+        # The most demanding profile that all publishers offer, or the least demanding that suffices for all
+        # subscribers.
         names = list(NAMED_QOS) if hears else list(reversed(NAMED_QOS))
         fits = [name for name in names if not any(obstacle(each, qos_profile("", name)) for each in infos)]
         info, reason = reasons[0]
         what = f"no message reaches {_node_of(info)}" if hears else f"no message of {_node_of(info)} arrives"
-        return f'{what} ({reason}): write qos="{fits[0]}"' if fits else f"{what} ({reason})"
+        return f'{what} ({reason}). Write qos="{fits[0]}"' if fits else f"{what} ({reason})"
     return ""
 
 
@@ -625,7 +628,7 @@ def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
 
 
 def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collection[str]]) -> list[str]:
-    """Return the names that are the wanted one in another namespace, those of the wanted type before others."""
+    """Return the wanted name in other namespaces, names of the wanted type first."""
     tails = {f"/{endpoint.name.lstrip('/~')}", full}
     same = [name for name in there if any(name.endswith(tail) for tail in tails) or full.endswith(name)]
     fitting = [name for name in same if not endpoint.type_name or endpoint.type_name in there[name]]
@@ -635,7 +638,7 @@ def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collectio
 def _nearest_names(
     endpoint: Endpoint, full: str, space: str, there: Mapping[str, Collection[str]]
 ) -> list[str]:
-    """Return the names that were probably meant: by a typo, a part more or less, or as the only ones of the type."""
+    """Return the names probably meant: a typo, a part more or less, or the only ones of the type."""
     wanted = endpoint.name.lstrip("/~")
     fitting = [name for name in sorted(there) if not endpoint.type_name or endpoint.type_name in there[name]]
     depth, inner = wanted.count("/") + 1, f"{space.rstrip('/')}/"
@@ -652,5 +655,5 @@ def _nearest_names(
 
 
 def _is_longer(name: str, beginning: str) -> bool:
-    """Return whether a name has a part or some letters more at its end."""
+    """Return whether a name has an additional part or some additional letters at its end."""
     return name.startswith(beginning) and len(beginning) > _LEAST_SHARED

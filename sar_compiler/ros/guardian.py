@@ -1,10 +1,11 @@
-"""A guardian: a small process of its own, which cancels the goals of a mission that dies or whose ticks stop.
+"""A small process that cancels the goals of a mission that crashes or stops ticking.
 
-A mission that is killed (SIGKILL, the kernel's own when memory is short, a crash) can cancel nothing, and a robot
-drives on to its goal. The mission reports to its guardian through a pipe which goals it sends, which have ended, and a heartbeat
-of the thread that ticks the tree; the system closes the pipe, however the mission ends, and the guardian then cancels, by their
-ids, those that have not, and waits for their ends. It does the same when heartbeats stop: `ros.tick_watch` does so within the
-process, but a leaf that keeps Python's interpreter lock stops that as well. A guardian that ends while its mission lives is replaced.
+A mission that is killed (by SIGKILL, for lack of memory, by a crash) cannot cancel anything, and the robot drives on to
+its goal. The mission therefore reports through a pipe which goals it sends, which have ended, and the heartbeats of the
+thread that ticks the tree. However the mission ends, the system closes the pipe. The guardian then cancels the goals
+that have not ended, by their ids, and waits for their ends. It does the same when heartbeats stop: `ros.tick_watch`
+handles this within the process, but a leaf that holds Python's interpreter lock stops that as well. A guardian that
+ends while its mission lives is replaced.
 """
 
 import json
@@ -36,30 +37,31 @@ if TYPE_CHECKING:
     from sar_compiler.ros.left_goals import LeftGoal
 
 ADRIFT_SIGN = b"!"
-"""What a guardian writes to who supervises its mission where it has not seen the end of a goal."""
+"""Written to the mission's supervisor if the guardian has not seen the end of a goal."""
 
-# The first word of a line: a goal is sent, has ended; a heartbeat.
+# The first character of a line: a goal is sent, has ended, a heartbeat.
 _SENT, _OVER, _BEAT = "+", "-", "."
 _GONE = "the mission is gone"
-# What a mission has to do itself where its ticks stop, it is given this much longer for, seconds.
+# Additional time for the mission to handle stopped ticks by itself, seconds.
 _GRACE_SEC = 2.0
-# How long the guardian tries to have the goals ended, seconds.
+# How long the guardian tries to end the goals, seconds.
 _TRYING_SEC = 10.0
-# How often heartbeats are looked for, seconds; a look that comes later by as much as the other was this process's own standstill.
+# Interval between checks for heartbeats, seconds. A check that is late by the second value means that this process
+# itself stood still.
 _LOOK_SEC, _OWN_PAUSE_SEC = 0.25, 1.0
-# How long an orderly end waits for the guardian's, seconds; one that still has goals to cancel needs no mission.
+# How long an orderly end waits for the guardian, seconds. A guardian that still has goals to cancel needs no mission.
 _ENDING_SEC = 1.0
-# A guardian that has ended so many times, each within so many seconds of its beginning, cannot be had.
+# A guardian that ended this many times, each within this many seconds of its start, is not restarted.
 _ATTEMPTS, _BRIEF_SEC = 3, 10.0
 
 
 class Guardian(RunExtension):
-    """The guardian of this process, from the mission's side.
+    """The guardian of this process, as the mission sees it.
 
     Args:
         node: The mission's node.
         security: The ROS arguments that a second participant of this mission needs (`--enclave`).
-        signs: The descriptor of the pipe to who supervises the mission; None if nobody does.
+        signs: The descriptor of the pipe to the supervisor of the mission; None without one.
     """
 
     def __init__(self, node: "Node", security: Sequence[str], signs: int | None = None) -> None:
@@ -81,7 +83,7 @@ class Guardian(RunExtension):
         heartbeats(self._node).listen(self.take_heartbeat)
 
     def note(self, news: GoalNews) -> None:
-        """Tell the guardian of a goal; never blocks."""
+        """Report a goal to the guardian; never blocks."""
         with self._lock:
             if news.is_over:
                 self._active.pop(news.goal_id, None)
@@ -95,7 +97,7 @@ class Guardian(RunExtension):
             self._write(_BEAT, json.dumps(beat))
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002
-        """Let the guardian end; it first cancels what was not seen to end."""
+        """Let the guardian end; it first cancels the goals that have not ended."""
         with self._lock:
             self._is_closing = True
             self._pipe.close()
@@ -107,7 +109,7 @@ class Guardian(RunExtension):
             helper_command(__name__, main.__name__, ",".join(map(str, signs)), *self._security),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            # Ctrl-C, and the end of a terminal, are for whole groups of processes.
+            # Ctrl-C, and the end of a terminal, reach whole groups of processes.
             start_new_session=True,
             bufsize=0,
             pass_fds=signs,
@@ -121,11 +123,11 @@ class Guardian(RunExtension):
         self._minder.start()
 
     def _write(self, *words: str) -> None:
-        with suppress(OSError, ValueError):  # one that has ended is replaced, and told of what is active then
+        with suppress(OSError, ValueError):  # a replaced guardian is sent the active goals
             os.write(self._pipe.fileno(), f"{' '.join(words)}\n".encode())
 
     def _mind(self) -> None:
-        """Wait for the guardian's end; where the mission has not asked for it, begin another one."""
+        """Wait for the guardian's end; start another one unless the mission requested the end."""
         began = time.monotonic()
         status = self._process.wait()
         with self._lock:
@@ -136,17 +138,17 @@ class Guardian(RunExtension):
             how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
             if self._brief < _ATTEMPTS:
                 self._start()
-                self._complain(f"the guardian has ended, {how}: another one takes its place")
+                self._complain(f"the guardian has ended, {how}and is replaced")
             else:
                 self._complain(
-                    f"the guardian is gone ({how}): nobody cancels the goals of a mission that dies"
+                    f"the guardian is gone ({how}). Goals are no longer canceled if this process crashes"
                 )
 
 
 def main() -> None:
     """Run the guardian of the process at the other end of standard input, until that ends.
 
-    Its arguments are the descriptor of the pipe to who supervises the mission, empty if nobody does, and ROS arguments.
+    The arguments are the descriptor of the pipe to the mission's supervisor, empty without one, and ROS arguments.
     """
     signs, *security = sys.argv[1:]
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -163,7 +165,7 @@ def main() -> None:
 
 
 class _Wards:
-    """The goals of a mission as its guardian knows them.
+    """The goals of a mission as known to its guardian.
 
     Args:
         node: The guardian's node.
@@ -187,7 +189,7 @@ class _Wards:
                 line = came.get(timeout=_LOOK_SEC)
             except Empty:
                 line = None
-            if time.monotonic() - looked_at > _OWN_PAUSE_SEC:  # the mission has perhaps not run either
+            if time.monotonic() - looked_at > _OWN_PAUSE_SEC:  # the mission may not have run either
                 self._heard_at = time.monotonic()
             if line == _END:
                 return
@@ -214,32 +216,33 @@ class _Wards:
         self._is_reported = self._is_canceled = False
 
     def _add(self, goal: GoalNews) -> None:
-        """Take a goal as it is sent, so that its server is found when it has to be canceled."""
+        """Store a goal when it is sent, to discover its server before it must be canceled."""
         from sar_compiler.ros.left_goals import UNKNOWN_SEC, LeftGoal
 
         def report_end(status: int) -> None:
-            words = f"{goal.action} was told to cancel its goal, which {end_in_words(status)}"
+            words = f"{goal.action} was asked to cancel its goal, which {end_in_words(status)}"
             self._node.get_logger().warning(f"{self._why}: {words}")
 
         self._active[goal.goal_id] = LeftGoal(self._node, goal, on_end=report_end, patience_sec=UNKNOWN_SEC)
 
     def _look(self, limit_sec: float, silent_sec: float) -> None:
-        """Do what the mission itself does where its ticks stop, if it cannot: report it, and cancel the goals; it may tick again later."""
+        """Report missing heartbeats and cancel the goals if the mission cannot; it may tick again later."""
         if silent_sec > REPORT_SEC and not self._is_reported:
             self._is_reported = True
             place = place_in_stack(self._beat)
             self._node.get_logger().error(
-                f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s, and the mission itself cannot report it: it is in {place}"
+                f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s, and the mission cannot report it itself: "
+                f"it is in {place}"
             )
         if silent_sec > limit_sec and not self._is_canceled:
             self._is_canceled = True
             self.cancel(f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s")
 
     def cancel(self, why: str) -> bool:
-        """Cancel what is active, until the ends are seen; return whether all were.
+        """Cancel the active goals until their ends are seen; return whether all were.
 
         Args:
-            why: What the log says of the reason.
+            why: The reason, for the log.
         """
         from sar_compiler.ros.left_goals import cancel_goals
 
@@ -252,15 +255,15 @@ class _Wards:
 
 
 def place_in_stack(beat: Heartbeat) -> str:
-    """Return the line of a program in which a thread is, by what Python's fault handler has written of it.
+    """Return the source line of a thread, read from the output of Python's fault handler.
 
     Args:
-        beat: The last heartbeat, which says where the stacks are.
+        beat: The last heartbeat, which has the file of the stacks.
     """
     try:
         stacks = Path(beat.stack).read_text(encoding="utf-8", errors="replace")
     except OSError:  # another user's process, or it has just ended
-        return "a place that cannot be read"
+        return "an unreadable location"
     _, _, stack = stacks.partition(f"{beat.thread:x} (most recent call first):")
     for file, line, function in re.findall(r'^  File "(.+)", line (\d+) in (.+)$', stack, re.MULTILINE):
         if is_of_program(file):
@@ -268,7 +271,7 @@ def place_in_stack(beat: Heartbeat) -> str:
     return "native code"
 
 
-# What comes after the last line.
+# The text after the last line.
 _END = ""
 
 

@@ -1,4 +1,4 @@
-"""The heartbeats of the executor that ticks a tree: `ros.tick_watch` reports them, and the guardian hears of them."""
+"""Heartbeats of the executor that ticks a tree, sent by `ros.tick_watch` and received by the guardian."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -9,17 +9,17 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 REPORT_SEC = 2.0
-"""After how long without a heartbeat what blocks is named, steady seconds."""
+"""Steady seconds without a heartbeat until the blocking code is reported."""
 
 
 class Heartbeat(NamedTuple):
-    """What is reported of the executor.
+    """One heartbeat of the executor.
 
     Attributes:
-        limit_sec: How long it may take to the next one, before the goals are canceled; None while nothing is ticked.
-        is_reported: Whether this process itself has reported that it has stopped.
-        stack: The file with the stacks of all threads, which is written where it stops.
-        thread: The thread that ticks, as `threading.get_ident` has it.
+        limit_sec: The longest time to the next heartbeat before the goals are canceled; None while nothing is ticked.
+        is_reported: Whether this process has already reported that it stopped.
+        stack: The file with the stacks of all threads, written when the executor stops.
+        thread: The thread that ticks, by `threading.get_ident`.
     """
 
     limit_sec: float | None = None
@@ -29,22 +29,22 @@ class Heartbeat(NamedTuple):
 
 
 class Heartbeats:
-    """Passes the heartbeats of a node's executor on; see `heartbeats`."""
+    """Distributes the heartbeats of a node's executor; use `heartbeats`."""
 
     def __init__(self) -> None:
         self._listeners: list[Callable[[Heartbeat], None]] = []
 
     @property
     def are_heard(self) -> bool:
-        """Whether anybody listens."""
+        """Whether any listener is registered."""
         return bool(self._listeners)
 
     def listen(self, listener: Callable[[Heartbeat], None]) -> None:
-        """Have a function called with each, from any thread."""
+        """Register a listener, which is called with each heartbeat from any thread."""
         self._listeners.append(listener)
 
     def report(self, beat: Heartbeat) -> None:
-        """Pass one on."""
+        """Send one heartbeat to all listeners."""
         for listener in self._listeners:
             listener(beat)
 

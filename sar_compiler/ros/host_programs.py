@@ -1,4 +1,4 @@
-"""A tree that is ticked by a program of a user's own: its signals, its goals, and its end."""
+"""Run a tree in a user's own program: its signals, its goals, and an orderly end."""
 
 import math
 import sys
@@ -33,7 +33,7 @@ from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.ros.tick_watch import TickWatch
 
 _TURN_SEC = 0.05
-# When an executor has left a callback, seconds.
+# Grace time for an executor to leave a callback, seconds.
 _SOON_SEC = 0.02
 
 
@@ -46,22 +46,23 @@ def running(
     settle_timeout_sec: float = SETTLE_SEC,
     blocked_tick_timeout_sec: float = BLOCKED_TICK_SEC,
 ) -> Iterator[TreeRunner]:
-    """Set a tree up on a node, and see that no goal outlives the block in which it is ticked, however that ends.
+    """Set up a tree on a node, and make sure that no goal outlives the block that ticks it.
 
-    In the block Ctrl-C, SIGTERM and SIGHUP interrupt the executor between two callbacks, by a `KeyboardInterrupt`. At its end the
-    tree is stopped from its root and its goals are canceled, and their ends are awaited. After a signal the program then exits with
-    130, 143 or 129, or with 4 if a goal may still be active. A second Ctrl-C ends it at once. A leaf that blocks the tick is named,
-    and does not keep the program from its end. In another thread than the main one, signals are left to the program.
+    Within the block Ctrl-C, SIGTERM and SIGHUP interrupt the executor between two callbacks, by a `KeyboardInterrupt`.
+    At the end of the block the tree is stopped from its root, its goals are canceled, and their ends are awaited. After
+    a signal the program then exits with 130, 143 or 129, or with 4 if a goal may still be active. A second Ctrl-C ends
+    it at once. A leaf that blocks the tick is reported, and does not prevent the end of the program. In another thread
+    than the main one, signals are left to the program.
 
     Args:
         tree: The compiled tree, its root, or a `TreeRunner` of it.
-        node: The node, which ROS has not shut down. Spin it as you like.
-        guardian: Whether a small process of its own cancels the goals of a program that is killed or crashes.
-        settle_timeout_sec: How long the goals have to end, steady seconds.
-        blocked_tick_timeout_sec: How long nothing may be ticked before the goals are canceled, steady seconds.
+        node: The node. ROS must not be shut down. Spin the node as you like.
+        guardian: Whether a separate small process cancels the goals if the program is killed or crashes.
+        settle_timeout_sec: The time that the goals have to end, steady seconds.
+        blocked_tick_timeout_sec: The longest time without a tick before the goals are canceled, steady seconds.
 
     Yields:
-        The runner, which is set up: call its `tick_tock`, or its `tick`.
+        The runner after its setup: call its `tick_tock`, or its `tick`.
 
     Raises:
         ExternalShutdownException: If a signal has shut ROS down before.
@@ -105,11 +106,11 @@ def running(
 
 
 class _InterruptionError(RuntimeError):
-    """What ends the spinning of an executor whose callbacks run in threads of its own: it passes nothing on that is no `Exception`."""
+    """Ends the spinning of an executor with threads of its own, which passes on only an `Exception`."""
 
 
 class _Signals(StopSignals):
-    """Takes the place of rclpy's handlers, which would shut ROS down before a goal could be canceled; gives it back."""
+    """Replaces rclpy's handlers, which would shut ROS down before a goal could be canceled; restores them later."""
 
     def __init__(self) -> None:
         self._options = get_current_signal_handlers_options()
@@ -124,15 +125,15 @@ class _Signals(StopSignals):
 
 
 class _Hosted:
-    """A tree that a program ticks.
+    """A tree that a user's program ticks.
 
     Args:
         name: The program.
         runner: Ticks the tree.
         node: Its node.
-        cancel: Cancels its goals where that node cannot.
-        settle_sec: How long the goals have to end, steady seconds.
-        signals: The requests to stop; None where the program has them itself.
+        cancel: Cancels its goals if that node cannot.
+        settle_sec: The time that the goals have to end, steady seconds.
+        signals: The requests to stop; None if the program handles signals itself.
     """
 
     def __init__(
@@ -152,7 +153,7 @@ class _Hosted:
         self._active: list[str] = []
 
     def watch(self, blocked_sec: float) -> TickWatch:
-        """Return what watches the executor while the tree is ticked."""
+        """Return the watch of the executor for the time in which the tree is ticked."""
         signals = self._signals
         watch = TickWatch(
             self._node,
@@ -172,7 +173,7 @@ class _Hosted:
         return watch
 
     def _on_beat(self) -> None:
-        """Interrupt the executor, in whose thread this is called, if a signal has come."""
+        """Interrupt the executor, in whose thread this is called, if a signal has arrived."""
         self._spinner = threading.get_ident()
         if self._signals is None or self._is_ending or not self._signals.came:
             return
@@ -183,18 +184,19 @@ class _Hosted:
         ):
             raise KeyboardInterrupt
         else:
-            # The executor has a thread of its own, and the main one waits for something else; or it is one of events, which logs what is raised in it.
+            # The executor has a thread of its own and the main thread waits for something else, or it is an executor of
+            # events, which logs exceptions.
             threading.Timer(_SOON_SEC, self._interrupt).start()
 
     def _interrupt_workers(self) -> None:
-        """Raise what the executor passes on to the thread that spins it; again if the program goes on."""
+        """Raise the interrupt in the thread that spins the executor, and again if the program continues."""
         if time.monotonic() - self._interrupted_at < UNNOTICED_SEC:
             return
         self._interrupted_at = time.monotonic()
         raise _InterruptionError
 
     def _on_unnoticed(self, watch: TickWatch, end: ForcedEnd, where: str) -> None:
-        """Interrupt the main thread, if it does something else than to spin; end the process where that is of no use."""
+        """Interrupt the main thread if it does not spin; end the process if that has no effect."""
         if watch.blocking_leaf() is not None or self._has_interrupted:
             if time.monotonic() - self._interrupted_at > UNNOTICED_SEC:
                 end.end_blocked(where)
@@ -221,15 +223,13 @@ class _Hosted:
 
     def _settled(self) -> list[str]:
         executor = self._node.executor
-        if (
-            executor is not None and self._node not in executor.get_nodes()
-        ):  # `rclpy.spin` has taken it out again
+        if executor is not None and self._node not in executor.get_nodes():  # `rclpy.spin` has removed it
             executor = None
         is_elsewhere = executor is not None and self._spinner != threading.get_ident()
         if is_elsewhere and not isinstance(executor, MultiThreadedExecutor):
             return self._settled_elsewhere()
         if executor is not None:
-            with suppress(_InterruptionError):  # one that a worker has raised, and nobody has been passed
+            with suppress(_InterruptionError):  # raised by a worker, but not passed on
                 executor.spin_once(timeout_sec=0.0)
             return self._runner.settle(executor, self._settle_sec)
         own = SingleThreadedExecutor(context=self._node.context)
@@ -241,7 +241,7 @@ class _Hosted:
             own.shutdown()
 
     def _settled_elsewhere(self) -> list[str]:
-        """Have the tree stopped by the thread that spins its executor, and wait."""
+        """Let the thread that spins the executor stop the tree, and wait for it."""
         self._runner.interrupt()
         deadline = time.monotonic() + self._settle_sec
         while (self._runner.running or leaves_at_work(self._runner.root)) and time.monotonic() < deadline:

@@ -1,4 +1,4 @@
-"""Goals that a process has left behind: cancelled, and their ends awaited; those in a journal before its mission goes on."""
+"""Cancel goals that another process left active, and wait for their ends, such as before a mission resumes."""
 
 import math
 import os
@@ -35,17 +35,18 @@ from sar_compiler.ros.leaves.goals import (
 from sar_compiler.ros.leaves.leaf import find_interface, of_node
 from sar_compiler.ros.readiness import Requirement
 
-# A request to cancel that was answered and not followed is repeated after so many seconds of the steady clock.
+# A request to cancel that was answered without effect is repeated after this time, seconds of the steady clock.
 _PERIOD_SEC = 1.0
-# A server that has answered neither question for so long has perhaps not found these clients' readers, to which it then sends nothing.
+# A server that answers neither question for this long may not have discovered these clients' readers, and then sends
+# them nothing.
 _RENEWAL_SEC = 5.0
-# How long a server must say that it does not know a goal: one that was sent just before its client's death may be accepted after it.
+# How long a server must deny knowing a goal: it may accept a goal that was sent just before the client's death later.
 UNKNOWN_SEC = 3.0
 _TURN_SEC = 0.05
 
 
 def note_goals(node: Node, journal: Journal) -> None:
-    """Have a journal told of every goal that a node sends, before it is sent, and of its end."""
+    """Record every goal of a node in the journal before it is sent, and its end."""
 
     def note(news: GoalNews) -> None:
         if news.status is None:
@@ -61,11 +62,11 @@ def _watch_end(journal: Journal, goal_id: str, status: int) -> None:
 
 
 class LeftGoals(Requirement):
-    """The goals that earlier runs have sent, each of which must have ended.
+    """The goals that earlier runs sent, all of which must have ended.
 
     Args:
         node: The node to cancel them from.
-        journal: Has the goals, and is told of their ends.
+        journal: Has the goals, and records their ends.
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
@@ -77,12 +78,12 @@ class LeftGoals(Requirement):
         ]
 
     def missing(self) -> str | None:
-        """Cancel what is still to be cancelled; describe the first goal that has not ended, None if all have."""
+        """Cancel the active goals; describe the first goal that has not ended, None if all have."""
         return next((line for line in [goal.missing() for goal in self._goals] if line is not None), None)
 
 
 class CancelClients:
-    """A node's clients that cancel goals of one action and ask for their results, made anew where a server does not answer them.
+    """A node's clients that cancel goals of one action and request results, replaced if the server does not answer.
 
     Use `of_node`: the goals of one action share them.
 
@@ -101,7 +102,7 @@ class CancelClients:
         self._prober: Client | None = None
 
     def renew_if_unheard(self) -> None:
-        """Make the clients anew if no request to cancel was answered for long: a server drops the answers to a reader that it has not found."""
+        """Replace the clients after long silence: a server drops answers to readers it has not discovered."""
         if self._unheard_since is None or time.monotonic() - self._unheard_since < _RENEWAL_SEC:
             return
         for client in filter(None, (self.canceller, self._prober)):
@@ -110,26 +111,26 @@ class CancelClients:
         self._connect()
 
     def on_answer(self) -> None:
-        """Note that the server has answered."""
+        """Record that the server has answered."""
         self._unheard_since = None
 
     def cancel(self, goal_id: str) -> Future:
-        """Send the request to cancel a goal; return its answer to come."""
+        """Send the request to cancel a goal; return the future of its answer."""
         self._unheard_since = self._unheard_since or time.monotonic()
         return self.canceller.call_async(cancel_request(goal_id))
 
     def prober(self) -> Client | None:
-        """Return the client that asks for results; None while there is no such service, or its type is not installed."""
+        """Return the client that requests results; None if there is no such service, or its type is not installed."""
         if self._prober is None:
             self._prober = self._result_client()
         return self._prober if self._prober is not None and self._prober.service_is_ready() else None
 
     def _result_client(self) -> Client | None:
-        # Only the graph knows the type of an action of which nothing is left but a name.
+        # If only the name of an action is left, its type is known from the graph alone.
         name = f"{self._action}/_action/get_result"
         types = dict(self._node.get_service_names_and_types()).get(self._node.resolve_service_name(name), [])
         for written in types:
-            with suppress(SarError):  # its package is not installed: two other sources are left
+            with suppress(SarError):  # its package is not installed: two other sources remain
                 action_type = written.removesuffix("_GetResult")
                 interface: Any = find_interface("", "action", self._action, action_type)
                 return self._node.create_client(interface.Impl.GetResultService, name)
@@ -137,17 +138,18 @@ class CancelClients:
 
 
 class LeftGoal:
-    """A goal of a process that is gone, or that can no longer cancel it: canceled from here, until its end is seen.
+    """A goal whose process is gone or cannot cancel it, canceled from here until its end is seen.
 
-    Three sources say that it has ended: the status topic, the answer to a question for its result, and a server that does not know
-    it (it was restarted, or the goal never came). Each can fail to arrive, so all are asked, and no answer is given up.
+    Three sources show its end: the status topic, the answer to the request for its result, and a server that does not
+    know the goal (because it was restarted, or never received the goal). Each can fail to arrive, so all three are
+    used, and no pending answer is dropped.
 
     Args:
         node: The node to cancel it from.
-        goal: Which it is.
-        on_end: Called with its final status; 0 where the server does not know it any more, or how it has ended.
+        goal: The goal.
+        on_end: Called with its final status; 0 if the server no longer knows the goal or its result.
         on_request: Called when the first request to cancel it was sent.
-        patience_sec: How long a server must say that it does not know the goal, steady seconds.
+        patience_sec: How long a server must deny knowing the goal, steady seconds.
     """
 
     def __init__(
@@ -169,7 +171,7 @@ class LeftGoal:
         self._questioned: Client | None = None
 
     def missing(self) -> str | None:
-        """Cancel it if that is due; return why it may be active, None once it has ended."""
+        """Cancel it if that is due; return the reason why it may be active, None once it has ended."""
         status = self._statuses.end_of(self._id)
         if status is not None:
             self._end(status)
@@ -177,7 +179,7 @@ class LeftGoal:
             return None
         self._clients.renew_if_unheard()
         if not self._clients.canceller.service_is_ready():
-            return f"action {self.action}: no server, to cancel the goal that was left active"
+            return f"action {self.action}: no server that could cancel the orphaned goal"
         if time.monotonic() - self._asked_at >= _PERIOD_SEC:
             is_first = self._asked_at == -math.inf
             self._asked_at = time.monotonic()
@@ -185,10 +187,10 @@ class LeftGoal:
             if is_first:
                 self._on_request()
             self._ask_for_result()
-        return f"action {self.action}: the goal that was left active has not ended; the robot may be moving"
+        return f"action {self.action}: the orphaned goal has not ended. The robot may be moving"
 
     def _ask_for_result(self) -> None:
-        """Ask for the result, once by each client: a server answers when the goal ends, or at once that it does not know it."""
+        """Request the result, once by each client: a server answers at the goal's end, or at once for an unknown goal."""
         prober = self._clients.prober()
         if prober is None or prober is self._questioned:
             return
@@ -211,7 +213,7 @@ class LeftGoal:
             self._unknown_since = None
         elif self._unknown_since is None:
             self._unknown_since = now
-        # A goal that is being cancelled is "terminated" in an answer: that is no end yet.
+        # An answer calls a goal that is being cancelled "terminated", which is not yet its end.
         if self._unknown_since is not None and now - self._unknown_since >= self._patience_sec:
             self._end(UNKNOWN)
 
@@ -226,7 +228,7 @@ def cancel_goals(goals: Sequence[LeftGoal], node: Node, limit_sec: float) -> lis
 
     Args:
         goals: The goals.
-        node: Their node, which is not spun by others.
+        node: Their node, which no other code spins.
         limit_sec: How long to try, steady seconds.
     """
     executor = SingleThreadedExecutor(context=node.context)
@@ -239,7 +241,7 @@ def cancel_goals(goals: Sequence[LeftGoal], node: Node, limit_sec: float) -> lis
 
 
 class Canceller:
-    """Cancels goals in a ROS context of its own: where the run's executor is blocked, or its context is shut down.
+    """Cancels goals in a ROS context of its own, if the run's executor is blocked or its context shut down.
 
     Args:
         name: The name of the node.
@@ -288,7 +290,7 @@ class Cancel(Protocol):
 
 
 def cancel_apart(node: Node) -> Cancel:
-    """Return what cancels the goals of a node in a ROS context of its own, once its executor is blocked or its context shut down.
+    """Return a function that cancels a node's goals in a new ROS context, for a blocked executor or a dead context.
 
     Args:
         node: The node, whose context is still up.

@@ -1,4 +1,4 @@
-"""What is known of lifecycle nodes, which are asked again and again without blocking; `RobotEstimate.lifecycle` has one for each."""
+"""States of lifecycle nodes, queried repeatedly without blocking. `RobotEstimate.lifecycle` has one object for each."""
 
 import math
 import time
@@ -19,17 +19,17 @@ NAVIGATOR = NAV2_NODES[-1]
 """The one of these whose actions drive the robot."""
 
 DRIVING_NODES = (*NAV2_NODES, "planner_server", "controller_server", "behavior_server")
-"""Those that a drive needs: while one is not active, or answers nothing, the end of a goal says nothing of its place."""
+"""The nodes that a drive needs: while one is inactive or silent, a goal's end does not show if its position is reachable."""
 
 _ASK_PERIOD_SEC = 0.5
-# How long a client that was made anew may take to find its server.
+# How long a new client may take to discover its server.
 _MEETING_SEC = 1.0
 
 
 class PolledService:
-    """A service that is asked again and again for its answer of now.
+    """A service that is queried repeatedly for its current answer.
 
-    An answer that is lost, as may happen while the two sides still discover each other, is not waited for.
+    A lost answer, as may happen while the two sides still discover each other, is not waited for.
 
     Args:
         node: The node to ask with.
@@ -37,13 +37,14 @@ class PolledService:
         name: Its relative name.
 
     Attributes:
-        answer: The last answer; None while there is none, or since one was lost.
-        is_silent: Whether the last question was not answered in time.
+        answer: The last answer; None before the first one, and after one was lost.
+        is_silent: Whether the last query was not answered in time.
         deadline_sec: How long an answer may take, seconds.
-        known_at: Of when that is, steady seconds: when the question was put, or was given up; before everything while nothing
-            is known.
-        silent_since: When the first of those questions was put that were not answered in a row, as `known_at`; None if the last one was.
-        answered_at: When the last answer came, as `AwakeTime.stood_still_at` has it.
+        known_at: The time for which the answer holds, steady seconds: when the query was sent or given up; minus
+            infinity while nothing is known.
+        silent_since: The time of the first of the latest unanswered queries, as `known_at`; None if the last one was
+            answered.
+        answered_at: The time of the last answer, as in `AwakeTime.stood_still_at`.
     """
 
     deadline_sec: float = 2.0
@@ -66,11 +67,11 @@ class PolledService:
         return bool(self._client.service_is_ready())
 
     def is_awaited(self, since: float = -math.inf) -> bool:
-        """Return whether there is a server of which nothing is known as of a time, steady seconds, or later."""
+        """Return whether there is a server without an answer from a time on, in steady seconds."""
         return self._is_there and (self.known_at == -math.inf or self.known_at < since)
 
     def ask(self, since: float = -math.inf) -> bool:
-        """Take the answer, and ask again if it is due, or if all that is known is of before *since*; return whether there is a server."""
+        """Read the answer, and query again if due or if it is older than *since*; return whether there is a server."""
         now = AWAKE.now()
         self._is_there = self.is_there
         if not self._is_there:
@@ -101,7 +102,8 @@ class PolledService:
         elif (now := AWAKE.now()) - self._asked_at > self.deadline_sec:
             self.answer, self.is_silent, self.known_at = None, True, now
             self.silent_since = self.silent_since or self._asked_at
-            # A server that has not found the client's reader drops every answer to it; it may find another one's.
+            # A server that has not discovered the client's reader drops every answer to it. It may discover another
+            # client's.
             self.close()
             self._client = self._node.create_client(self._type, self._name)
             self._renewed_at = now
@@ -117,7 +119,7 @@ _STATES = {3: "active", 2: "inactive"}
 
 
 class LifecycleState(PolledService):
-    """The state of a lifecycle node, asked for whenever somebody wants to know, at most twice a second, and without blocking.
+    """The state of a lifecycle node, queried on demand at most twice a second, without blocking.
 
     Args:
         node: The node to ask with.
@@ -137,26 +139,26 @@ class LifecycleState(PolledService):
 
     @property
     def state(self) -> str | None:
-        """The state that it has answered last; None if it has not."""
+        """The state in its last answer; None before the first one."""
         return _state_name(self.answer.current_state) if self.answer is not None else None
 
     @property
     def age_sec(self) -> float:
-        """How old that is, seconds; infinite while nothing is known."""
+        """The age of that answer, seconds; infinite while nothing is known."""
         return AWAKE.now() - self.known_at
 
     @property
     def silent_sec(self) -> float:
-        """For how long the node, which is there, answers nothing, seconds; 0 if it does."""
+        """The time for which the present node has not answered, seconds; 0 if it answers."""
         return 0.0 if self.silent_since is None else AWAKE.now() - self.silent_since
 
     @property
     def has_heard_nothing(self) -> bool:
-        """Whether the node has not answered since this process stood still; False if it never has stood still."""
+        """Whether the node has not answered since this process stood still; False without a standstill."""
         return self.answered_at < AWAKE.stood_still_at
 
     def missing(self, since: float = -math.inf) -> str | None:
-        """Ask if it is due, at once if all that is known is of before *since*; describe the last answer, None if that was `active`."""
+        """Query if due or if the answer is older than *since*; describe the last answer, None if it was `active`."""
         if not self.ask(since):
             there = ros_graph(self._node).ask(Endpoint("node", self.name)).hint
             return f"node {self.name}: not there (no service {self._service}){there}"
@@ -167,14 +169,14 @@ class LifecycleState(PolledService):
 
 
 def _state_name(state: Any) -> str:
-    """Return a lifecycle state's name; some servers fill in only its number."""
+    """Return the name of a lifecycle state; some servers fill in only its number."""
     return state.label or _STATES.get(state.id, f"number {state.id}")
 
 
 class LifecycleNodes:
     """Lifecycle nodes that must be active.
 
-    A node that was never there is not asked for: there are servers without a lifecycle.
+    A node that was never present is not required: there are servers without a lifecycle.
 
     Args:
         nodes: The nodes.
@@ -186,15 +188,15 @@ class LifecycleNodes:
         self._since = -math.inf
 
     def look(self) -> None:
-        """Note which of the nodes are there."""
+        """Record which of the nodes are present."""
         self._known.update(each for each in self._nodes if each.is_there)
 
     def ask_anew(self) -> None:
-        """Ignore what the nodes have answered until now."""
+        """Ignore the nodes' previous answers."""
         self._since = AWAKE.now()
 
     def obstacle(self) -> str | None:
-        """Return what is missing, in words; empty if nothing is, None if not all have answered yet."""
+        """Return the missing items in words; empty if none is missing, None if not all nodes have answered yet."""
         self.look()
         looked = [(each, each.missing(self._since)) for each in self._nodes if each in self._known]
         missing = [(each, line) for each, line in looked if line is not None]
@@ -203,7 +205,7 @@ class LifecycleNodes:
         return "; ".join(self._in_few_words(missing))
 
     def _in_few_words(self, missing: Sequence[tuple[LifecycleState, str]]) -> Iterator[str]:
-        """Yield what is missing, the nodes in the same state in one line."""
+        """Yield the missing items, nodes in the same state in one line."""
         by_state: dict[str, list[tuple[str, str]]] = {}
         for node, line in missing:
             by_state.setdefault(node.state or line, []).append((node.name, line))

@@ -1,7 +1,8 @@
-"""The values of ROS messages, each held against the definition of its message before the mission uses it.
+"""Values of ROS messages, checked against the definition of their message before use.
 
-Leaves and watches read measured fields through this module only (`tests/test_house.py`). A value outside its definition raises
-`UnusableValueError`, whose text names the likely cause. `ValueReports` reports that once for each source, and the value counts as unknown.
+Leaves and watches read measured fields through this module only (`tests/test_house.py`). A value outside its definition
+raises `UnusableValueError`, whose text names the likely cause. `ValueReports` reports each cause once for each source,
+and the value counts as unknown.
 """
 
 import math
@@ -29,24 +30,24 @@ MAP_FRAME = "map"
 FARTHEST_M = 100_000.0
 """No robot drives so far: the limit of a coordinate, metres."""
 
-# tf2 accepts quaternions whose length is off by 0.01; in poses that people write, sin and cos are rounded to one digit.
+# tf2 accepts quaternions whose length is off by 0.01. In hand-written poses sin and cos are rounded to one digit.
 _ROTATION_TOLERANCE, TRANSFORM_TOLERANCE = 0.1, 0.01
-# Rounding of a number in single precision, as a share of it.
+# Relative rounding error of a number in single precision.
 _ROUNDING = 1e-6
-# Of x, y and yaw in the covariance of a pose; localisations in the plane say nothing of the others.
+# Indices of x, y and yaw in the covariance of a pose. Localisations in the plane do not fill in the others.
 _PLANAR_VARIANCES = (0, 7, 35)
 # AMCL stamps its transforms a second ahead, and clocks of two machines differ a little. A simulated clock and messages come late: at 50
 # times the machine's speed, half a second of the machine is 25 s.
 _APART_SEC, _SIMULATED_APART_SEC = 2.0, 30.0
-# Clocks that differ by more are not the same clock.
+# Clocks that differ by more are different clocks.
 _ANOTHER_CLOCK_SEC = 86_400.0
-# A problem that has not been seen for so long is reported again, and a stale stamp only when it stays: after a standstill this
-# process reads what came before it; seconds.
+# A problem that was not seen for this long is reported again, and a stale stamp only if it stays: after a standstill
+# this process reads older messages first; seconds.
 _AGAIN_SEC, _STAYS_SEC = 60.0, 1.0
 
 
 class ValueProblem(Enum):
-    """The kind of what is wrong with a value; of each kind a source is reported once."""
+    """The kind of problem with a value; each kind is reported once for each source."""
 
     VALUE = "value"
     FRAME = "frame"
@@ -58,7 +59,7 @@ class UnusableValueError(SarError, ValueError):
     """A value is outside the definition of its message, and counts as unknown.
 
     Args:
-        text: What the value is, what it must be, and the likely cause.
+        text: The value, its allowed values, and the likely cause.
         problem: The kind.
     """
 
@@ -82,14 +83,14 @@ class PlanarPose(NamedTuple):
 
 
 class _Definition(NamedTuple):
-    """The numbers that a field can have, by the comments of its message.
+    """The numbers that a field can have, according to the comments of its message.
 
     Attributes:
         least: The lowest.
         most: The highest.
         unit: The unit, for messages.
         cause: The likely cause of a number outside, as a question.
-        has_infinity: Whether infinity says something: REP 117 has it for ranges without a return.
+        has_infinity: Whether infinity has a meaning: REP 117 uses it for ranges without a return.
     """
 
     least: float = -math.inf
@@ -102,10 +103,10 @@ class _Definition(NamedTuple):
         """Return the number, rounding removed.
 
         Raises:
-            UnusableValueError: If the field cannot have it.
+            UnusableValueError: If the field cannot have this value.
         """
         if math.isnan(number):
-            raise UnusableValueError(f"{name} is not a number (NaN): it is not measured")
+            raise UnusableValueError(f"{name} is not a number (NaN): it was not measured")
         if math.isinf(number) and not self.has_infinity:
             raise UnusableValueError(f"{name} is {number:g}, and must be finite")
         if math.isinf(number):
@@ -124,7 +125,7 @@ class _Definition(NamedTuple):
 
 _FINITE = _Definition()
 _POSITIVE = _Definition(0.0)
-_SHARE = _Definition(0.0, 1.0, cause="is it in percent? It must be a share of 1")
+_SHARE = _Definition(0.0, 1.0, cause="is it in percent? It must be between 0 and 1")
 _DEGREES = "is it in radians, in 1e-7 degrees, or are latitude and longitude exchanged?"
 _DEFINED: dict[str, dict[str, _Definition]] = {
     "sensor_msgs/msg/BatteryState": {
@@ -169,7 +170,7 @@ def check_field(message: Any, name: str, path: str = "") -> Any:
     Args:
         message: The message.
         name: The field.
-        path: What it is called in messages; its name if empty.
+        path: Its name in messages; *name* if empty.
 
     Raises:
         UnusableValueError: If its value is outside the definition of the message.
@@ -178,7 +179,7 @@ def check_field(message: Any, name: str, path: str = "") -> Any:
     if name == "covariance" or name.endswith("_covariance"):
         _check_covariance(value, path)
     elif kind == "sensor_msgs/msg/LaserScan" and name == "ranges":
-        # What is outside is to be discarded, says the message; a list without it would have other angles.
+        # The message's definition says to discard such values, but a list without them would have other angles.
         low, high = message.range_min, message.range_max
         return [each if low <= each <= high or math.isinf(each) else math.nan for each in value]
     elif kind == "sensor_msgs/msg/Range" and name == "range":
@@ -197,13 +198,13 @@ def check_field(message: Any, name: str, path: str = "") -> Any:
 def _check_covariance(values: Sequence[float], path: str) -> None:
     side = math.isqrt(len(values))
     if side and values[0] == -1.0:
-        raise UnusableValueError(f"{path} begins with -1: the sensor does not measure it")
+        raise UnusableValueError(f"{path} starts with -1: the sensor does not measure it")
     for index in range(side):
         _check_variance(float(values[index * (side + 1)]), path)
 
 
 def _check_variance(variance: float, path: str) -> None:
-    # Filters leave less than nothing by rounding.
+    # Filters can return slightly negative variances by rounding.
     _POSITIVE.check(f"a variance of {path}", 0.0 if -_ROUNDING <= variance < 0.0 else variance)
 
 
@@ -219,10 +220,10 @@ def read_field(message: Any, path: str) -> Any:
 
 
 def battery_share(message: Any) -> float:
-    """Return what is left in a battery, of 1 for a full one, by a `sensor_msgs/msg/BatteryState`.
+    """Return the charge of a battery from a `sensor_msgs/msg/BatteryState`, as a share of 1.
 
     Raises:
-        UnusableValueError: If its percentage is none: not measured, or in percent.
+        UnusableValueError: If its percentage is invalid: not measured, or in percent.
     """
     return _SHARE.check("percentage", float(message.percentage))
 
@@ -231,10 +232,10 @@ def check_position(x: float, y: float) -> tuple[float, float]:
     """Return a position, metres.
 
     Raises:
-        UnusableValueError: If nothing can be there: it is not finite, or farther away than any robot drives.
+        UnusableValueError: If it is not finite, or farther away than any robot drives.
     """
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise UnusableValueError(f"({x}, {y}) is no position")
+        raise UnusableValueError(f"({x}, {y}) is not a position")
     if max(abs(x), abs(y)) > FARTHEST_M:
         raise UnusableValueError(f"({x:g}, {y:g}) is farther away than any robot drives")
     return float(x), float(y)
@@ -244,14 +245,14 @@ def planar_point(stamped: Any, frame: str) -> tuple[float, float]:
     """Return x and y of a `geometry_msgs/msg/PointStamped`, metres in a frame.
 
     Raises:
-        UnusableValueError: If it is in another frame, or nothing can be there.
+        UnusableValueError: If it is in another frame, or not a position.
     """
     check_frame("the point", stamped, frame)
     return check_position(stamped.point.x, stamped.point.y)
 
 
 def planar_outline(stamped: Any, frame: str) -> list[tuple[float, float]]:
-    """Return the corners of a `geometry_msgs/msg/PolygonStamped`, metres in a frame; none if it has none, whatever its frame.
+    """Return the corners of a `geometry_msgs/msg/PolygonStamped`, metres in a frame; empty if it has none, in any frame.
 
     Raises:
         UnusableValueError: If it is in another frame.
@@ -266,7 +267,7 @@ def planar_pose(pose: Any) -> PlanarPose:
     """Return a `geometry_msgs/msg/Pose` in the plane.
 
     Raises:
-        UnusableValueError: If its position is none, or its quaternion is no rotation.
+        UnusableValueError: If its position or its quaternion is invalid.
     """
     return PlanarPose(*check_position(pose.position.x, pose.position.y), _yaw(pose.orientation))
 
@@ -282,17 +283,17 @@ def stamped_pose(stamped: Any, frame: str) -> PlanarPose:
 
 
 def goal_position(pose: Any) -> tuple[float, float] | None:
-    """Return x and y of the pose of a goal of navigation, metres in the frame `map`; None if it is not in that frame."""
+    """Return x and y of a navigation goal's pose, metres in the frame `map`; None if it is in another frame."""
     return (pose.pose.position.x, pose.pose.position.y) if pose.header.frame_id == MAP_FRAME else None
 
 
 def localised_pose(message: Any, node: "Node") -> PlanarPose:
     """Return the pose of a localisation, a `geometry_msgs/msg/PoseWithCovarianceStamped`, in the frame `map`.
 
-    It may be old: a localisation says where a robot is when that has moved.
+    It may be old: a localisation publishes a pose only after the robot has moved.
 
     Raises:
-        UnusableValueError: If it is in another frame or from the future, or its numbers are no pose.
+        UnusableValueError: If it is in another frame or from the future, or its numbers are invalid.
     """
     if message.header.frame_id:  # `amcl_pose` is defined in `map`
         check_frame(
@@ -308,18 +309,18 @@ def path_points(path: Any) -> list[tuple[float, float]]:
     """Return the points of a `nav_msgs/msg/Path`, metres.
 
     Raises:
-        UnusableValueError: If one of them is none.
+        UnusableValueError: If one of them is not a position.
     """
     return [check_position(each.pose.position.x, each.pose.position.y) for each in path.poses]
 
 
 def frame_of(message: Any) -> str:
-    """Return the frame of a message with a header, without the slash that tf had before it."""
+    """Return the frame of a message with a header, without the leading slash of old tf names."""
     return frame_name(message.header.frame_id)
 
 
 class GridPlace(NamedTuple):
-    """Where the cells of a `nav_msgs/msg/OccupancyGrid` are.
+    """The position and size of the cells of a `nav_msgs/msg/OccupancyGrid`.
 
     Attributes:
         cell_m: The side of a cell, metres.
@@ -327,7 +328,7 @@ class GridPlace(NamedTuple):
         height: The number of cells along y.
         x: The lower left corner, metres.
         y: The lower left corner, metres.
-        yaw: How the grid is turned about it, radians.
+        yaw: The rotation of the grid about this corner, radians.
     """
 
     cell_m: float
@@ -346,10 +347,10 @@ class GridPlace(NamedTuple):
 
 
 def grid_place(message: Any) -> GridPlace:
-    """Return where the cells of a `nav_msgs/msg/OccupancyGrid` are.
+    """Return the position and size of the cells of a `nav_msgs/msg/OccupancyGrid`.
 
     Raises:
-        UnusableValueError: If the message is no map.
+        UnusableValueError: If the message is not a valid map.
     """
     info = message.info
     if not (math.isfinite(info.resolution) and info.resolution > 0.0):
@@ -362,7 +363,7 @@ class RigidTransform(NamedTuple):
 
     Attributes:
         parent: The frame of the header.
-        child: The frame that is placed in it.
+        child: The frame whose pose is given.
         offset: x, y and z, metres.
         turn: The quaternion x, y, z, w of length one.
         stamp_sec: The stamp, seconds.
@@ -376,7 +377,7 @@ class RigidTransform(NamedTuple):
 
     @property
     def planar(self) -> PlanarPose:
-        """Where the child is in the plane of the parent."""
+        """The pose of the child in the plane of the parent."""
         return PlanarPose(*self.offset[:2], yaw_of_turn(*self.turn))
 
 
@@ -384,7 +385,7 @@ def read_transform(message: Any) -> RigidTransform:
     """Return the content of a transform.
 
     Raises:
-        UnusableValueError: If its numbers are none.
+        UnusableValueError: If its numbers are invalid.
     """
     place, turn = message.transform.translation, message.transform.rotation
     child, parent = frame_name(message.child_frame_id), frame_name(message.header.frame_id)
@@ -399,12 +400,12 @@ def read_transform(message: Any) -> RigidTransform:
 
 
 class OdometryReading(NamedTuple):
-    """The content of a `nav_msgs/msg/Odometry`, as it came.
+    """The content of a `nav_msgs/msg/Odometry`, unchecked.
 
     Attributes:
         frame: The frame of the pose.
         child: The frame of the speeds.
-        pose: Where the robot is, not yet held against anything.
+        pose: The pose of the robot, not yet checked.
         turn: The quaternion of the pose.
         speeds: Along and about x, y and z: m/s, rad/s.
         stamp_sec: The stamp, seconds.
@@ -422,7 +423,7 @@ class OdometryReading(NamedTuple):
         """The pose.
 
         Raises:
-            UnusableValueError: If it is none.
+            UnusableValueError: If it is not a valid pose.
         """
         check_position(*self.pose[:2])
         _check_length(*self.turn)
@@ -430,7 +431,7 @@ class OdometryReading(NamedTuple):
 
     @property
     def usable_speed(self) -> tuple[float, float]:
-        """How fast the robot drives and turns: m/s, rad/s.
+        """The driving and turning speeds of the robot: m/s, rad/s.
 
         Raises:
             UnusableValueError: If a speed is not finite.
@@ -442,17 +443,17 @@ class OdometryReading(NamedTuple):
         return speed
 
 
-# Where a message as it came has its content, and where the stamp that it begins with ends.
+# Offsets in a serialised message: its content, and the end of the stamp at its beginning.
 _HEAD, _STAMP_END = 4, 12
 _NATIVE = b"\0\x01" if sys.byteorder == "little" else b"\0\0"
 _STAMP = struct.Struct("=iI")
 _POSE_AND_TWIST = struct.Struct("=7d288x6d")
-"""Each has a covariance of 36 numbers behind it."""
+"""A covariance of 36 numbers follows each of them."""
 
 
 def read_odometry(message: bytes) -> OdometryReading:
-    """Return the content of odometry as it came: to make a message of it takes longer than to look through it."""
-    if message[:2] != _NATIVE:  # of a machine that writes numbers the other way round
+    """Return the content of serialised odometry, which is faster than to deserialise the message."""
+    if message[:2] != _NATIVE:  # from a machine with the other byte order
         from nav_msgs.msg import Odometry
         from rclpy.serialization import deserialize_message, serialize_message
 
@@ -463,7 +464,7 @@ def read_odometry(message: bytes) -> OdometryReading:
         length = int.from_bytes(message[at : at + 4], sys.byteorder)
         frames[number] = message[at + 4 : at + 3 + length].decode(errors="replace")
         at += (4 + length + 3) // 4 * 4
-    # Numbers of eight bytes begin at a multiple of eight, counted from behind the head.
+    # Numbers of eight bytes are aligned to multiples of eight, counted from the end of the head.
     numbers = _POSE_AND_TWIST.unpack_from(message, at + (_HEAD - at) % 8)
     x, y, _, *turn = numbers[:7]
     pose = PlanarPose(x, y, yaw_of_turn(*turn))
@@ -471,18 +472,18 @@ def read_odometry(message: bytes) -> OdometryReading:
 
 
 def drive_left(feedback: Any) -> tuple[float, float] | None:
-    """Return what is left of a drive by the feedback of Nav2: metres and seconds; None if it does not say."""
+    """Return the remaining metres and seconds of a drive from Nav2's feedback; None if the feedback has none."""
     metres, time = feedback.distance_remaining, feedback.estimated_time_remaining
     return (metres, time.sec + time.nanosec * 1e-9) if math.isfinite(metres) and metres >= 0.0 else None
 
 
 def poses_left(feedback: Any) -> int:
-    """Return how many poses of a goal through poses are left, by the feedback of Nav2."""
+    """Return the number of remaining poses of a goal through poses, from Nav2's feedback."""
     return int(feedback.number_of_poses_remaining)
 
 
 def frame_name(frame: str) -> str:
-    """Return the name of a frame without the slash that tf had before it."""
+    """Return the name of a frame without the leading slash of old tf names."""
     return frame.removeprefix("/")
 
 
@@ -490,10 +491,10 @@ def check_frame(subject: str, message: Any, wanted: str, cause: str = "") -> Non
     """Check the frame of a message with a header.
 
     Args:
-        subject: What is in the frame, as the beginning of a sentence.
+        subject: The object in the frame, as the beginning of a sentence.
         message: The message.
-        wanted: The frame that it must be in.
-        cause: Why it may be in another one, in words.
+        wanted: The required frame.
+        cause: A possible reason for another frame, in words.
 
     Raises:
         UnusableValueError: If it is in another frame.
@@ -511,7 +512,7 @@ def check_stamp(message: Any, node: "Node", max_age_sec: float | None = None) ->
     Args:
         message: A message, with a header or without.
         node: The node.
-        max_age_sec: How old it may be, seconds of the node's clock; None for no limit.
+        max_age_sec: The largest accepted age, seconds of the node's clock; None for no limit.
 
     Raises:
         UnusableValueError: If it is from the future, or older.
@@ -527,7 +528,7 @@ def stamp_sec(stamp: Any) -> float:
 
 
 def logged_sec(message: Any) -> float:
-    """Return when a line of `/rosout` was logged, seconds."""
+    """Return the time at which a line of `/rosout` was logged, seconds."""
     return stamp_sec(message.stamp)
 
 
@@ -545,14 +546,14 @@ def stamp_age(
     is_strict: bool = False,
     subject: str = "its stamp is",
 ) -> float:
-    """Return how old a stamp is by a node's clock, 0 s at least; so is a stamp of zero, which is none.
+    """Return the age of a stamp by a node's clock, at least 0 s; a stamp of zero is no stamp and has age 0.
 
     Args:
         stamp: The stamp of a header, or its seconds.
         node: The node.
-        max_age_sec: How old it may be, seconds.
-        is_strict: Whether the clocks count as the same; else they may be apart as far as those of two machines.
-        at_sec: When its message came, by the node's clock; now if None.
+        max_age_sec: The largest accepted age, seconds.
+        is_strict: Whether both clocks must be the same; else they may differ as much as those of two machines.
+        at_sec: The time at which its message arrived, by the node's clock; now if None.
         subject: The beginning of a sentence about it.
 
     Raises:
@@ -568,14 +569,14 @@ def stamp_age(
         text = f"{subject} {_seconds_apart(then - now)} in the future{clock_hint(then - now, node)}"
         raise UnusableValueError(text, ValueProblem.FUTURE)
     if now - then > max_age_sec + (0.0 if is_strict else apart):
-        age = f"{_seconds_apart(now - then)} old, and may be {max_age_sec:g} s"
+        age = f"{_seconds_apart(now - then)} old, and may be at most {max_age_sec:g} s"
         text = f"{subject} {age}{clock_hint(now - then, node)}"
         raise UnusableValueError(text, ValueProblem.STALE)
     return max(0.0, now - then)
 
 
 def clock_hint(apart_sec: float, node: "Node") -> str:
-    """Return why a stamp is so far from a node's time, as the end of a sentence; empty if that is unlikely to be the clocks."""
+    """Return why a stamp differs so much from a node's time, as the end of a sentence; empty if clocks are unlikely."""
     if apart_sec <= _ANOTHER_CLOCK_SEC:
         return ""
     if node.get_clock().ros_time_is_active:
@@ -603,7 +604,7 @@ def _check_length(*turn: float, tolerance: float = _ROTATION_TOLERANCE) -> float
     """Return the length of a quaternion.
 
     Raises:
-        UnusableValueError: If it is not one: the quaternion is no rotation.
+        UnusableValueError: If it is not one, so the quaternion is not a rotation.
     """
     length = math.hypot(*turn)
     if not abs(length - 1.0) <= tolerance:
@@ -629,7 +630,7 @@ class ValueReports:
         """Return a value; None if it is outside its definition, which is reported.
 
         Args:
-            source: Where it comes from, as the beginning of a sentence.
+            source: The source of the value, as the beginning of a sentence.
             read: Reads it, and may raise `UnusableValueError`.
         """
         try:
@@ -639,7 +640,7 @@ class ValueReports:
             return None
 
     def report(self, source: str, error: UnusableValueError) -> None:
-        """Report a problem, unless it was there within the last minute."""
+        """Report a problem, unless it occurred within the last minute."""
         now, key = AWAKE.now(), (source, error.problem)
         first, last = self._seen.get(key, (now, -math.inf))
         if now - last > _AGAIN_SEC:
@@ -649,9 +650,9 @@ class ValueReports:
         is_sure = error.problem is not ValueProblem.STALE or now - first >= _STAYS_SEC
         if is_sure and key not in self._reported:
             self._reported.add(key)
-            self._node.get_logger().warning(short_line(f"{source}: {error}. It counts as unknown."))
+            self._node.get_logger().warning(short_line(f"{source}: {error}. It is treated as unknown."))
 
 
 def value_reports(node: "Node") -> ValueReports:
-    """Return what reports the unusable values of a node, the same object in every call; it exists as long as the node."""
+    """Return the reports of a node's unusable values, one object for the lifetime of the node."""
     return of_node(node, ValueReports, lambda: ValueReports(node))

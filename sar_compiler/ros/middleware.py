@@ -1,7 +1,8 @@
-"""The start of ROS in a process: what is checked before, and what is cleaned up.
+"""The start of ROS in a process: checks before it, and the clean-up of shared memory.
 
-Whether the middleware that `RMW_IMPLEMENTATION` asks for is installed is looked at before rcl ends the process over it. What Fast DDS
-keeps in shared memory for a process, half a megabyte, one that was killed leaves there for good; it is removed here.
+If the middleware in `RMW_IMPLEMENTATION` is not installed, rcl would end the process, so this is checked first. Fast
+DDS keeps half a megabyte of shared memory for a process, and a killed process leaves it there for good. It is removed
+here.
 """
 
 import fcntl
@@ -22,42 +23,42 @@ if TYPE_CHECKING:
 
 _VARIABLE = "RMW_IMPLEMENTATION"
 _INDEX = Path("share", "ament_index", "resource_index", "rmw_typesupport")
-# The package that loads the others; it registers itself among them.
+# The package that loads the other middlewares; it registers itself among them.
 _LOADER = "rmw_implementation"
-# What rclpy says when a client is being taken down while it is answered; the client has a deadline of its own.
+# rclpy's warning if a client is destroyed while it is being answered. The client has a deadline of its own.
 _UNHEARD = r"failed to send response \(timeout\)"
 
 
 class MiddlewareError(SarError):
-    """The middleware that is asked for is not installed."""
+    """The requested middleware is not installed."""
 
 
 def require_middleware() -> None:
-    """Check that the middleware of `RMW_IMPLEMENTATION` is installed; to be called before rclpy is imported.
+    """Check that the middleware of `RMW_IMPLEMENTATION` is installed; call it before importing rclpy.
 
-    Where nothing says what is installed, rcl decides.
+    If it is unknown which middlewares are installed, rcl decides.
 
     Raises:
-        MiddlewareError: If it is not; names those that are.
+        MiddlewareError: If it is not. The message names the installed ones.
     """
     wanted, installed = os.environ.get(_VARIABLE, ""), sorted(set(_installed_middlewares()))
     if not wanted or not installed or wanted in installed:
         return
     raise MiddlewareError(
-        f"{_VARIABLE} is '{wanted}', which is not installed; there is {', '.join(installed)}: "
-        f"unset {_VARIABLE}, or install it (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
+        f"{_VARIABLE} is '{wanted}', which is not installed. Installed: {', '.join(installed)}. Unset {_VARIABLE}, "
+        f"or install it (on a robot: sudo apt install ros-jazzy-{wanted.replace('_', '-')})"
     )
 
 
 @contextmanager
 def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
-    """Initialise ROS in a context of its own, and shut that down in the end; what killed processes have left is removed before.
+    """Initialise ROS in its own context and shut it down at the end, after removing remains of killed processes.
 
-    Signals are left to the caller: rclpy's handlers would take ROS down before a goal in flight could be cancelled.
-    Meanwhile rclpy does not warn of an answer that its client does not hear, because it has just been taken down.
+    Signals are left to the caller: rclpy's handlers would shut ROS down before an active goal could be cancelled.
+    Within the block rclpy does not warn about answers to clients that were just destroyed.
 
     Args:
-        arguments: Those of `rclpy.init`.
+        arguments: The arguments of `rclpy.init`.
     """
     import rclpy
     from rclpy.context import Context
@@ -86,29 +87,29 @@ def _installed_middlewares() -> Iterator[str]:
 
 
 _FOLDER = Path("/dev/shm")  # noqa: S108 - where Linux has it
-# The file of a segment's lock, which its process holds as long as it lives, is called like the segment, with this ending.
+# The lock file of a segment, which its process holds as long as it lives, has the segment's name with this ending.
 _LOCK = "_el"
-# A port, unlike a segment, is called by a number: whoever starts next may be about to take the same one.
+# A port, unlike a segment, has a number as its name: a process that is just starting may be about to use the same one.
 _PORTS = "fastrtps_port"
-# Between the making of the file and its lock is a moment; seconds.
+# Time between the creation of a file and its lock; seconds.
 _NEW_SEC = 60.0
-# Between the making of a file and its size are two system calls: so old an empty one has lost its process there, seconds.
+# A file is created and sized by two system calls. An empty file of this age has lost its process in between; seconds.
 _UNFINISHED_SEC = 2.0
 
 
 def remove_what_the_dead_left(folder: Path = _FOLDER) -> int:
-    """Remove the segments of this user's processes that are dead; return how many there were.
+    """Remove the shared-memory segments of this user's dead processes; return their number.
 
-    A segment whose lock somebody holds is left alone, and so is whatever is younger than a minute, or another user's.
-    So are ports: a process that starts takes over those of the dead, under a mutex of Fast DDS'. It would find such a port's
-    lock taken while it is being looked at here, or hold the lock of a file that is no longer there, and another process
-    would listen at the same port. Segments have names by chance, which nobody takes again.
+    A segment with a held lock is left alone, and so is one that is younger than a minute or belongs to another user.
+    Ports are left alone too: a starting process takes over those of dead processes, under a mutex of Fast DDS. It would
+    find the port's lock held during this check, or hold the lock of a file that no longer exists, and another process
+    would listen at the same port. Segments have random names, which no process uses again.
 
-    An empty file, of a port or of a segment, is removed in any case: its process was killed while it made it, and each
-    process that opens it, such as the next one with this port, waits in Fast DDS forever for the size that the dead one would have set.
+    An empty file of a port or segment is always removed: its process was killed while creating it. Each process that
+    opens the file, such as the next one with this port, waits in Fast DDS forever for the missing size.
 
     Args:
-        folder: Where segments are.
+        folder: The folder of the segments.
     """
     made = list(folder.glob("fastrtps_*"))
     locks = [each for each in made if each.name.endswith(_LOCK)]
@@ -127,7 +128,7 @@ def _remove_if_unfinished(file: Path) -> bool:
 
 
 def _remove_if_dead(lock: Path) -> bool:
-    with suppress(OSError):  # it is held, or somebody else has just removed it
+    with suppress(OSError):  # it is held, or another process has just removed it
         about = lock.lstat()
         if about.st_uid != os.geteuid() or time.time() - about.st_mtime < _NEW_SEC:
             return False

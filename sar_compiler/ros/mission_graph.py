@@ -1,4 +1,4 @@
-"""The missions that run somewhere in the ROS graph, and what can be ordered of them."""
+"""Missions that run in the ROS graph, and the commands that they accept."""
 
 import time
 from collections.abc import Callable
@@ -15,23 +15,24 @@ from sar_compiler.ros.sole_mission import CLAIMS, MissionClaim, parse_claim
 
 _TRIGGER = "std_srvs/srv/Trigger"
 _TURN_SEC = 0.1
-# How long to look for missions from when the last node came into sight, and at most; steady seconds.
+# How long to look for missions after the last node was discovered, and at most; steady seconds.
 _LOOK_SEC, _LONGEST_LOOK_SEC = 2.0, 15.0
-# How long an order may take to be answered, steady seconds.
+# How long a command may take to be answered, steady seconds.
 _ANSWER_SEC = 10.0
 
 
 class OrderError(SarError):
-    """An order that could not be given, or was not carried out."""
+    """A command could not be sent or was not carried out."""
 
 
 def missions_in_sight(node: Node) -> list[MissionClaim]:
-    """Return the missions that drive a robot, by what they claim; those that drive none claim nothing.
+    """Return the missions that drive a robot, by their claims; a mission that drives none claims nothing.
 
-    On a busy machine nodes meet late: it looks on where one has come into sight, or a claim is not heard yet, for some time.
+    On a busy machine nodes discover each other late. The search continues for some time after a node was discovered, or
+    while a claim is missing.
 
     Args:
-        node: The node that listens, which somebody spins.
+        node: The node that listens, which must be spun elsewhere.
     """
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     claims: dict[str, MissionClaim] = {}
@@ -63,7 +64,7 @@ def missions_in_sight(node: Node) -> list[MissionClaim]:
 
 
 def orders_of(node: Node, of: str) -> list[str]:
-    """Return the orders without values that a mission's node heeds now, by the names of their services.
+    """Return the commands without values that a mission's node accepts now, by the names of their services.
 
     Args:
         node: The node that asks.
@@ -75,16 +76,16 @@ def orders_of(node: Node, of: str) -> list[str]:
 
 
 def give_order(node: Node, of: str, order: str, sign: Callable[[Callable[[], None]], object]) -> str:
-    """Give an order, and return what is said to it.
+    """Send a command, and return the answer.
 
     Args:
-        node: The node that orders, which somebody spins.
+        node: The node that sends the command, which must be spun elsewhere.
         of: The full name of the mission's node.
-        order: The name of its service.
-        sign: Says who orders, then calls what gives the order.
+        order: The name of the command's service.
+        sign: Announces the sender, then calls the function that sends the command.
 
     Raises:
-        OrderError: If it is not answered, or not carried out.
+        OrderError: If the command is not answered, or not carried out.
     """
     client: Any = node.create_client(Trigger, f"{of}/{order}")
     answered, answers = Event(), list[Any]()
@@ -94,12 +95,10 @@ def give_order(node: Node, of: str, order: str, sign: Callable[[Callable[[], Non
         answered.set()
 
     if not client.wait_for_service(_ANSWER_SEC):
-        raise OrderError(f"{of} does not heed '{order}' any more")
+        raise OrderError(f"{of} no longer accepts '{order}'")
     sign(lambda: client.call_async(Trigger.Request()).add_done_callback(take))
     if not answered.wait(_ANSWER_SEC):
-        raise OrderError(
-            f"{of} has not answered within {_ANSWER_SEC:g} s; whether it heeds '{order}' is not known"
-        )
+        raise OrderError(f"{of} has not answered within {_ANSWER_SEC:g} s. It may have accepted '{order}'")
     if not answers[0].success:
         raise OrderError(f"not carried out: {answers[0].message}")
     return str(answers[0].message)

@@ -1,4 +1,4 @@
-"""Publishing a mission in ROS: its tree's log (in Nav2's messages) and state, diagnostics, markers."""
+"""Publish a mission in ROS: its tree's log (in Nav2's messages), state, diagnostics and markers."""
 
 import math
 import time
@@ -33,7 +33,7 @@ class TreeLog:
     """Publishes the changes of each tick.
 
     Args:
-        node: The node whose time the messages have.
+        node: The node whose clock stamps the messages.
         tree: The tree.
         tell: Called with each message, in the thread that ticks.
 
@@ -48,12 +48,12 @@ class TreeLog:
         self.statuses = self._changes.statuses
 
     def watch(self, engine: Engine) -> None:
-        """Watch what ticks the tree."""
+        """Observe the engine that ticks the tree."""
         engine.add_visitor(self._changes)
         engine.add_post_tick_handler(lambda _: self._tell_events())
 
     def end(self) -> None:
-        """Report how it has ended; nothing is ticked any more."""
+        """Publish the result; nothing is ticked afterwards."""
         self._changes.finalise()
         self._tell_events()
 
@@ -81,12 +81,12 @@ class TreeLog:
         return self._node.get_clock().now().to_msg()
 
 
-# Seconds of the steady clock between two messages that nothing new has happened for.
+# Seconds of the steady clock between two messages without a change.
 _PERIOD_SEC = 1.0
-# How long the readers of the last messages are waited for, together.
+# How long to wait for the readers of the last messages, in total.
 _LAST_WORDS_SEC = 1.0
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-# By the shape of a kind, with the diameter in metres.
+# Scale by the shape of a marker, with the diameter in metres.
 _FORMS = {
     "circle": (Marker.CYLINDER, 1.0),
     "triangle": (Marker.SPHERE, 0.5),
@@ -122,7 +122,7 @@ class MissionPublisher(RunExtension):
         self._xml = node.create_publisher(String, "~/tree", _LATCHED)
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
-        """Publish a tree, and watch what ticks it."""
+        """Publish a tree, and observe the engine that ticks it."""
         self._tree = NumberedTree(tree)
         self._log = TreeLog(self._node, self._tree, self._publish_changes)
         self._xml.publish(String(data=tree_xml(self._tree)))
@@ -130,7 +130,7 @@ class MissionPublisher(RunExtension):
         engine.add_post_tick_handler(self._after_tick)
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Take an entry of the run's journal."""
+        """Publish an entry of the run's journal."""
         if entry.kind == PLAN:
             self._plan = entry.data
         elif entry.kind == CHANGED:
@@ -140,7 +140,7 @@ class MissionPublisher(RunExtension):
         self._are_markers_known = False
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Publish how it has ended, if it has begun; nothing is ticked any more."""
+        """Publish the result if the run has started; nothing is ticked afterwards."""
         if has_begun:
             self._log.end()
             self._try(self._publish_state)
@@ -162,21 +162,21 @@ class MissionPublisher(RunExtension):
                 self._try(self._publish_state)
 
     def _try(self, publish: Callable[[], object]) -> None:
-        """Publish something; what goes wrong is no reason to stop the mission."""
+        """Publish a message; an error does not stop the mission."""
         if self._is_broken:
             return
         try:
             publish()
         except Exception as error:  # noqa: BLE001
             self._is_broken = True
-            self._node.get_logger().error(f"Nothing more is published of the mission: {error_text(error)}")
+            self._node.get_logger().error(f"The mission is no longer published: {error_text(error)}")
 
     def _publish_state(self) -> None:
         self._is_state_known = True
         self._state.publish(self._log.state())
 
     def _wait_for_readers(self) -> None:
-        """Let reliable readers have the last messages, which are lost with the node; one that hangs is not waited for long."""
+        """Give reliable readers time for the last messages, which are lost with the node; limited if one hangs."""
         deadline = time.monotonic() + _LAST_WORDS_SEC
         for publisher in (self._changes, self._state, self._markers):
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
@@ -233,7 +233,7 @@ def _colour(name: str) -> ColorRGBA:
 
 
 def _strip(kind: str, number: int, colour: ColorRGBA, points: Iterable[Sequence[float]]) -> Marker:
-    """Return a line from place to place, x and y in metres."""
+    """Return a line through positions, x and y in metres."""
     marker = Marker(ns=kind, id=number, type=Marker.LINE_STRIP, color=colour)
     marker.scale.x, marker.pose.orientation.w = 0.05, 1.0
     marker.points = [Point(x=float(x), y=float(y), z=0.05) for x, y in points]
@@ -241,11 +241,11 @@ def _strip(kind: str, number: int, colour: ColorRGBA, points: Iterable[Sequence[
 
 
 def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> list[Marker]:
-    """Return a form at a landmark's place, and its name and state above it."""
+    """Return a marker at a landmark's position, with its name and state above it."""
     kind, size = _FORMS.get(shape, _FORMS["circle"])
     form = Marker(ns=landmark.kind, id=number, type=kind, color=colour)
     form.scale.x = form.scale.y = size
-    # Flat, so that a robot on it can be seen.
+    # Flat, so that a robot on it is visible.
     form.scale.z = 0.05 if kind == Marker.CYLINDER else size
     words = f"{landmark.name}\n{landmark.state}".rstrip()
     text = Marker(ns=f"{landmark.kind}_names", id=number, type=Marker.TEXT_VIEW_FACING, text=words)
@@ -257,7 +257,7 @@ def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> li
 
 
 def _line(plan: Mapping[str, Any]) -> list[Marker]:
-    """Return a plan's line; nothing for one of fewer than two points, which RViz calls an error."""
+    """Return the line of a plan; empty for fewer than two points, which RViz reports as an error."""
     points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
     marker = _strip("plan", 0, _colour("plan"), points)
     marker.header.frame_id = str(plan.get("frame", ""))

@@ -1,6 +1,6 @@
-"""A mission in one MCAP file, with the messages of ROS 2: its topics, its tree's log, and its own.
+"""Record a mission in one MCAP file as ROS 2 messages: its topics, its tree's log, and its own messages.
 
-Readers know messages by their definitions, which are read off their Python classes.
+Readers need the definitions of the messages, which are derived from their Python classes.
 """
 
 import json
@@ -41,7 +41,7 @@ from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.tree.json_values import json_text
 from sar_compiler.views.numbered_tree import NumberedTree, tree_xml
 
-# What a class calls a type, where a definition has another word.
+# Names of types in the Python classes that differ from those in definitions.
 _WORDS = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 _BETWEEN = f"{'=' * 80}\nMSG: "
 
@@ -50,7 +50,7 @@ def message_text(kind: Any) -> str:
     """Return the definition of a message in the form `ros2msg`, with those of all messages in it."""
     inner: dict[str, Any] = {}
     parts = [_fields(kind, inner)]
-    # More of them come to light in those that are written down.
+    # The definitions written so far add more types to this list.
     seen: set[str] = set()
     while left := [name for name in inner if name not in seen]:
         for name in left:
@@ -60,11 +60,11 @@ def message_text(kind: Any) -> str:
 
 
 def _fields(kind: Any, inner: dict[str, Any]) -> str:
-    """Return the lines of a message's fields, and note the messages in it."""
+    """Return the lines of a message's fields, and collect the messages in it."""
     for slot in kind.SLOT_TYPES:
         slot = getattr(slot, "value_type", slot)  # noqa: PLW2901 - of an array, what it has in it
         if hasattr(slot, "namespaces"):
-            # The parts of an action are beside it.
+            # The parts of an action are in the same module.
             beside, there = (import_module(name) for name in (kind.__module__, ".".join(slot.namespaces)))
             found = getattr(there, slot.name, None) or getattr(beside, slot.name)
             inner.setdefault(f"{slot.namespaces[0]}/{slot.name}", found)
@@ -74,7 +74,7 @@ def _fields(kind: Any, inner: dict[str, Any]) -> str:
 
 
 def _field_type(text: str) -> str:
-    """Return a field's type as a definition has it: `float64[36]`, `string[<=10]`, `geometry_msgs/Pose[]`."""
+    """Return the type of a field as in a definition: `float64[36]`, `string[<=10]`, `geometry_msgs/Pose[]`."""
     if text.startswith("sequence<"):
         item, _, most = text.removeprefix("sequence<").removesuffix(">").partition(", ")
         return f"{_field_type(item)}[{f'<={most}' if most else ''}]"
@@ -87,7 +87,7 @@ def _field_type(text: str) -> str:
     return _WORDS.get(text, text)
 
 
-# The names are what a node calls them; absolute ones move with its remappings only.
+# Relative names, as a node uses them; its remappings change absolute names, too.
 RECORDED: dict[str, tuple[Any, ...]] = {
     "/tf": (TFMessage,),
     "/tf_static": (TFMessage,),
@@ -105,31 +105,31 @@ RECORDED: dict[str, tuple[Any, ...]] = {
     "/diagnostics": (DiagnosticArray,),
     "~/markers": (MarkerArray,),
 }
-"""The topics of a mission, with their types; where there are several, what publishes decides."""
+"""The topics of a mission with their types. If there are several, the publisher decides."""
 
 _LATCHED = ("/tf_static", "map", "amcl_pose", "navigate_to_pose/_action/status", "~/markers")
 _UNRELIABLE = ("scan", "/clock", "odometry/filtered", "battery_state")
 _DEPTH = 100
-# How often it is looked which topics there are, in seconds of the steady clock.
+# Interval between checks for new topics, seconds of the steady clock.
 _LOOK_SEC = 0.5
-# How often what has come is handed over to the disk, in seconds of the steady clock: what a process that is killed may lose.
+# Interval between writes to the disk, seconds of the steady clock. A process that is killed may lose this much.
 _FLUSH_SEC = 1.0
-# What may wait to be written, in bytes; and how long nothing at all may be written before the file is given up at the end, in seconds.
+# Limits of the queue: its size in bytes, and the seconds without any write after which the end gives up the file.
 _MOST_WAITING = 256 << 20
 _PATIENCE_SEC = 10.0
 
 
 class RecordingError(SarError):
-    """A file that cannot be recorded into."""
+    """A file cannot be used for a recording."""
 
 
 def _type_to_record(name: str, types: Iterable[str]) -> Any:
-    """Return the type of a topic that is to be recorded; None if it is not, or of another type than it should be."""
+    """Return the type of a recorded topic; None if it is not recorded, or has an unexpected type."""
     return next((kind for kind in RECORDED.get(name, ()) if interface_name(kind) in types), None)
 
 
 def _as_yaml(profiles: Iterable[QoSProfile]) -> str:
-    """Return profiles as rosbag2 keeps them, by which it plays: YAML, with the numbers that its versions all read."""
+    """Return quality-of-service profiles in rosbag2's form: YAML, with the numbers that all its versions read."""
     policies = ("history", "depth", "reliability", "durability", "liveliness")
     times = ("deadline", "lifespan", "liveliness_lease_duration")
     written = []
@@ -153,45 +153,45 @@ class _Recorded(NamedTuple):
 class McapRecorder:
     """Writes messages from a background thread, so that a slow disk never delays a tick.
 
-    Messages have the time at which they came, by the machine's clock, as in rosbag2.
+    Messages are stamped with their arrival by the machine's clock, as in rosbag2.
 
     Args:
         path: The name of the file.
         file: The file, open and empty.
-        complain: Told in words, from any thread, what cannot be recorded; the mission goes on.
+        complain: Called with a text, from any thread, if something cannot be recorded. The mission continues.
     """
 
     def __init__(self, path: Path, file: IO[bytes], complain: Callable[[str], object]) -> None:
         self._path, self._file, self._complain = path, file, complain
         self._waiting: SimpleQueue[_Recorded | None] = SimpleQueue()
-        # In bytes; each is counted by one thread alone.
+        # In bytes; each counter is changed by one thread only.
         self._put_in = self._written = 0
         self._is_broken = False
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        # The profiles that a topic is published with, from before its first message is put into the queue.
+        # The profiles of a topic's publishers, collected before its first message enters the queue.
         self._offers: dict[str, str] = {}
         self._thread = Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
     @classmethod
     def create(cls, path: Path, complain: Callable[[str], object]) -> "McapRecorder":
-        """Make a file, and return what writes into it.
+        """Create a file, and return its writer.
 
         Raises:
-            RecordingError: If there is such a file, or it cannot be made.
+            RecordingError: If the file exists, or cannot be created.
         """
         try:
             file = path.open("xb")
         except FileExistsError as error:
-            message = f"{path} is there already, and is not written over: name another one"
+            message = f"{path} already exists and is not overwritten. Choose another name"
             raise RecordingError(message) from error
         except OSError as error:
-            raise RecordingError(f"{path} cannot be made: {error.strerror}") from error
+            raise RecordingError(f"{path} cannot be created: {error.strerror}") from error
         return cls(path, file, complain)
 
     def listen(self, node: Node) -> None:
-        """Record the topics of a mission, as they are called by its node, from when they are there with a type known."""
+        """Record the topics of a mission, under its node's names, from when they exist with a known type."""
         left = {node.resolve_topic_name(name): name for name in RECORDED}
 
         def look() -> None:
@@ -221,11 +221,11 @@ class McapRecorder:
         node.create_subscription(kind, topic, take, qos, raw=True)
 
     def _offers_in(self, node: Node, topic: str) -> str:
-        # Asked with the first message: a topic is there already when only somebody listens to it.
+        # Queried with the first message, because a topic also exists if it only has subscribers.
         try:
             return _as_yaml(each.qos_profile for each in node.get_publishers_info_by_topic(topic))
         except Exception as error:  # noqa: BLE001 - the message itself is recorded
-            self._complain(f"How {topic} is published is not recorded: {error_text(error)}")
+            self._complain(f"The quality of service of {topic} is not recorded: {error_text(error)}")
             return _as_yaml([])
 
     def write(self, topic: str, message: Any, *, latched: bool = False) -> None:
@@ -234,7 +234,7 @@ class McapRecorder:
         Args:
             topic: The full name of its topic.
             message: The message.
-            latched: Whether who comes late has it as well, when it is played.
+            latched: Whether late subscribers receive it as well when it is played.
         """
         if latched:
             self._offers.setdefault(
@@ -246,16 +246,16 @@ class McapRecorder:
         if self._is_broken:
             return
         if self._put_in - self._written > _MOST_WAITING:
-            self._give_up(f"{_MOST_WAITING >> 20} MiB wait for a disk that is too slow")
+            self._give_up(f"{_MOST_WAITING >> 20} MiB are waiting because the disk is too slow")
             return
         self._put_in += len(recorded.data)
         self._waiting.put(recorded)
 
     def close(self, *, keep: bool = True) -> None:
-        """Write what is left to be written, and close the file.
+        """Write the rest of the queue, and close the file.
 
         Args:
-            keep: Whether to keep it; one in which nothing was recorded is removed all the same.
+            keep: Whether to keep it. An empty recording is removed in any case.
         """
         self._waiting.put(None)
         written = -1
@@ -263,7 +263,7 @@ class McapRecorder:
             written = self._written
             self._thread.join(_PATIENCE_SEC)
         if self._thread.is_alive():
-            self._complain(f"{self._path} is left without its end: the disk takes nothing.")
+            self._complain(f"{self._path} is incomplete: the disk accepts no data.")
             return
         if not (keep and self._channels):
             self._path.unlink(missing_ok=True)
@@ -280,10 +280,12 @@ class McapRecorder:
 
     def _give_up(self, reason: str) -> None:
         self._is_broken = True
-        self._complain(f"{self._path} cannot be written any more ({reason}): the mission goes on unrecorded.")
+        self._complain(
+            f"{self._path} cannot be written ({reason}). The mission continues without a recording."
+        )
 
     def _write_what_comes(self, writer: Writer) -> None:
-        """Write until there is nothing more to come."""
+        """Write until the queue is closed and empty."""
         due = time.monotonic() + _FLUSH_SEC
         while True:
             with suppress(Empty):
@@ -301,29 +303,30 @@ class McapRecorder:
             name = interface_name(kind)
             if name not in self._schemas:
                 self._schemas[name] = writer.register_schema(name, "ros2msg", message_text(kind).encode())
-            # At least the empty list: rosbag2 cannot read the empty text.
+            # At least the empty list: rosbag2 cannot read an empty string.
             metadata = {"offered_qos_profiles": self._offers.get(topic, _as_yaml([]))}
             self._channels[topic] = writer.register_channel(topic, "cdr", self._schemas[name], metadata)
         writer.add_message(self._channels[topic], time_ns, data, time_ns)
         self._written += len(data)
 
 
-# What is in other topics of the recording.
+# Other topics of the recording have the content of these entries.
 _ELSEWHERE = (STATUS, *OF_ROBOT)
 
 
 class MissionRecording(RunExtension):
-    """Records a mission in an MCAP file, whether or not anything of it is published.
+    """Records a mission in an MCAP file, whether or not any of it is published.
 
-    Beside the topics of `ros.mission_recording.RECORDED`: `behavior_tree_log`, `~/tree` as `ros.mission_publisher` has them, and
-    `mission_log` (`rcl_interfaces/msg/Log`), what the run's journal is told, but for what other topics have.
+    In addition to the topics of `ros.mission_recording.RECORDED` it records `behavior_tree_log` and `~/tree` as in
+    `ros.mission_publisher`, and `mission_log` (`rcl_interfaces/msg/Log`): the entries of the run's journal that no
+    other topic has.
 
     Args:
         node: The mission's node.
-        path: The file, which is made.
+        path: The file to create.
 
     Raises:
-        RecordingError: If there is such a file, or it cannot be made.
+        RecordingError: If the file exists, or cannot be created.
     """
 
     def __init__(self, node: Node, path: Path) -> None:
@@ -332,7 +335,7 @@ class MissionRecording(RunExtension):
         self._tree_log: TreeLog | None = None
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
-        """Begin to record a tree, and what ticks it."""
+        """Start recording a tree and the engine that ticks it."""
         numbered = NumberedTree(tree)
         self._write("~/tree", String(data=tree_xml(numbered)), latched=True)
         self._tree_log = TreeLog(self._node, numbered, lambda message: self._write(TOPIC, message))
@@ -340,7 +343,7 @@ class MissionRecording(RunExtension):
         self._recorder.listen(self._node)
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Take an entry of the run's journal."""
+        """Record an entry of the run's journal."""
         if entry.kind in _ELSEWHERE:
             return
         data: Mapping[str, object] = entry.data
@@ -353,7 +356,7 @@ class MissionRecording(RunExtension):
         self._write("mission_log", message)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Record how it has ended, and close the file; that of a run that never began is removed, so that the next try finds none."""
+        """Record the result and close the file; remove the file of a run that never started, for the next try."""
         try:
             if has_begun and self._tree_log is not None:
                 self._tree_log.end()

@@ -1,4 +1,4 @@
-"""What Nav2's nodes log on `/rosout`, and which of these lines explain why a goal or a bring-up has failed."""
+"""Warnings and errors of Nav2's nodes on `/rosout`, and the lines that explain a failed goal or bring-up."""
 
 import math
 import re
@@ -13,13 +13,13 @@ from sar_compiler.ros.lifecycle import BEFORE_NAVIGATOR, DRIVING_NODES, MANAGER
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# How many lines are quoted, and up to which length.
+# Maximum number of quoted lines, and their maximum length.
 _QUOTED, _LONGEST = 2, 120
-# How many lines are kept, and may come at once.
+# Number of lines that are stored and queued.
 _LINES = 200
 
-# The words of Nav2 (1.1 to 1.5) that name a cause. Lines that name one go before all others, whichever node logs them: the client of an
-# action logs as `bt_navigator_navigate_to_pose_rclcpp_node`, a library as `tf_help`.
+# Phrases of Nav2 (1.1 to 1.5) that name a cause. Lines with one rank before all others, whichever node logs them: the
+# client of an action logs as `bt_navigator_navigate_to_pose_rclcpp_node`, a library as `tf_help`.
 _CAUSES = re.compile(
     r"timed out while waiting for action server|server not available|is inactive|while inactive"
     r"|transform data too old|transform timeout|timed out waiting for transform|(extrapolation|connectivity) error"
@@ -29,23 +29,23 @@ _CAUSES = re.compile(
     r"|open input xml|bt file not found|exception when loading bt|behavior tree threw",
     re.IGNORECASE,
 )
-# Lines that go with others: of a busy computer, and of a default that is used.
+# Lines that occur without a failure: on a busy computer, and when a default is used.
 _SECONDARY = re.compile(
     r"missed its desired rate|tick rate .* exceeded|No (goal|progress) checker was specified|No (planner|controller)s? (was )?specified"
     r"|Received a preemption|will use only plugin"
 )
-# Lines that say no more than that something has failed, and one of each start.
+# Lines that only report a failure without its cause, and one of each start.
 _EMPTY = re.compile(
     r"Goal failed|Aborting handle|Error_code parameters were not set|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
 )
 _NAV2_NODES = {*DRIVING_NODES, *BEFORE_NAVIGATOR, MANAGER, "local_costmap", "global_costmap", "tf_help"}
 _FAILED_CHANGE = re.compile(r"Failed to change state for node: ([\w/]+)")
-# Logged by the lifecycle manager before it waits for a node, between codes of colours, and at its end.
+# Logged by the lifecycle manager before it waits for a node, between colour codes, and at its end.
 _AWAITED = re.compile(
     r"(?:Configuring|Activating|Failed to change state for node:) ([\w/]+)|Waiting for service ([\w/]+)/get_state"
 )
 _ALL_ACTIVE = "Managed nodes are active"
-# So long after the manager's line its node has been discovered if it is there, steady seconds.
+# This long after the manager's line its node has been discovered if it exists, steady seconds.
 _DISCOVERED_SEC = 2.0
 
 
@@ -53,7 +53,7 @@ class _LoggedLine(NamedTuple):
     """A line of the log.
 
     Attributes:
-        at: When it came, steady seconds.
+        at: The time of arrival, steady seconds.
         who: The name of its logger, below the namespace.
         text: Its text.
         is_error: Whether it is an error, not a warning.
@@ -66,7 +66,7 @@ class _LoggedLine(NamedTuple):
 
     @property
     def rank(self) -> int | None:
-        """How well it explains a failure, 0 for best; None if it does not."""
+        """Its rank as an explanation of a failure, 0 for the best; None if it explains none."""
         if _EMPTY.search(self.text):
             return None
         if _SECONDARY.search(self.text):
@@ -95,16 +95,16 @@ class Nav2Log:
         self._node, self._prefix = node, node.get_namespace().strip("/").replace("/", ".")
         self._own = f"{self._prefix}.{node.get_name()}".lstrip(".")
         self._warning, self._error = Log.WARN, Log.ERROR
-        # Kept for latecomers: what was logged just before the first question counts, too.
+        # Stored for late queries: lines logged just before the first query are included.
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(Log, "/rosout", self._on_line, latched)
 
     def quote(self, name: str = "", *, since: float = -math.inf) -> str:
-        """Return the lines that explain a failure best: `controller_server: "Failed to make progress"`; empty if none does.
+        """Return the lines that best explain a failure: `controller_server: "Failed to make progress"`; may be empty.
 
         Args:
-            name: The node that they are of; all by default.
-            since: Steady seconds from which on lines count.
+            name: The node that logged them; all by default.
+            since: Only lines from this time on, steady seconds.
         """
         lines = [(rank, each) for each in self._since(name, since) if (rank := each.rank) is not None]
         best = min((rank for rank, _ in lines), default=None)
@@ -112,16 +112,16 @@ class Nav2Log:
         return "; ".join(list(dict.fromkeys(said))[-_QUOTED:])
 
     def failed_change(self) -> str:
-        """Return the node whose state the lifecycle manager could not change, by its last line of that; empty if there is none."""
+        """Return the node whose state the lifecycle manager could not change, by its last such line; empty if none."""
         found = [
             each for line in self._since(MANAGER, -math.inf) if (each := _FAILED_CHANGE.search(line.text))
         ]
         return found[-1][1].rpartition("/")[2] if found else ""
 
     def awaited_node(self) -> str:
-        """Return the node for which the lifecycle manager waits, or waited last during its start-up; empty if there is none.
+        """Return the node for which the lifecycle manager waits, or last waited during start-up; empty if none.
 
-        If the process of this node dies, the manager waits for its answer forever and logs nothing more.
+        If the process of this node crashes, the manager waits for its answer forever and logs nothing more.
         """
         name, since = self._awaited
         return name if time.monotonic() - since >= _DISCOVERED_SEC else ""
@@ -135,7 +135,7 @@ class Nav2Log:
                 yield each
 
     def _foreign_namespaces(self) -> tuple[str, ...]:
-        """Return what begins the names of other robots' loggers: namespaces below this one with a Nav2 of their own."""
+        """Return the prefixes of other robots' loggers: namespaces below this one with a Nav2 of their own."""
         own = self._node.get_namespace()
         there = (
             namespace
@@ -172,11 +172,11 @@ class Nav2Log:
 
 
 def _shortened(text: str) -> str:
-    """Return the first line of a text, cut."""
+    """Return the first line of a text, shortened."""
     first = text.strip().partition("\n")[0]
     return first if len(first) <= _LONGEST else f"{first[: _LONGEST - 1]}…"
 
 
 def nav2_log(node: "Node") -> Nav2Log:
-    """Return what Nav2 has logged, the same object in every call with a node; it exists as long as it."""
+    """Return the log of Nav2, one object for the lifetime of a node."""
     return of_node(node, Nav2Log, lambda: Nav2Log(node))

@@ -1,4 +1,4 @@
-"""The parameters of Nav2's nodes that a mission depends on, asked of their parameter services without blocking."""
+"""The parameters of Nav2's nodes that a mission depends on, queried without blocking."""
 
 import math
 import re
@@ -17,10 +17,10 @@ NAV2_GOAL_TOLERANCE_M = 0.25
 """Nav2's default of `xy_goal_tolerance`, metres."""
 
 _CONTROLLER = "controller_server"
-# The nodes that send velocity commands, in the order in which these pass through them.
+# The nodes that send velocity commands, in the order of the commands' flow.
 _DRIVERS = (_CONTROLLER, "behavior_server", "velocity_smoother", "collision_monitor", "docking_server")
 _TIMEOUTS = ("default_server_timeout", "wait_for_service_timeout")
-# Nav2's own actions are acknowledged within this time also on a busy computer, milliseconds; the value that is advised.
+# Nav2's own actions are acknowledged within this time even on a busy computer, milliseconds; the recommended value.
 _LEAST_TIMEOUT_MS, _ADVISED_TIMEOUT_MS = 500, 1000
 _STAMPED = "enable_stamped_cmd_vel"
 _ODOMETRY = "odometry/filtered"
@@ -32,14 +32,14 @@ _WANTED = {
 }
 # How long a node may take for its answers, steady seconds.
 _ANSWER_SEC = 2.0
-# By `type` of rcl_interfaces/msg/ParameterValue; types that none of the parameters has are left out.
+# Fields by `type` of rcl_interfaces/msg/ParameterValue, without types that none of the parameters has.
 _FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value", 9: "string_array_value"}
 
 
 class _NodeQuestion:
-    """The question for some parameters of one node: which of them it has, and then their values.
+    """The query for some parameters of one node: first which of them it has, then their values.
 
-    A node of rclcpp answers nothing if one of the parameters that it is asked for is not declared, hence the first step.
+    A node of rclcpp returns no values if any queried parameter is undeclared, hence the first step.
     """
 
     def __init__(self, node: "Node", name: str, wanted: re.Pattern[str]) -> None:
@@ -56,7 +56,7 @@ class _NodeQuestion:
         self._asked_at = math.inf
 
     def is_awaited(self) -> bool:
-        """Take the next step; return whether the node is there and has yet to answer."""
+        """Do the next step; return whether the node is present and has yet to answer."""
         if self.is_over or (self._asked_at == math.inf and not self._node.count_services(self._service)):
             return False
         self._asked_at = min(self._asked_at, AWAKE.now())
@@ -69,7 +69,7 @@ class _NodeQuestion:
         return not self.is_over
 
     def close(self) -> None:
-        """Destroy the clients; the values stay."""
+        """Destroy the clients, but keep the values."""
         if not self.is_over:
             self.is_over = True
             for client in (self._lister, self._getter):
@@ -101,17 +101,17 @@ class Nav2Parameters:
         self._questions = {name: _NodeQuestion(node, name, wanted) for name, wanted in _WANTED.items()}
 
     def are_awaited(self) -> bool:
-        """Ask the nodes that are there, each once; return whether one of them has yet to answer."""
+        """Query each present node once; return whether any has yet to answer."""
         return any([each.is_awaited() for each in self._questions.values()])  # noqa: C419 - all are to be asked
 
     def close(self) -> None:
-        """Ask no further; the answers stay."""
+        """Stop querying, but keep the answers."""
         for each in self._questions.values():
             each.close()
 
     @property
     def goal_tolerance(self) -> float:
-        """How far from its goal Nav2 may end a drive that succeeds, metres; Nav2's default where it has not answered."""
+        """Nav2's goal tolerance for a successful drive, metres; Nav2's default until it answers."""
         values = self._questions[_CONTROLLER].values
         names = values.get("goal_checker_plugins", ())
         tolerances = [values[key] for name in names if (key := f"{name}.{_TOLERANCE}") in values]
@@ -119,12 +119,12 @@ class Nav2Parameters:
         return max(usable, default=NAV2_GOAL_TOLERANCE_M)
 
     def advice(self) -> list[str]:
-        """Return the parameters that are likely to end drives, a sentence each, with the line to write."""
+        """Return the parameters that are likely to make drives fail, a sentence each, with the line to write."""
         values = {name: each.values for name, each in self._questions.items()}
         return [*_on_timeouts(values[NAVIGATOR]), *self._on_odometry(values), *self._on_stamps(values)]
 
     def _on_odometry(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-        """Yield the nodes that read their odometry from a topic without a publisher, or that this node does so."""
+        """Yield the nodes, possibly including this one, whose odometry topic has no publisher."""
         node = self._node
         ours = node.resolve_topic_name(_ODOMETRY)
         for name in (NAVIGATOR, _CONTROLLER):
@@ -144,7 +144,7 @@ class Nav2Parameters:
                 return
 
     def _on_stamps(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-        """Yield the nodes whose velocity commands are of another type than the robot takes."""
+        """Yield the nodes whose velocity commands have another type than the robot accepts."""
         heard = {
             each.topic_type.rpartition("/")[2]
             for each in self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name("cmd_vel"))
@@ -156,7 +156,7 @@ class Nav2Parameters:
         for name in _DRIVERS:
             if values[name].get(_STAMPED, is_stamped) != is_stamped:
                 line = _line(name, f"{_STAMPED}: {str(is_stamped).lower()}")
-                yield f"the robot takes {heard.pop()} on cmd_vel, and {name} sends the other type: {line}"
+                yield f"the robot accepts {heard.pop()} on cmd_vel, and {name} sends the other type: {line}"
                 return
 
 
@@ -170,9 +170,9 @@ def _on_timeouts(values: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _line(node: str, line: str) -> str:
-    return f"write `{line}` under `{node}: ros__parameters:` in Nav2's parameter file, and start Nav2 again"
+    return f"write `{line}` under `{node}: ros__parameters:` in Nav2's parameter file, and restart Nav2"
 
 
 def nav2_parameters(node: "Node") -> Nav2Parameters:
-    """Return the parameters of the Nav2 that a node's goals go to, the same object in every call; it exists as long as the node."""
+    """Return the parameters of the Nav2 that receives a node's goals, one object for the lifetime of the node."""
     return of_node(node, Nav2Parameters, lambda: Nav2Parameters(node))

@@ -11,7 +11,7 @@ from sar_compiler.ros.arguments import RosArgumentError, readable_ros_errors
 
 
 class DataNode(Node):
-    """A node that declares every parameter it is given.
+    """A node that declares every parameter that it receives.
 
     Args:
         name: Its name, unless it is remapped.
@@ -42,21 +42,21 @@ class DataNode(Node):
                     raise
                 names = _names_without_type(name, context, cli_args)
                 raise RosArgumentError(
-                    f"{names}: an empty list, of which ROS cannot tell the type; leave it out or fill it"
+                    f"{names}: ROS cannot infer the type of an empty list. Omit the parameter, or add a value"
                 ) from error
         _require_sim_time_switch(self)
 
 
 def _require_sim_time_switch(node: Node) -> None:
-    """Check that `use_sim_time` is a Boolean; a node only logs an error, and then ignores it."""
+    """Check that `use_sim_time` is a Boolean; a node would only log an error and ignore it."""
     value = node.get_parameter("use_sim_time").value
     if not isinstance(value, bool):
         node.destroy_node()
-        raise RosArgumentError(f"parameter use_sim_time: must be true or false, is {value!r}")
+        raise RosArgumentError(f"parameter use_sim_time must be true or false, not {value!r}")
 
 
 def _names_without_type(name: str, context: Context | None, cli_args: list[str] | None) -> str:
-    """Return the names of the parameters without a type, read by a node that does not declare them."""
+    """Return the names of the parameters whose type ROS cannot infer, from a node that does not declare them."""
     probe = Node(
         name, context=context, cli_args=cli_args, start_parameter_services=False, enable_rosout=False
     )

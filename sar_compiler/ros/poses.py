@@ -1,4 +1,4 @@
-"""Poses as messages: turns about z, and the pose that a localisation is given."""
+"""Poses as messages: rotations about z, and the initial pose for a localisation."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -12,27 +12,27 @@ _VARIANCES = {0: 0.25, 7: 0.25, 35: 0.068}
 
 
 def turn_by(orientation: Any, yaw: float) -> None:
-    """Make a new quaternion a turn about z alone, by an angle in radians."""
+    """Set a new quaternion to a rotation about z, by an angle in radians."""
     orientation.z, orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
 
 
 def yaw_of(orientation: Any) -> float:
-    """Return the angle about z of a quaternion, in radians; whatever its length; not a number if it is not finite."""
+    """Return the angle about z of a quaternion of any length, in radians; NaN if it is not finite."""
     return yaw_of_turn(orientation.x, orientation.y, orientation.z, orientation.w)
 
 
 def yaw_of_turn(x: float, y: float, z: float, w: float) -> float:
-    """Return the same of a quaternion's parts."""
+    """Return the angle about z of a quaternion, given as four numbers, in radians."""
     if not math.isfinite(math.hypot(x, y, z, w)):
         return math.nan
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def estimated_pose(node: "Node", x: float, y: float, yaw: float) -> "PoseWithCovarianceStamped":
-    """Return a message for a localisation, of now and with its variances.
+    """Return a pose message for a localisation, with the current time and its own variances.
 
     Args:
-        node: Its clock is asked.
+        node: The node whose clock is used.
         x: In the frame `map`, metres.
         y: In the frame `map`, metres.
         yaw: Radians.

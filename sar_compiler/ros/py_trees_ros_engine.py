@@ -1,8 +1,8 @@
-"""Ticking a tree with `py_trees_ros`, where it is installed (it is not on PyPI).
+"""Tick a tree with `py_trees_ros`, if it is installed (it is not on PyPI).
 
-Its advantages: snapshot streams for `py-trees-tree-watcher` and the viewers, blackboard streams, statistics.
-Its limitations compared to `runner.TreeRunner`: leaves with news do not wake the tree, and a stopped clock
-stops the ticks, and with them the deadlines of the leaves.
+Its advantages: snapshot streams for `py-trees-tree-watcher` and the viewers, blackboard streams, statistics. Its
+limitations compared to `runner.TreeRunner`: leaves with a new result do not trigger a tick, and a stopped clock stops
+the ticks, and with them the deadlines of the leaves.
 """
 
 from typing import Any
@@ -24,7 +24,7 @@ from sar_compiler.ros.engine import (
 )
 from sar_compiler.runtime.kernel.leaf_nodes import insist_on_status
 
-# The parameters that the class declares on its node, even if given on the command line.
+# The parameters that the class declares on its node, even if the command line sets them.
 _ITS_PARAMETERS = (
     "default_snapshot_stream",
     "default_snapshot_period",
@@ -49,7 +49,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         self._stopped = self._shut_down = False
 
     def setup(self, node: Node, **kwargs: Any) -> None:
-        """Set up every behaviour of the tree on a node, which may have declared any parameter already.
+        """Set up every behaviour of the tree on a node, which may already have declared any parameter.
 
         Args:
             node: The node to tick on.
@@ -63,19 +63,20 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         require_tickable_depth(self.root, frames_per_level=2)
         given = [name for name in _ITS_PARAMETERS if node.has_parameter(name)]
         for name in given:
-            # Declared anew by the class, with the value that was given.
+            # The class declares it again, with the given value.
             node.undeclare_parameter(name)
         try:
             super().setup(node=node, **kwargs)
         except Exception as error:  # noqa: BLE001 - raised again, in words
             self._stopped = self._shut_down = True
             give_up(self.root, error, node)
-        # What py_trees only logs would go on as if it had been reset: a `Timeout` around it would start over each time.
+        # py_trees would only log the error and continue as if the node had been reset: a `Timeout` around it would
+        # start over each time.
         for behaviour in self.root.iterate():
             insist_on_status(behaviour)
 
     def tick(self, *args: Any, **kwargs: Any) -> None:
-        """Tick once; an exception is kept in `failure`, and the tree is stopped."""
+        """Tick once; an exception is stored in `failure`, and the tree is stopped."""
         if self._stopped:
             return
         try:
@@ -100,7 +101,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
             shut_down(list(self.root.iterate()), self.node)
         if self.node is None:
             return
-        # The class's own goes through the tree once more, and ends at the first behaviour that raises.
+        # The class's own method traverses the tree again, and stops at the first behaviour that raises.
         root, self.root = self.root, Dummy("nothing is left to shut down")
         try:
             super().shutdown()

@@ -1,4 +1,4 @@
-"""Waiting, before the first tick, for the resources that a tree's leaves declare."""
+"""Wait before the first tick for the resources that a tree's leaves declare."""
 
 import math
 import time
@@ -35,18 +35,19 @@ InitialPose = tuple[float, float, float]
 """x and y in metres, yaw in radians."""
 
 _INITIAL_POSE_PERIOD_SEC = 1.0
-# How long a localisation is listened to before it is told a pose: twice what half of the participants take to meet.
+# How long to listen for a localisation before an initial pose is sent: twice the time in which half of the participants
+# discover each other.
 _LISTEN_SEC = 1.0
-# How long the odometry may take to come after the transforms from `map`: without it these are no place.
+# How long the odometry may take to arrive after the transforms from `map`: without it these give no position.
 _PLACE_SEC = 5.0
 MOVED_M = 0.25
-"""Less movement than this is none for AMCL either (its `update_min_d`), metres."""
-# A pose that is this near to the initial one is the same, metres and radians.
+"""Movements below this are ignored, as by AMCL (its `update_min_d`), metres."""
+# A pose within these tolerances of the initial one is the same, metres and radians.
 _AGREES_M, _AGREES_RAD = 0.5, 0.5
 
 _ODOMETRY = Endpoint("topic", "odometry/filtered", "nav_msgs/msg/Odometry")
 
-# What a bring-up without an initial pose fails at.
+# The errors of a bring-up without an initial pose.
 _WAITS_FOR_POSE = ("planner_server", "failed to activate")
 
 
@@ -54,26 +55,26 @@ class Requirement(ABC):
     """A requirement that must be fulfilled before the first tick.
 
     Attributes:
-        ends_by_itself: Whether it is there in the end whatever anybody does: no time limit counts meanwhile.
+        ends_by_itself: Whether it will be fulfilled without any intervention. No time limit applies meanwhile.
     """
 
     ends_by_itself = False
 
     @abstractmethod
     def missing(self) -> str | None:
-        """Take the next step, and describe what is missing; None if nothing is."""
+        """Do the next step, and describe the missing item; None if nothing is missing."""
 
     def close(self) -> None:  # noqa: B027 - most have created nothing
-        """Destroy what was created on the node."""
+        """Destroy the entities that it created on the node."""
 
 
 class MisplacedRobotError(SarError):
-    """A robot that is not where a mission would tell its localisation.
+    """A robot is not at the initial pose that a mission would send to its localisation.
 
     Attributes:
-        place: Where it is by its localisation: x, y (m) and yaw (rad), frame `map`; None if it has one, and does not say which.
-        pose: Where the mission begins.
-        moved: How far it has driven by its odometry, metres, where its localisation has no pose; else None.
+        place: Its position according to its localisation: x, y (m) and yaw (rad), frame `map`; None if it is unknown.
+        pose: The initial pose of the mission.
+        moved: The distance driven according to its odometry, metres, if its localisation has no pose; else None.
     """
 
     def __init__(
@@ -86,32 +87,33 @@ class MisplacedRobotError(SarError):
     ) -> None:
         self.place, self.pose, self.moved = place, pose, moved
         start = f"initial_pose ({pose[0]:.2f}, {pose[1]:.2f})"
-        resume = "Go on with the mission that was interrupted (--resume)" if can_resume else ""
+        resume = "Resume the interrupted mission (--resume)" if can_resume else ""
         if moved is not None:
             super().__init__(
-                f"the localisation has no pose, and by the odometry the robot is {moved:.2f} m from its start: it is not told "
-                f"{start}. {f'{resume}, or give' if resume else 'Give'} it the pose (in RViz: 2D Pose Estimate), and begin "
-                "where the robot stands: -p set_initial_pose:=false"
+                "the localisation has no pose, and according to the odometry the robot is "
+                f"{moved:.2f} m from its start. {start} is not sent. {f'{resume}, or set' if resume else 'Set'} the pose "
+                "(in RViz: 2D Pose Estimate), and start where the robot stands: -p set_initial_pose:=false"
             )
             return
-        where, value = "knows where the robot is, by its transforms", ""
+        where, value = "already publishes the robot's transforms", ""
         if place is not None:
             far = math.dist(place[:2], pose[:2])
-            where = f"has the robot at ({place[0]:.2f}, {place[1]:.2f}), {far:.2f} m from {start}"
+            where = f"locates the robot at ({place[0]:.2f}, {place[1]:.2f}), {far:.2f} m from {start}"
             value = f"-p initial_pose.x:={place[0]:.2f} -p initial_pose.y:={place[1]:.2f}, or "
         super().__init__(
-            f"the localisation {where}: it is not told another pose. {f'{resume}, drive' if resume else 'Drive'} back first, "
-            f"or say where the robot is ({value}-p set_initial_pose:=false to begin where "
-            f"it stands; where the localisation is wrong, in RViz: 2D Pose Estimate)"
+            f"the localisation {where}. The initial pose is not sent. {f'{resume}, drive' if resume else 'Drive'} back "
+            f"first, or give the robot's pose ({value}-p set_initial_pose:=false to start where it stands). "
+            "If the localisation is wrong, correct it in RViz: 2D Pose Estimate"
         )
 
 
 class Localised(Requirement):
-    """A localisation that must have a pose, the initial one unless it has another already.
+    """A localisation that must have a pose: its present one, or else the initial one.
 
-    A localisation that has a pose is told another one only if that is nearly the same; far from it the start is refused. One without
-    a pose is told the initial one only if the odometry shows that the robot has not moved, as in a run (`ros.watch`). The
-    pose is published until an answer arrives: an old pose, kept by the publisher for late subscribers, does not confirm this one.
+    A localisation that has a pose is sent another one only if that is nearly the same. If it is far away, the start is
+    refused. A localisation without a pose is sent the initial one only if the odometry shows that the robot has not
+    moved, as during a run (`ros.watch`). The pose is published until an answer arrives: an old pose, kept by the
+    publisher for late subscribers, does not confirm this one.
 
     Args:
         node: The node to publish with.
@@ -142,7 +144,7 @@ class Localised(Requirement):
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def missing(self) -> str | None:
-        """Publish the pose if it is due, and describe a missing answer; None once there is one.
+        """Publish the pose if due, and describe a missing answer; None once there is one.
 
         Raises:
             MisplacedRobotError: If the localisation has a pose that is far from the initial one.
@@ -153,7 +155,7 @@ class Localised(Requirement):
             if self._robot.localisation_conflict():
                 return f"topic {self._answers}: no initial pose is sent while another robot's localisation may be heard"
             if self._is_heard_too_briefly(now):
-                return f"topic {self._answers}: waiting for what the localisation says"
+                return f"topic {self._answers}: waiting for the pose of the localisation"
         self._answered = self._answered or has_taken_it or self._keeps_its_own()
         if self._answered:
             return None
@@ -169,7 +171,7 @@ class Localised(Requirement):
             self._sent_at = now
             self._publisher.publish(estimated_pose(self._node, *self._pose))
         x, y, yaw = self._pose
-        deaf = "" if heard else f", and nobody listens to {self._poses}"
+        deaf = "" if heard else f", and no node subscribes to {self._poses}"
         return f"topic {self._answers}: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
 
     def close(self) -> None:
@@ -181,10 +183,10 @@ class Localised(Requirement):
         return self._sent_at > -math.inf
 
     def _has_not_moved(self) -> bool:
-        """Return whether a robot that is not localised stands where its odometry has begun, or says `initial_pose`; True without odometry.
+        """Return whether an unlocalised robot is at its odometry's start or at `initial_pose`; True without odometry.
 
         Raises:
-            MisplacedRobotError: If it does not.
+            MisplacedRobotError: If it is elsewhere.
         """
         is_known = self._begins_anew or self._has_asked or self._robot.is_localised
         if is_known or not ros_graph(self._node).publishers(_ODOMETRY.name):
@@ -198,7 +200,7 @@ class Localised(Requirement):
         return True
 
     def _is_heard_too_briefly(self, now: float) -> bool:
-        """Return whether a localisation that has just been heard may still say something else: of several publishers, or without odometry yet."""
+        """Return whether a new localisation may still change: it has several publishers, or no odometry yet."""
         if not self._robot.is_localised:
             return False
         is_placed = self._robot.place() is not None
@@ -208,7 +210,7 @@ class Localised(Requirement):
         return now - self._localised_at < (_LISTEN_SEC if is_placed else _PLACE_SEC)
 
     def _keeps_its_own(self) -> bool:
-        """Return whether the localisation has a pose at the initial place, with another yaw.
+        """Return whether the localisation has a pose at the initial position, with another yaw.
 
         Raises:
             MisplacedRobotError: If it has one elsewhere.
@@ -222,28 +224,29 @@ class Localised(Requirement):
         turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
         if not turned <= _AGREES_RAD:
             self._node.get_logger().warning(
-                f"The localisation keeps its yaw of {place[2]:.2f} rad, which is not that of initial_pose ({self._pose[2]:.2f})."
+                f"The localisation keeps its yaw of {place[2]:.2f} rad, which differs from initial_pose "
+                f"({self._pose[2]:.2f})."
             )
         return not turned <= _AGREES_RAD
 
     def _has_been_listened_to(self, now: float) -> bool:
-        """Return whether a localisation that has a pose would have said so: what it keeps for latecomers has had time to come."""
+        """Return whether an existing pose would have arrived: the messages for late subscribers have had time."""
         if self._heard_of_at == math.inf and ros_graph(self._node).publishers("amcl_pose"):
             self._heard_of_at = now
         return now - self._heard_of_at >= _LISTEN_SEC
 
 
 class NavigatorActive(Requirement):
-    """Nav2's navigator, which must be active; where it stays inactive, the reason is looked for.
+    """Nav2's navigator, which must be active; if it stays inactive, the reason is determined.
 
-    Nav2's lifecycle manager activates its nodes in an order, the navigator late. Where one before it cannot be
-    activated, it gives up for good: the most frequent is `planner_server`, which waits for the frame `map`, thus for the
-    initial pose, no longer than `initial_transform_timeout`.
+    Nav2's lifecycle manager activates its nodes in an order, the navigator late. If an earlier node cannot be
+    activated, the manager gives up for good. The most frequent case is `planner_server`: it waits for the frame `map`,
+    and thus for the initial pose, no longer than `initial_transform_timeout`.
 
     Args:
         node: The node to ask with.
         name: The relative name of the navigator.
-        tells_pose: Whether the localisation is told a pose meanwhile; if not, it is named where that is what is missing.
+        tells_pose: Whether the localisation is sent an initial pose meanwhile. If not, a missing pose is reported.
     """
 
     def __init__(self, node: Node, name: str, *, tells_pose: bool) -> None:
@@ -252,8 +255,8 @@ class NavigatorActive(Requirement):
         self._manager: PolledService | None = None
 
     def missing(self) -> str | None:
-        """Ask if it is due, and describe the last answer and its reason; None if that was `active`."""
-        # What it waits for may just have come.
+        """Query if due, and describe the last answer and its reason; None if that was `active`."""
+        # The missing item may just have arrived.
         line, state = self._lifecycle.missing(self._robot.pose_at), self._lifecycle.state
         if line is None:
             return None
@@ -261,8 +264,8 @@ class NavigatorActive(Requirement):
         if awaited and not ros_graph(self._node).ask(Endpoint("node", awaited)).is_there:
             said = self._log.quote(awaited)
             return (
-                f"{line}: {MANAGER} waits for {awaited}, whose process was not started or has died"
-                f"{f' ({said})' if said else ''}; start Nav2 again"
+                f"{line}: {MANAGER} waits for {awaited}, whose process was not started or has crashed"
+                f"{f' ({said})' if said else ''}. Restart Nav2"
             )
         return line if state is None else line + self._reason(state) + self._pose()
 
@@ -272,7 +275,7 @@ class NavigatorActive(Requirement):
             self._manager.close()
 
     def _reason(self, state: str) -> str:
-        """Ask the manager, and the nodes that it activates before; return what they have answered."""
+        """Query the manager and the nodes that it activates earlier; return their answers."""
         if self._manager is None:
             self._manager = PolledService(self._node, Trigger, f"{MANAGER}/is_active")
         self._manager.ask()
@@ -281,7 +284,7 @@ class NavigatorActive(Requirement):
             each.missing()
         states = {each.name: each.state for each in before if each.state is not None}
         asleep = next((pair for pair in states.items() if pair[1] != "active"), None)
-        # It does not answer while it is at work.
+        # It does not answer while it is busy.
         if self._manager.answer is None or self._manager.answer.success:
             return f"; {asleep[0]} is '{asleep[1]}', too" if asleep else ""
         if {state, *states.values()} == {"unconfigured"} and not self._log.quote():
@@ -296,12 +299,12 @@ class NavigatorActive(Requirement):
         if self._robot.localisation_conflict():
             pose = ""
         return (
-            f"; {MANAGER} has given up starting Nav2 up, {stuck} {what}{f' ({said})' if said else ''}: "
-            f"start Nav2 again{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
+            f"; {MANAGER} has given up starting Nav2 up, {stuck} {what}{f' ({said})' if said else ''}. Restart "
+            f"Nav2{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
 
     def _pose(self) -> str:
-        """Describe that the localisation has no pose and is given none: the nodes behind it wait for that."""
+        """Describe that the localisation has no pose and is sent none, although later nodes wait for it."""
         if self._tells_pose or self._robot.is_localised or not ros_graph(self._node).publishers("amcl_pose"):
             return ""
         if self._robot.localisation_conflict():
@@ -311,14 +314,15 @@ class NavigatorActive(Requirement):
 
 
 def _stuck(states: Mapping[str, str], named: str) -> tuple[str, str]:
-    """Return the node that a bring-up has failed at, and what it failed to do, in words.
+    """Return the node whose bring-up failed, and the failed step in words.
 
     Args:
         states: The states of the nodes, in the order of the bring-up.
         named: The node that the lifecycle manager names; empty if it names none.
     """
     if named in states:
-        # The manager takes one step of all nodes after the other: a node that is one step ahead has taken it, and its answer was lost.
+        # The manager performs each step on all nodes in turn: a node that is one step ahead has performed it, and its
+        # answer was lost.
         others = {state for name, state in states.items() if name != named}
         if states[named] == "active" or (states[named] == "inactive" and "unconfigured" in others):
             done = "activated" if states[named] == "active" else "configured"
@@ -334,8 +338,8 @@ def _stuck(states: Mapping[str, str], named: str) -> tuple[str, str]:
     return next(name for name in states if states[name] != "active"), "failed to activate"
 
 
-# How long a server that was killed still counts in the graph (20 s by default of the middleware), and a
-# little more: two servers may be one and the shadow of another.
+# How long a killed server remains in the graph (20 s by the middleware's default), and a little more: of two servers,
+# one may be a remnant of a killed one.
 SHADOW_SEC = 22.0
 
 _PROGRESS_PERIOD_SEC = 5.0
@@ -346,7 +350,7 @@ class NotReadyError(SarError):
     """A resource that the mission needs did not become available in time, or never can.
 
     Attributes:
-        missing: The missing resources, in one line each.
+        missing: The missing resources, one line each.
         waited_sec: The time waited, in seconds; None if waiting could not help.
     """
 
@@ -361,9 +365,9 @@ class NotReadyError(SarError):
 
 
 class Readiness:
-    """The requirements of a tree, and which of them are fulfilled.
+    """The requirements of a tree, and whether they are fulfilled.
 
-    Nothing here blocks: `poll` takes the next step, between two spins of the executor.
+    Nothing here blocks: `poll` does the next step, between two spins of the executor.
 
     Args:
         node: The node that the tree will run on.
@@ -371,13 +375,13 @@ class Readiness:
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
             frame `map`; None to send none and not to wait for it.
         begins_anew: Whether the localisation is known to have no pose yet.
-        can_resume: Whether the journal of the mission before is there.
-        endpoints: How the leaves use actions, services and topics; those that are not among them may be of any type.
-        first: Requirements of the caller, who also closes them, to look at before all others.
+        can_resume: Whether the journal of the previous mission exists.
+        endpoints: The use of actions, services and topics by the leaves; names that are not listed may have any type.
+        first: Requirements of the caller, who also closes them, to check before all others.
 
     Attributes:
         uses_nav2: Whether a leaf needs Nav2 to be localised and active.
-        ends_by_itself: Whether one of those of the caller that was missing when it was looked last will be there by itself.
+        ends_by_itself: Whether a requirement of the caller that was last missing will be fulfilled by itself.
     """
 
     def __init__(
@@ -394,7 +398,7 @@ class Readiness:
         self.node = node
         self._first = tuple(first)
         self.ends_by_itself = False
-        # The next steps of what is looked at, each of which says what is missing; and what is to be closed in the end.
+        # The next steps of the checks, each of which returns the missing item, and the objects to close at the end.
         self._steps: list[Callable[[], str | None]] = []
         self._closing: list[Requirement] = []
         self._localised: Localised | None = None
@@ -416,7 +420,7 @@ class Readiness:
 
     @property
     def _is_robot_elsewhere(self) -> bool:
-        """Whether the localisation is there under another name, which explains all the rest."""
+        """Whether the localisation exists under another name, which explains all other missing items."""
         return bool(self._graph.ask(Endpoint("node", NAV2_NODES[0])).elsewhere)
 
     def _localisation_conflict(self) -> str | None:
@@ -445,12 +449,12 @@ class Readiness:
 
     @property
     def contested(self) -> bool:
-        """Whether several servers have the same name, and would all accept the same goal."""
+        """Whether several servers share a name, and would all accept the same goal."""
         servers = any(self._graph.ask(each).is_contested for each in self._endpoints)
         return servers or self._graph.is_clock_contested
 
     def poll(self) -> bool:
-        """Take the next step.
+        """Do the next step.
 
         Returns:
             Whether all requirements are fulfilled; the clients and subscriptions made for them are then destroyed.
@@ -463,7 +467,7 @@ class Readiness:
         return True
 
     def missing(self) -> list[str]:
-        """Take the next step, and return what is missing, one readable line each."""
+        """Do the next step, and return the missing items, one readable line each."""
         first = {each: line for each in self._first if (line := each.missing()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
         if self._localised is not None:
@@ -480,7 +484,7 @@ class Readiness:
         return [*lines, advice] if advice else lines
 
     def warn(self) -> None:
-        """Log what does not keep the mission from starting, and may be wrong: several sources, or a clock that is not used."""
+        """Log likely problems that do not prevent the start: several sources, or an unused clock."""
         topics = [each.name for each in self._endpoints if each.kind == "topic"]
         lines = [self._graph.unused_clock()]
         if self.uses_nav2 and not self._is_robot_elsewhere:
@@ -494,7 +498,7 @@ class Readiness:
                 self.node.get_logger().warning(in_one_line(f"{line}."))
 
     def close(self) -> None:
-        """Destroy the clients and subscriptions on the node, when the wait is given up."""
+        """Destroy the clients and subscriptions on the node when the wait is aborted."""
         closing, self._closing, self._steps, self._endpoints = self._closing, [], [], []
         for each in closing:
             each.close()
@@ -510,12 +514,13 @@ def wait_until_ready(
     Args:
         executor: The executor of the node.
         readiness: The requirements to wait for.
-        timeout_sec: The time limit, in seconds of the steady clock, from when no requirement is looked at that ends by itself.
-        should_stop: Returns whether to stop waiting; the function then just returns.
+        timeout_sec: The time limit, in seconds of the steady clock. It starts when no requirement is checked that will
+            be fulfilled by itself.
+        should_stop: Returns whether to stop waiting. The function then returns normally.
 
     Raises:
         NotReadyError: If the time is over, if two servers share a name for longer than a killed
-            server remains visible, or if the robot is not where the mission is said to begin.
+            server remains visible, or if the robot is not at the initial pose of the mission.
     """
     start = time.monotonic()
     told, contested_since = start, None

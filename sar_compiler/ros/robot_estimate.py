@@ -1,6 +1,6 @@
-"""The one estimate of a robot: where it is, whether it moves, whether its localisation lives, and what state its nodes are in.
+"""The single estimate of a robot: its pose, motion, localisation, and the states of its nodes.
 
-Leaves, watch, readiness, journal and the end of a run read it. What it subscribes to is subscribed to once for each node.
+Leaves, watch, readiness, journal and the end of a run read it. Each topic is subscribed to once for each node.
 """
 
 import math
@@ -32,22 +32,23 @@ from sar_compiler.runtime.leaf_protocol import Wake
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-# Slower than this a robot stands, m/s and rad/s, once it has been for so long, seconds of its own clock.
+# A robot below these speeds counts as standing, m/s and rad/s, after this time, seconds of its own clock.
 _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
-# How long a transform from `map` may be missing; AMCL sends some ten a second while the robot's scanner works.
+# How long a transform from `map` may be missing. AMCL sends about ten a second while the robot's scanner works.
 TRANSFORM_SEC = 3.0
-# Older odometry says nothing of now, steady seconds.
+# Older odometry does not show the present state, steady seconds.
 _FRESH_SEC = 1.0
-# Odometry and transforms come all the time: older by their stamp they say nothing of now, seconds of the node's clock.
+# Odometry and transforms arrive continuously. With older stamps they do not show the present state, seconds of the
+# node's clock.
 _MAX_AGE_SEC = 30.0
-# What `map` looks like as the frame of a transform, in the message as it came.
+# `map` as the frame of a serialised transform.
 FROM_MAP = b"\x04\x00\x00\x00map\x00"
 
 PoseListener = Callable[[PlanarPose], None]
 
 
 class RobotEstimate:
-    """What is known of the robot that a node drives; use `robot_estimate`.
+    """The estimate of the robot that a node drives; use `robot_estimate`.
 
     Args:
         node: The rclpy node.
@@ -55,15 +56,15 @@ class RobotEstimate:
     Attributes:
         clock: The clock of waits for the robot, seconds.
         pose: The last usable pose of `amcl_pose`, in the frame `map`; None if none has come.
-        pose_at: When it came, steady seconds.
-        pose_problem: Why the last message of `amcl_pose` is no usable pose; empty if it is one.
+        pose_at: Its time of arrival, steady seconds.
+        pose_problem: The reason why the last message of `amcl_pose` is unusable; empty if it is usable.
         odometry: The last usable pose of `odometry/filtered`, in the frame `odom`; None if none has come.
-        odometry_at_pose: The same as it was when `pose` came.
-        speed: What the last odometry says: m/s and rad/s.
-        settle_timeout_sec: How long it is waited for that the robot stands, seconds.
-        arrival_tolerance_m: How far from its goal a robot may be that has arrived, metres; None for Nav2's tolerance and half a metre.
-        lacks: Why the robot cannot drive, in words, by who watches it (`ros.watch`); empty if it can.
-        transform_at: When the last transform from `map` came, steady seconds; None if none has come.
+        odometry_at_pose: The odometry when `pose` arrived.
+        speed: The speeds in the last odometry: m/s and rad/s.
+        settle_timeout_sec: How long to wait for the robot to stand, seconds.
+        arrival_tolerance_m: The tolerance for an arrival at a goal, metres; None for Nav2's tolerance and half a metre.
+        lacks: The reason why the robot cannot drive, in words, set by `ros.watch`; empty if it can.
+        transform_at: The arrival of the last transform from `map`, steady seconds; None before the first one.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -85,22 +86,23 @@ class RobotEstimate:
         self._node, self._reports = node, value_reports(node)
         self._states: dict[str, LifecycleState] = {}
         self.clock = deadline_clock(node)
-        # However fast a simulation is: this is no limit for others.
+        # No limit on the speed of a simulation: this wait is not for other programs.
         self._own_time = NodeTime(node, steady=AWAKE.now)
         self._frames = ("", "")
         self._odometry_at = -math.inf
         self._slow_since: float | None = None
         self._transforms, self._has_own_transforms = b"", False
-        # Who localises by a simulated clock sends nothing while that stands still.
+        # A localisation with a simulated clock sends nothing while that stands still.
         self._clocked, self._transform_clocked_at = ClockedTime(node), -math.inf
         self._transform_at_sec = 0.0
         self._listeners: list[PoseListener] = []
         self._awaiting: list[Callable[[], None]] = []
         self._odometry_listeners: list[Callable[[], None]] = []
         latched = qos_profile(type(self).__name__, "transient_local")
-        # A robot that stands still, and may be held there, has said where before; AMCL says it again only when it has moved.
+        # A robot that stands still, and may be paused, has published its pose earlier. AMCL repeats it only after a
+        # movement.
         node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched)
-        # As they came: a message of a busy topic takes longer to read than to look through.
+        # Serialised: a message of a busy topic takes longer to deserialise than to scan.
         node.create_subscription(
             Odometry, "odometry/filtered", self._on_odometry, qos_profile_sensor_data, raw=True
         )
@@ -108,41 +110,41 @@ class RobotEstimate:
 
     @property
     def moves(self) -> bool | None:
-        """Whether the robot moves by the last odometry; None without fresh one."""
+        """Whether the robot moves according to the last odometry; None without recent odometry."""
         if AWAKE.now() - self._odometry_at > _FRESH_SEC:
             return None
         return self._slow_since is None
 
     @property
     def stands(self) -> bool | None:
-        """Whether the robot stands, and has for half a second; None without fresh odometry."""
+        """Whether the robot has been standing for half a second; None without recent odometry."""
         if self.moves is None or self._slow_since is None:
             return None if self.moves is None else False
         return self._own_time.now() - self._slow_since >= _STANDS_SEC
 
     @property
     def speed_in_words(self) -> str:
-        """What the last odometry says."""
+        """The speeds in the last odometry, in words."""
         return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
 
     def call_when_it_stands(self, listener: Callable[[], None]) -> None:
-        """Have a function called once, when the robot stands, unless it is withdrawn before."""
+        """Register a callback that is called once when the robot stands, unless it is withdrawn before."""
         self._awaiting.append(listener)
 
     def withdraw(self, listener: Callable[[], None]) -> None:
-        """Take back a function given to `call_when_it_stands`; nothing happens if it was called already."""
+        """Remove a callback that was given to `call_when_it_stands`; no effect after the call."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
 
     @property
     def is_localised(self) -> bool:
-        """Whether the localisation has said where the robot is, as a pose or by transforms."""
+        """Whether the localisation has published the robot's pose, as a message or by transforms."""
         return self.pose is not None or self.transform_at is not None
 
     def lost_transforms(self) -> str:
-        """Return in words that transforms from `map` have stopped; empty if they come, or never have.
+        """Return in words that transforms from `map` have stopped; empty if they arrive, or never have.
 
-        While simulated time stands still they are neither lost nor found: the clock is told alone.
+        While simulated time stands still they count neither as lost nor as found: only the clock is reported.
         """
         silent_sec = self._clocked.now() - self._transform_clocked_at
         if self.transform_at is None or silent_sec <= TRANSFORM_SEC:
@@ -155,24 +157,25 @@ class RobotEstimate:
         return LifecycleNodes([self.lifecycle(name) for name in DRIVING_NODES])
 
     def lifecycle(self, name: str) -> LifecycleState:
-        """Return what is known of a lifecycle node, by its relative name: the same object in every call."""
+        """Return the state of a lifecycle node by its relative name, one object for each name."""
         if name not in self._states:
             self._states[name] = LifecycleState(self._node, name)
         return self._states[name]
 
     def place(self) -> PlanarPose | None:
-        """Return where the robot is by its localisation, in the frame `map`; None if that is not known."""
+        """Return the last pose of the robot by its localisation, in the frame `map`; None if it is unknown."""
         return self._place_by_transforms() or self.pose
 
     def current_place(self) -> PlanarPose | None:
-        """Return where the robot is now, in the frame `map`; None if that is not known, or was known only before."""
+        """Return the current pose of the robot in the frame `map`; None if it is unknown or outdated."""
         if self.lost_transforms():
             return None
-        # Between two poses of the localisation, which come when the robot has moved, only fresh odometry leads on.
+        # Between two poses of the localisation, which arrive after movements, only recent odometry extends the last
+        # pose.
         return self.place() if self.moves is not None else self.pose
 
     def listen(self, listener: PoseListener) -> None:
-        """Have a function called with each usable pose of `amcl_pose` that comes from now on."""
+        """Register a callback for each usable pose of `amcl_pose` from now on."""
         self._listeners.append(listener)
 
     def _on_pose(self, message: Any) -> None:
@@ -188,7 +191,7 @@ class RobotEstimate:
             listener(pose)
 
     def listen_to_odometry(self, listener: Callable[[], None]) -> None:
-        """Have a function called whenever odometry has come."""
+        """Register a callback for odometry."""
         self._odometry_listeners.append(listener)
 
     def _on_odometry(self, message: bytes) -> None:
@@ -198,14 +201,14 @@ class RobotEstimate:
             listener()
 
     def _use(self, message: bytes) -> None:
-        """Use what odometry says, as far as it can be used.
+        """Use the values of odometry, as far as they are valid.
 
         Raises:
-            UnusableValueError: If some of it cannot.
+            UnusableValueError: If a value is invalid.
         """
         reading = read_odometry(message)
         stamp_age(reading.stamp_sec, self._node, _MAX_AGE_SEC)
-        # First: a robot that moves may have driven into what its pose is lost by.
+        # First the speed: the movement may be the reason why the pose is lost.
         self._on_speed(reading.usable_speed)
         self.odometry, self._frames = reading.usable_pose, (reading.frame, reading.child)
         if self.odometry_at_pose is None:
@@ -223,9 +226,9 @@ class RobotEstimate:
                 listener()
 
     def localisation_conflict(self) -> str:
-        """Describe why the localisation that is heard may be another robot's; empty if nothing says so.
+        """Describe why the received localisation may belong to another robot; empty if nothing indicates it.
 
-        Until that is settled the localisation is given no pose, and nobody is asked to give it one: it could be the other robot's.
+        Until this is settled no initial pose is sent or requested: the localisation could be the other robot's.
         """
         graph = ros_graph(self._node)
         conflict = graph.foreign_localisation() or frame_sources(self._node).conflict()
@@ -242,7 +245,7 @@ class RobotEstimate:
 
     @property
     def hears_others(self) -> bool:
-        """Whether all transforms from `map` lead to frames of other robots, as far as this one's odometry says it."""
+        """Whether all transforms from `map` lead to other robots' frames, judging by this robot's odometry."""
         knows = self.odometry is not None and self.transform_at is not None
         return knows and not self._has_own_transforms and bool(ros_graph(self._node).other_robots())
 
@@ -252,13 +255,13 @@ class RobotEstimate:
             self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
 
     def _is_of_another_robot(self, message: bytes) -> bool:
-        """Return whether transforms lead to none of this odometry's frames, although others do: robots may share `/tf`."""
+        """Return whether transforms lead to none of this odometry's frames but to others: robots may share `/tf`."""
         leads_here = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
         self._has_own_transforms = self._has_own_transforms or leads_here
         return self._has_own_transforms and not leads_here
 
     def _place_by_transforms(self) -> PlanarPose | None:
-        """Return the place by the last transform from `map`, and by the odometry if that leads to its frame."""
+        """Return the pose from the last transform from `map`, extended by the odometry if that leads to its frame."""
         from rclpy.serialization import deserialize_message
         from tf2_msgs.msg import TFMessage
 
@@ -270,10 +273,10 @@ class RobotEstimate:
         return None
 
     def _placed_by(self, message: Any) -> PlanarPose | None:
-        """Return the place by a transform; None if it is not from `map`, or not to a frame of the odometry.
+        """Return the pose from a transform; None if it is not from `map`, or not to a frame of the odometry.
 
         Raises:
-            UnusableValueError: If its numbers are none, or it is from another time.
+            UnusableValueError: If its numbers are invalid, or it is outdated.
         """
         transform, odometry = read_transform(message), self.odometry
         if transform.parent != MAP_FRAME or transform.child not in self._frames or odometry is None:
@@ -296,13 +299,13 @@ def robot_estimate(node: "Node") -> RobotEstimate:
 
 
 class Standstill:
-    """Waits while the odometry says that the robot moves, for `settle_timeout_sec` at most; without odometry not at all.
+    """Waits while the odometry shows a movement, for `settle_timeout_sec` at most; not at all without odometry.
 
     Args:
-        leaf: The leaf, which is set up; it says what it waits for, and that it has waited in vain.
+        leaf: The leaf after its setup; it logs the wait, and a wait in vain.
         wake: Requests a tick.
-        since: What the robot is to stand after, in words.
-        with_goals: Whether the goals of the leaf's node must have ended as well; else those of the caller have.
+        since: The event after which the robot must stand, in words.
+        with_goals: Whether the goals of the leaf's node must have ended as well; else only the caller's.
     """
 
     def __init__(self, leaf: RosLeaf, wake: Wake, since: str, *, with_goals: bool = False) -> None:
@@ -313,7 +316,7 @@ class Standstill:
         self._told = False
 
     def is_awaited(self) -> bool:
-        """Return whether the wait goes on: the robot moves, or a goal may be active, and there is time."""
+        """Return whether to continue waiting: the robot moves or a goal may be active, and time is left."""
         moves = self._robot.stands is False
         if not moves and not (self._goals is not None and self._goals.may_be_active):
             if self._due is not None:
@@ -324,10 +327,10 @@ class Standstill:
             self._due = Deadline(self._robot.settle_timeout_sec, self._robot.clock)
             self._robot.call_when_it_stands(self._wake)
             self._leaf.feedback_message = "waiting for the robot to stand"
-        # The clock is read once: a limit that passed between two readings would end the wait without its warning.
+        # Read the clock once: a limit that passes between two readings would end the wait without its warning.
         has_passed = self._due.passed
         if has_passed and not self._told:
-            # Once: each line would have another speed.
+            # Log it once: each line would have another speed.
             self._told = True
             what = (
                 f"the robot still moves ({self._robot.speed_in_words})" if moves else "a goal may be active"
@@ -339,5 +342,5 @@ class Standstill:
         return not has_passed
 
     def give_up(self) -> None:
-        """Wait no longer: no tick is requested any more when the robot stands."""
+        """Stop waiting; no tick is requested any more when the robot stands."""
         self._robot.withdraw(self._wake)

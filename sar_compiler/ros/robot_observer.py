@@ -1,4 +1,4 @@
-"""What a robot says of itself during a mission, in the mission's journal: pose, plan, map, and the log."""
+"""Record a robot's messages during a mission in the mission's journal: pose, plan, map, and log."""
 
 import base64
 import math
@@ -36,9 +36,9 @@ from sar_compiler.ros.message_values import (
 )
 from sar_compiler.ros.robot_estimate import robot_estimate
 
-# Of a greater map not every cell is drawn.
+# Of a larger map only some cells are drawn.
 _CELLS = 4_000_000
-# As map_saver draws: white where it is free, black where it is occupied, and a grey for what is not known.
+# As map_saver draws: white for free cells, black for occupied ones, and a grey for unknown ones.
 _UNKNOWN = 205
 _GREY = bytes(254 - 254 * cell // 100 if cell <= 100 else _UNKNOWN for cell in range(256))  # noqa: PLR2004
 
@@ -47,20 +47,20 @@ def grid_image(message: Any) -> tuple[int, int, int, bytes] | None:
     """Return a `nav_msgs/msg/OccupancyGrid` as a PNG whose upper edge is the highest y.
 
     Returns:
-        Width and height in pixels, how many cells a pixel is wide and high, and the file; None if it is no map.
+        Width and height in pixels, the cells for each pixel's width and height, and the file; None for an invalid map.
     """
     width, height = message.info.width, message.info.height
     cells = bytes(memoryview(message.data).cast("B"))
     if not cells or len(cells) != width * height:
         return None
     step = 1
-    # A map of a single row stays one.
+    # A map of a single row stays a single row.
     while max(1, width // step) * max(1, height // step) > _CELLS:
         step += 1
     pixels = cells.translate(_GREY)
     wide, high = max(1, width // step), max(1, height // step)
     starts = (row * step * width for row in reversed(range(high)))
-    # Each row begins with its filter: none.
+    # Each row starts with its filter: none.
     rows = b"".join(b"\0" + pixels[start : start + wide * step : step] for start in starts)
     return wide, high, step, _png(wide, high, zlib.compress(rows, 6))
 
@@ -74,15 +74,15 @@ def _png(width: int, height: int, data: bytes) -> bytes:
     )
 
 
-# At most one in so many seconds of the node's clock; while a map is being made there is one after the other.
+# Minimum interval, seconds of the node's clock: a map in progress is published continuously.
 _PERIODS_SEC = {POSE: 1.0, PLAN: 1.0, MAP: 10.0, BATTERY: 1.0}
 # A plan has a point every few centimetres; a drawing needs fewer.
 _POINTS = 200
-# How often it is looked for what was not due when it came, in seconds of the node's clock.
+# Interval between checks for postponed messages, in seconds of the node's clock.
 _LOOK_SEC = 0.5
-# Before its node has read a burst of the log, so many lines are kept.
+# The number of lines that are queued until the node reads a burst of the log.
 _LINES = 200
-# Anybody can write to the log: of a line so many characters are written down, of other nodes so many lines from look to look.
+# Any node can write to the log: limits for the characters of a line, and for other nodes' lines between two checks.
 _LONGEST, _OTHERS = 2000, 20
 
 
@@ -100,7 +100,7 @@ class RobotObserver:
 
     Args:
         node: The mission's node.
-        journal: Where it is written.
+        journal: The journal to write to.
     """
 
     def __init__(self, node: Node, journal: Journal) -> None:
@@ -121,7 +121,7 @@ class RobotObserver:
         for message, topic, take, qos in (
             (Path, "plan", partial(self._take, PLAN), QoSProfile(depth=1)),
             (OccupancyGrid, "map", partial(self._take, MAP), latched),
-            # As drivers publish it, reliably or not.
+            # Matches drivers that publish reliably and those that do not.
             (
                 BatteryState,
                 "battery_state",
@@ -147,7 +147,7 @@ class RobotObserver:
         self._tell(kind)
 
     def _look(self) -> None:
-        """Write the latest message that was not due yet: while the robot stands still no other one follows."""
+        """Record the latest postponed message: while the robot stands still, no other one follows."""
         for kind in tuple(self._newest):
             self._tell(kind)
         if self._robot.lacks != self._lacks:
@@ -155,7 +155,7 @@ class RobotObserver:
             self._journal.watch(LACKS, text=self._lacks)
         left_out, self._others = self._others - _OTHERS, 0
         if left_out > 0:
-            text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are left out."
+            text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are omitted."
             self._journal.watch(LOG, node=self._name, level=Log.WARN, text=text)
 
     def _tell(self, kind: str) -> None:
@@ -176,7 +176,7 @@ class RobotObserver:
         if (place := self._reports.read("Topic 'map'", lambda: grid_place(message))) is None:
             return
         said = (*place, zlib.crc32(message.data))
-        # To draw a map takes its time in the thread that ticks, so the same one is not drawn again.
+        # Drawing a map takes time in the thread that ticks, so the same map is not drawn again.
         if said == self._map or (drawn := grid_image(message)) is None:
             return
         self._map = said
@@ -204,7 +204,7 @@ class RobotObserver:
 
     def _is_due(self, kind: str) -> bool:
         now = self._journal.clock.now()
-        # A clock that was set back begins anew.
+        # After a clock was set back, the interval starts over.
         if self._due[kind] - _PERIODS_SEC[kind] <= now < self._due[kind]:
             return False
         self._due[kind] = now + _PERIODS_SEC[kind]

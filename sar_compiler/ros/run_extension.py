@@ -1,4 +1,4 @@
-"""Extensions of a run, which keep, show, record, publish or guard it."""
+"""Extensions of a run, which store, show, record, publish or guard it."""
 
 from typing import TYPE_CHECKING
 
@@ -11,45 +11,46 @@ if TYPE_CHECKING:
 
 
 class UnfitLeavesError(SarError):
-    """An extension needs something that the leaves of the tree do not do."""
+    """An extension needs an ability that the leaves of the tree do not have."""
 
 
 class RunExtension:
-    """Is called at each stage of a run, in the thread that ticks its tree; each method may be left out.
+    """Called at each stage of a run, in the thread that ticks its tree; each method is optional.
 
-    It is made before the mission takes over the facts of its journal: what is done only for listeners, who have `on_entry`, is decided then.
+    It is created before the mission restores the state in its journal. Whether the journal needs to prepare data for
+    listeners, who have `on_entry`, is decided then.
     """
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
-        """Take the tree, and what will tick it once all that it needs is there.
+        """Receive the tree and the engine that will tick it once all requirements are fulfilled.
 
         Raises:
-            SarError: If this cannot be; then the run ends before it has begun.
+            SarError: If the extension cannot be used. The run then ends before it starts.
         """
 
     def on_begin(self) -> None:
-        """Let the tree be ticked from here on; the journal is called first.
+        """Allow ticking from now on; the journal is called first.
 
         Raises:
             JournalError: If the journal cannot be written.
         """
 
     def on_setup(self) -> None:
-        """Note that the leaves are set up, with their services; the first tick comes next.
+        """Handle the end of the setup of leaves and their services; the first tick comes next.
 
         Raises:
-            UnfitLeavesError: If the run cannot be with these leaves; then it ends before that.
+            UnfitLeavesError: If the run is impossible with these leaves. It then ends before the first tick.
         """
 
     def on_entry(self, entry: "JournalEntry") -> None:
-        """Take an entry of the run's journal, from `run_began` to `run_ended`; return at once."""
+        """Handle an entry of the run's journal, from `run_began` to `run_ended`; return at once."""
 
     def on_last_tick(self, *, is_over: bool) -> None:
-        """Note that nothing is ticked any more, before the tree is stopped. *is_over* says whether the run is over by its own condition."""
+        """Handle the end of ticking, before the tree is stopped. *is_over*: whether the run met its own end condition."""
 
     def cause_of_failure(self) -> str:
-        """Return the likeliest cause of a failure in a line; empty where it does not know one."""
+        """Return the likeliest cause of a failure in a line; empty if unknown."""
         return ""
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Come to an end. *has_begun* says whether the tree was ticked, so that there is anything to tell of."""
+        """Close the extension. *has_begun*: whether the tree was ticked, so that there is a result to report."""

@@ -1,9 +1,8 @@
-"""Ticking a tree on a ROS node, in the thread of its executor.
+"""Tick a tree on a ROS node, in the thread of its executor.
 
-The interface is that of `py_trees_ros.trees.BehaviourTree`, so that a tree and the program around it
-run with either. In addition, the tree is ticked at once when a leaf has news
-(`runtime.leaf_protocol`), it is still ticked while the node's clock is stopped, and it is always stopped
-from the root, so that a robot is not left driving.
+The interface is that of `py_trees_ros.trees.BehaviourTree`, so a tree and its program run with either. In addition, a
+leaf with a new result triggers a tick at once (`runtime.leaf_protocol`), and the tree is still ticked while the node's
+clock is stopped. It is always stopped from the root, so that no robot is left driving.
 """
 
 import atexit
@@ -44,7 +43,7 @@ from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
 class Beat:
-    """Ticks by a node's clock where that is simulated time, and by the steady clock where it is not, or is stopped.
+    """Ticks by a node's simulated clock, or by the steady clock if time is not simulated or has stopped.
 
     Args:
         node: The node whose clock is used.
@@ -76,10 +75,10 @@ class Beat:
             timer.cancel()
             self._node.destroy_timer(timer)
         except Exception as error:  # noqa: BLE001
-            self._node.get_logger().debug(f"a timer could not be given back: {error_text(error)}")
+            self._node.get_logger().debug(f"a timer could not be destroyed: {error_text(error)}")
 
     def _look(self) -> bool:
-        """Follow the node's clock, simulated or not; return whether there was no tick in it and it was stopped since the last call."""
+        """Follow the node's clock; return whether it has stopped and did not tick since the last call."""
         clock = self._node.get_clock()
         if clock.ros_time_is_active != self._is_simulated:
             self._is_simulated = not self._is_simulated
@@ -118,15 +117,15 @@ class SetupTimeoutError(SarError, RuntimeError):
 
 
 class _TaskGuard:
-    """Stands in for a guard condition where an executor has none: rclpy's experimental `EventsExecutor`."""
+    """Replaces a guard condition if an executor does not support them: rclpy's experimental `EventsExecutor`."""
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._node = node
         self._callback = callback
 
     def trigger(self) -> None:
-        """Have the callback called."""
-        executor: Any = self._node.executor  # of now
+        """Call the callback in the executor."""
+        executor: Any = self._node.executor  # the current one
         if executor is not None:
             call_soon(executor, self._callback)
 
@@ -214,7 +213,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         atexit.register(self._end_with_program)
 
     def _make_guard(self, node: Node) -> Any:
-        """Return what has `_on_wake` called by the node's executor, whichever thread or signal handler triggers it."""
+        """Return a trigger that calls `_on_wake` in the node's executor, from any thread or signal handler."""
         executor: Any = node.executor
         if executor is None or isinstance(executor, Executor):
             return node.create_guard_condition(self._on_wake)
@@ -250,8 +249,9 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             number_of_iterations: The number of ticks, including woken ones; by default without a limit.
             pre_tick_handler: Called before every tick, before the handlers that were added.
             post_tick_handler: Called after every tick, after the handlers that were added.
-            until: The statuses of the root at which ticking ends, by default none: the tree begins anew at the next tick, which changes
-                `last_status`. Then `running` is False, and `last_status` keeps that status.
+            until: The statuses of the root at which ticking ends. By default there are none: the tree starts over at
+                the next tick, which changes `last_status`. At the end `running` is False, and `last_status` keeps that
+                status.
 
         Raises:
             RuntimeError: If `setup` was not called, or the tree was stopped already.
@@ -261,7 +261,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         if self.node is None:
             raise RuntimeError("call setup() before tick_tock()")
         if not period_ms > 0:
-            raise ValueError(f"the period between ticks must be above 0 ms, is {period_ms}")
+            raise ValueError(f"the period between ticks must be above 0 ms, not {period_ms}")
         self._pause()
         self._handlers = (pre_tick_handler, post_tick_handler)
         self._ticks_left = number_of_iterations
@@ -277,7 +277,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         pre_tick_handler: TickHandler | None = None,
         post_tick_handler: TickHandler | None = None,
     ) -> None:
-        """Tick once, or go on with a paused tick. A leaf's exception is raised here; `tick_tock` keeps it in `failure`.
+        """Tick once, or continue a paused tick. An exception of a leaf is raised here; `tick_tock` stores it in `failure`.
 
         Raises:
             RuntimeError: If the tree was stopped already.
@@ -304,7 +304,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def _tick(
         self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None
     ) -> Generator[None, None, None]:
-        """Tick as py_trees' class does, but node by node; yield where the tick is paused."""
+        """Tick as py_trees' class does, but node by node; yield if the tick is paused."""
         for handler in (pre_tick_handler, *self.pre_tick_handlers):
             if handler is not None:
                 handler(self)
@@ -387,8 +387,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def shutdown(self) -> None:
         """Stop the tree and release its resources; never raises, may be called again.
 
-        Where ROS has been shut down before, as by rclpy's handlers of signals, goals that are under way are canceled from a context of
-        its own, and their ends are awaited for some seconds.
+        If ROS was shut down before, as by rclpy's signal handlers, active goals are canceled from a context of its own,
+        and their ends are awaited for some seconds.
         """
         self.stop()
         atexit.unregister(self._end_with_program)
@@ -400,12 +400,12 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         node, guard, self._guard = self.node, self._guard, None
         if node is None or guard is None:
             return
-        self._try(lambda: node.destroy_guard_condition(guard), "the runner's guard could not be given back")
+        self._try(lambda: node.destroy_guard_condition(guard), "the runner's guard could not be destroyed")
         if self._owns_node:
-            self._try(node.destroy_node, "the node could not be given back")
+            self._try(node.destroy_node, "the node could not be destroyed")
 
     def _end_with_program(self) -> None:
-        """Shut down at the end of a program that has not done so."""
+        """Shut down at the end of a program that did not do so."""
         self.shutdown()
         self._cancel_what_is_left()
 
@@ -417,12 +417,12 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             active = self._cancel_apart(SETTLE_SEC)
             self._cancel_apart = _cancel_nothing
 
-        self._try(cancel, "what is under way could not be canceled, and the robot may still be moving")
+        self._try(cancel, "active goals could not be canceled. The robot may still be moving")
         for action in active:
             tell(self.node, f"{action} does not end its goal: the robot may still be moving")
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
-        """Try one of several steps that must all be tried, even if the context is shut down."""
+        """Run one of several steps that must all run, even if the context is shut down."""
         try:
             action()
         except Exception as error:  # noqa: BLE001
@@ -430,7 +430,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
     def _require_not_stopped(self) -> None:
         if self._stopped:
-            raise RuntimeError("a stopped tree is not ticked again")
+            raise RuntimeError("a stopped tree cannot be ticked again")
 
     def _trigger(self) -> None:
         guard = self._guard
@@ -438,7 +438,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             if guard is not None:
                 guard.trigger()
         except (InvalidHandle, RuntimeError):
-            pass  # Destroyed in another thread meanwhile: there is no executor left to wake.
+            pass  # Destroyed in another thread meanwhile: no executor is left to wake.
 
     def _on_wake(self) -> None:
         if self.interrupt_tick_tocking:
@@ -447,7 +447,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self._tick_now()
 
     def _tick_now(self) -> None:
-        """Tick from a callback of the executor, where no exception may be raised."""
+        """Tick from a callback of the executor, which must not raise an exception."""
         if not self._running:
             return
         self._woken = False
@@ -466,7 +466,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def _fail(self, error: Exception) -> None:
         if isinstance(
             error.__cause__, StopIteration
-        ):  # which Python lets no generator pass on, such as `_tick`
+        ):  # Python does not let a generator such as `_tick` pass it on
             error = error.__cause__
         self.failure = error
         self.failed_behaviour = tell_failure(self.node, error)
@@ -485,7 +485,7 @@ def _cancel_nothing(limit_sec: float) -> Sequence[str]:  # noqa: ARG001
 
 
 def _show(visits: list[Visit], visitors: list[VisitorBase]) -> None:
-    """Show the nodes that were ticked, each once."""
+    """Show each ticked node once."""
     ticked, visits[:] = visits[:], []
     for node in show_visits(ticked):
         for visitor in visitors:

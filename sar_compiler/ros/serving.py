@@ -1,4 +1,4 @@
-"""A server as a command: a node that is spun until it is stopped; and a node that is spun beside something else."""
+"""Run a server as a command, which spins its node until it is stopped, or spin a node in the background."""
 
 import faulthandler
 import sys
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
     from rclpy.context import Context
     from rclpy.node import Node
 
-# A signal is noticed between two turns of the executor.
+# A signal is handled between two turns of the executor.
 _TURN_SEC = 0.1
 # On a busy machine, one destruction of a node in a hundred hangs in DDS, and blocks all other threads.
 _TAKING_DOWN_SEC = 10.0
 
 NodeFactory = Callable[["Context", list[str]], "Node"]
-"""Creates the node in a context, with arguments of its own."""
+"""Creates the node in a context, with the node's own arguments."""
 
 
 def server_parser(prog: str, description: str) -> CommandParser:
-    """Return the parser of a server's command, which has no arguments but those of ROS."""
+    """Return the parser of a server's command, which has only ROS arguments."""
     parser = CommandParser(
         prog,
         description,
-        epilog="What follows --ros-args is ROS's: -p name:=value, -r from:=to, --params-file FILE. "
+        epilog="ROS arguments follow --ros-args: -p name:=value, -r from:=to, --params-file FILE. "
         "Ctrl-C or SIGTERM end it, with status 0.",
     )
     add_version(parser)
@@ -51,7 +51,7 @@ def serve(make_node: NodeFactory, prog: str, description: str, argv: Sequence[st
         line, or if ROS is not installed. If DDS does not release the node, the process exits after 10 s with
         status 1 and reports on standard error where it hung.
     """
-    # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
+    # Before any slow step, so that Ctrl-C ends the command cleanly from its first moment.
     signals = StopSignals()
     parser = server_parser(prog, description)
     split = split_arguments(sys.argv[1:] if argv is None else argv)
@@ -82,7 +82,7 @@ def _run(make_node: NodeFactory, ros: Sequence[str], stopped: Callable[[], bool]
 
 @contextmanager
 def spinning_node(name: str) -> "Iterator[Node]":
-    """Yield a node that is spun in a thread of its own."""
+    """Yield a node that is spun in a background thread."""
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 

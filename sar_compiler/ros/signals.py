@@ -11,30 +11,31 @@ from typing import NoReturn
 from sar_compiler.process_end import end_at_once
 
 _NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# Signals that come together are one request: a terminal that is closed sends two, and so does `timeout`.
+# Signals that arrive together are one request: closing a terminal sends two, and so does `timeout`.
 _TOGETHER_SEC = 0.5
 UNNOTICED_SEC = 1.0
-"""How long a request to stop may stay unnoticed, steady seconds."""
-# How long what is done before a hurried end may take, seconds.
+"""The time in which a request to stop must be noticed, steady seconds."""
+# Time limit for the last steps before an immediate end, seconds.
 _LAST_WORDS_SEC = 1.0
 
 
 class StopSignals:
-    """Records that the process was asked to stop; handles the signals from its creation on.
+    """Records requests to stop the process; handles the signals from its creation on.
 
-    rclpy's own handlers would shut ROS down in the middle of a callback, before a goal in flight could be
-    cancelled; Python's own raises `KeyboardInterrupt` at an arbitrary place. A signal that whoever started the
-    process has turned off (`nohup`) stays so.
+    rclpy's own handlers would shut ROS down in the middle of a callback, before an active goal could be cancelled.
+    Python's own raises `KeyboardInterrupt` at an arbitrary point. A signal that was ignored at the start of the process
+    (`nohup`) stays ignored.
 
-    The first signal asks for an end in order. The second SIGINT or SIGTERM ends the process, whatever its main thread
-    is doing: a thread of its own listens. Only what keeps Python's interpreter lock to itself is not interrupted.
+    The first signal requests an orderly end. The second SIGINT or SIGTERM ends the process, whatever its main thread is
+    doing, because a separate thread listens. Only code that holds Python's interpreter lock is not interrupted.
 
     Attributes:
-        came_at: When the process was asked to stop, steady seconds; None until then.
-        is_noticed: Whether anybody has learned of it by `came`.
-        ends_unnoticed: Whether a request that nobody has learned of after 1 s ends the process: while it starts, there is nothing to cancel.
-        last_words: Called in that thread before a hurried end, which it can delay by 1 s at most; returns the exit status of
-            that end, or None for the signal's.
+        came_at: The time of the first request to stop, steady seconds; None before.
+        is_noticed: Whether the program has seen the request by `came`.
+        ends_unnoticed: Whether a request that stays unnoticed for 1 s ends the process: during the start there is
+            nothing to cancel.
+        last_words: Called in that thread before an immediate end, which it can delay by 1 s at most; returns the exit
+            status of that end, or None for the signal's.
     """
 
     def __init__(self) -> None:
@@ -44,7 +45,7 @@ class StopSignals:
         self._number = self._own = 0
         self._interrupts = False
         self._came = threading.Event()
-        # Python writes the number of each signal here as it arrives, not only when the main thread gets to it.
+        # Python writes the number of each signal here on arrival, even if the main thread is busy.
         self._ear, mouth = socket.socketpair()
         mouth.settimeout(0.0)  # it never blocks
         self._mouth = mouth
@@ -59,7 +60,7 @@ class StopSignals:
 
     @property
     def came(self) -> bool:
-        """Whether the process was asked to stop."""
+        """Whether the process was requested to stop."""
         self.is_noticed = self._came.is_set()
         return self.is_noticed
 
@@ -69,11 +70,11 @@ class StopSignals:
         return 128 + self._number
 
     def wait(self, timeout_sec: float) -> bool:
-        """Wait until the process is asked to stop, with a time limit in seconds; return whether it was."""
+        """Wait for a request to stop, with a time limit in seconds; return whether there was one."""
         return self._came.wait(timeout_sec)
 
     def interrupt_main(self) -> None:
-        """Raise `KeyboardInterrupt` in the main thread, also where that waits for something else than an executor."""
+        """Raise `KeyboardInterrupt` in the main thread, even if it waits for something else than an executor."""
         number = next(iter(self._before), None)
         if number is not None:
             self._interrupts, self._own = True, number
@@ -102,7 +103,7 @@ class StopSignals:
         self._ear.close()
 
     def _heard(self) -> bytes:
-        """Return the numbers of the signals that come next; empty once no more are listened to."""
+        """Return the numbers of the next signals; empty after listening has ended."""
         try:
             return self._ear.recv(64)
         except TimeoutError:
@@ -116,7 +117,7 @@ class StopSignals:
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
     def _let_go(self, _number: int, _frame: FrameType | None) -> None:
-        """Interrupt the main thread if that is wanted; else system calls go on waiting, and the listening thread receives the signal."""
+        """Interrupt the main thread if requested; else system calls continue, and the listening thread gets the signal."""
         if self._interrupts:
             self._interrupts = False
             raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""One mission for a robot: each says in the ROS graph which actions it drives, and heeds what others say."""
+"""Allow only one mission for a robot: each mission claims its actions in the ROS graph and respects other claims."""
 
 import json
 import math
@@ -18,25 +18,25 @@ from sar_compiler.errors import SarError
 from sar_compiler.ros.graph_queries import ros_graph
 from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 
-# How long to look for another mission before the first message that changes anything, seconds, from when the last node came
-# into sight: twice what half of the participants take to meet.
+# How long to look for another mission before the first message with an effect, seconds, after the last node was
+# discovered: twice the time in which half of the participants discover each other.
 LOOK_SEC = 1.0
-# Where nodes keep coming, so many times that.
+# The maximum, as a multiple, if nodes keep appearing.
 _LONGEST_LOOK = 10.0
 CLAIMS = "/_mission"
-"""How the topic of claims to an action ends."""
+"""Suffix of the topic for claims to an action."""
 
-# What somebody else writes is shown up to this length.
+# Texts of other nodes are shown up to this length.
 _SHOWN = 80
-# So many other missions are kept and told: whoever is in the domain can claim as often as he likes.
+# The number of other missions that are stored and reported: any node in the domain can send any number of claims.
 _MOST = 8
 
 
 class AnotherMissionError(SarError):
-    """Another mission drives this robot already.
+    """Another mission already drives this robot.
 
     Attributes:
-        claim: What it says of itself.
+        claim: The claim of the other mission.
     """
 
     def __init__(self, claim: "MissionClaim") -> None:
@@ -47,12 +47,12 @@ class AnotherMissionError(SarError):
 
 
 class MissionClaim(NamedTuple):
-    """What a mission says of itself.
+    """A mission's claim to an action, with the identity of its process.
 
     Attributes:
         action: The action that it drives.
         runs: Whether its tree is ticked.
-        since: When it began, nanoseconds of its machine's clock.
+        since: The start of the mission, nanoseconds of its machine's clock.
         key: Distinguishes it from any other.
         node: The full name of its node.
         host: The machine's name.
@@ -68,25 +68,26 @@ class MissionClaim(NamedTuple):
     pid: int
 
     def describe(self) -> str:
-        """Return who it is, in words, with unprintable characters escaped."""
+        """Return the mission's identity in words, with unprintable characters escaped."""
         node, host = (ascii(text[:_SHOWN])[1:-1] for text in (self.node, self.host))
         return f"node {node} (process {self.pid} on {host})"
 
     def goes_before(self, other: "MissionClaim") -> bool:
-        """Return whether the other has to give way: one that runs goes first, then the older one."""
+        """Return whether the other must give way: a running mission has priority, then the older one."""
         return (not self.runs, self.since, self.key) < (not other.runs, other.since, other.key)
 
 
 class SoleMission(Requirement):
-    """The claim of a mission to the actions that it drives, and those of others.
+    """A mission's claims to the actions that it drives, and the claims of others.
 
-    A claim is a message that is kept for late subscribers, so it is there exactly as long as its process lives.
+    A claim is a message that is kept for late subscribers, so it exists exactly as long as its process.
 
     Args:
         node: The mission's node.
         actions: The actions, with resolved or relative names.
-        look_sec: How long to look for others at first, seconds; anew when a node comes into sight, with which a mission may.
-        claims: Whether to claim them, or only to look.
+        look_sec: How long to look for others before the start, seconds. The time restarts when a node appears, because
+            that may be a mission's.
+        claims: Whether to claim the actions, or only to look.
     """
 
     ends_by_itself = True
@@ -100,7 +101,7 @@ class SoleMission(Requirement):
         self._clear_at = self._looks_since + look_sec
         self._others: dict[str, MissionClaim] = {}
         self._told: set[str] = set()
-        # When another node of this name was first seen: infinity for not yet, None once it was told.
+        # When another node of this name was first seen: infinity before, None after the report.
         self._named_since: float | None = math.inf
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         own = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -124,10 +125,10 @@ class SoleMission(Requirement):
         self._publish()
 
     def missing(self) -> str | None:
-        """Describe that the look around is not over; None once it is.
+        """Describe that the search for other missions continues; None at its end.
 
         Raises:
-            AnotherMissionError: If another mission goes before this one.
+            AnotherMissionError: If another mission has priority.
         """
         rival = self._rival()
         if rival is not None:
@@ -136,7 +137,7 @@ class SoleMission(Requirement):
         return "looking for another mission on this robot" if looks else None
 
     def _looks_around(self) -> bool:
-        """Return whether a mission may be there that was not heard yet: on a busy machine nodes meet late."""
+        """Return whether a mission may exist whose claim has not arrived: nodes meet late on a busy machine."""
         now, nodes = time.monotonic(), ros_graph(self._node).nodes()
         if nodes - self._seen:
             self._seen |= nodes
@@ -153,20 +154,20 @@ class SoleMission(Requirement):
         self._publish()
 
     def trouble(self) -> str:
-        """Return why this mission has to give way, while it runs; empty if it need not. Reports who else has come."""
+        """Return the reason why this mission must give way while it runs; empty if none. Reports new missions."""
         for key in self._others.keys() - self._told:
             self._told.add(key)
             self._node.get_logger().warning(
-                f"Another mission wants this robot: {self._others[key].describe()}."
+                f"Another mission claims this robot: {self._others[key].describe()}."
             )
             if len(self._told) == _MOST:
-                self._node.get_logger().warning("No more missions that want this robot are told.")
+                self._node.get_logger().warning("Further missions that claim this robot are not reported.")
         self._look_for_namesake()
         rival = self._rival()
         return "" if rival is None else str(AnotherMissionError(rival))
 
     def _look_for_namesake(self) -> None:
-        """Report once that another node has this one's name: parameters and orders reach either of the two."""
+        """Report once that another node has this name: parameters and commands reach only one of the two."""
         own, now = self._mine.node, time.monotonic()
         if self._named_since is None:
             return
@@ -177,7 +178,7 @@ class SoleMission(Requirement):
         elif now - self._named_since > SHADOW_SEC:
             self._named_since = None
             self._node.get_logger().warning(
-                f"Another node is called {own}, too: what is sent to its parameters and services reaches one of the two. "
+                f"Another node is also called {own}: parameters and commands reach only one of the two. "
                 "Give this one another name: --ros-args -r __node:=NAME"
             )
 
@@ -194,7 +195,7 @@ class SoleMission(Requirement):
         if claim is None or claim.key == self._mine.key:
             return
         if len(self._others) >= _MOST and claim.key not in self._others:
-            # One that goes before this mission is all that matters.
+            # Only a claim with priority matters.
             if self._rival() is not None or not claim.goes_before(self._mine):
                 return
             self._told.add(claim.key)
@@ -203,7 +204,7 @@ class SoleMission(Requirement):
 
 
 def parse_claim(text: str) -> MissionClaim | None:
-    """Return the claim that a message holds; None if it holds none."""
+    """Return the claim in a message; None if it contains none."""
     try:
         said: Any = json.loads(text)
         claim = MissionClaim(**said)

@@ -1,9 +1,10 @@
-"""Watching that the executor which ticks a tree turns: a leaf that blocks is named, and what it keeps from being canceled is canceled.
+"""Detect that the executor which ticks a tree is blocked, report the blocking leaf, and cancel the goals.
 
-A leaf that waits in `update()` keeps the thread in which everything happens: no time limit, no answer, no command and no Ctrl-C
-counts meanwhile, and the robot drives on. A timer of the node is the heartbeat. A thread of its own sees that it stops, and where:
-Python shows the stack of every thread. A leaf that keeps the interpreter lock stops this thread as well; then the guardian, a process
-that hears of the heartbeats, does the same (`ros.guardian`), and reads the stack that Python's fault handler, which needs no lock, has written.
+A leaf that waits in `update()` blocks the thread that does everything: no time limit, answer, command or Ctrl-C takes
+effect meanwhile, and the robot drives on. A timer of the node sends heartbeats. A separate thread detects that they
+stop, and where: Python shows the stack of every thread. A leaf that holds the interpreter lock stops this thread as
+well. Then the guardian, a process that receives the heartbeats, does the same (`ros.guardian`). It reads the stack that
+Python's fault handler, which needs no lock, has written.
 """
 
 import faulthandler
@@ -29,23 +30,24 @@ from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.tree.showing import in_one_line
 
 _PERIOD_SEC, _LOOK_SEC = 0.5, 0.2
-# A look that comes later by so much was a standstill of the whole process, of which no leaf is to blame; seconds.
+# A check that is late by this much shows a standstill of the whole process, for which no leaf is to blame; seconds.
 _OWN_PAUSE_SEC = 0.5
-# How long the goals have to end after they were told to, steady seconds.
+# How long the goals have to end after the request to cancel, steady seconds.
 _TRYING_SEC = 10.0
 
 
 class TickWatch:
-    """Watches that the executor of a node turns, as long as it is entered.
+    """Checks that the executor of a node turns, for as long as its context is entered.
 
     Args:
         node: The node, whose executor ticks the tree.
         root: The tree.
-        cancel: Cancels the node's goals after the limit; None where that is not wanted, as in a simulation.
+        cancel: Cancels the node's goals after the limit; None if that is not wanted, as in a simulation.
         cancel_sec: The limit, steady seconds.
         signals: The requests to stop.
-        end: Ends the process as asked, from the watching thread, because the one that ticks is blocked; is given where.
-        settle_sec: How long that thread may be blocked once it has noticed the request, steady seconds.
+        end: Ends the process after a signal, from the watching thread, if the ticking one is blocked; called with the
+            blocking location.
+        settle_sec: How long the ticking thread may be blocked after it has noticed the signal, steady seconds.
         on_beat: Called in the executor's thread with each heartbeat.
 
     Attributes:
@@ -77,14 +79,14 @@ class TickWatch:
         self._stack = os.memfd_create("stacks") if self._heartbeats.are_heard else None
 
     def __enter__(self) -> None:
-        """Watch from here on."""
+        """Start watching."""
         self._timer = steady_timer(self._node, _PERIOD_SEC, self._on_timer)
         self._beat()
         self._watcher = threading.Thread(target=self._watch, name="tick watch", daemon=True)
         self._watcher.start()
 
     def __exit__(self, *_: object) -> None:
-        """Watch no more."""
+        """Stop watching."""
         self._is_over.set()
         self._watcher.join(_OWN_PAUSE_SEC)  # it may be waiting for the ends of goals
         self._heartbeats.report(Heartbeat())
@@ -99,7 +101,7 @@ class TickWatch:
         self._on_beat()
 
     def _beat(self) -> None:
-        """Note that the executor turns; called in its thread."""
+        """Record that the executor turns; called in its thread."""
         self._beat_at, self._thread = time.monotonic(), threading.get_ident()
         if self._stack is None:
             return
@@ -127,8 +129,8 @@ class TickWatch:
             self._is_reported = True
             self._heartbeats.report(Heartbeat(self._cancel_sec, is_reported=True))
             self._logger.error(
-                f"Nothing was ticked for {silent_sec:.0f} s: {in_one_line(self.where())}. Meanwhile no time limit, no answer and no command "
-                "takes effect. Send a request in initialise(), and ask for its answer in update()."
+                f"Nothing was ticked for {silent_sec:.0f} s: {in_one_line(self.where())}. Time limits, answers and "
+                "commands have no effect meanwhile. Send a request in initialise(), and poll its answer in update()."
             )
         if self._is_to_be_ended(silent_sec):
             self.end(self.where())
@@ -137,7 +139,7 @@ class TickWatch:
             self._cancel_goals(self._cancel)
 
     def _is_to_be_ended(self, silent_sec: float) -> bool:
-        """Return whether the thread that ticks does not do what it was asked for by a signal."""
+        """Return whether the thread that ticks has not carried out a signal's request."""
         if self._signals is None or (asked_at := self._signals.came_at) is None:
             return False
         patience_sec = self._settle_sec if self._signals.is_noticed else UNNOTICED_SEC
@@ -146,19 +148,19 @@ class TickWatch:
     def _cancel_goals(self, cancel: Cancel) -> None:
         if not len(goals_under_way(self._node)):
             return
-        self._logger.error(f"Nothing was ticked for {self._cancel_sec:g} s: the goals are to be canceled.")
+        self._logger.error(f"Nothing was ticked for {self._cancel_sec:g} s: canceling the goals.")
         for action in cancel(_TRYING_SEC):
             self._logger.error(f"{action} does not end its goal: the robot may still be moving.")
 
     def where(self) -> str:
-        """Return what the thread that ticks is doing: the leaf with its lines, or the line of the program."""
+        """Return the blocking leaf with its lines, or else the line of the program."""
         if (leaf := self.blocking_leaf()) is not None:
             return f"{behaviour_title(leaf)} blocks{places_of(leaf, self._frames())}"
         place = place_of_thread(self._thread)
         return f"the program is in {place}" if place else "the executor does not turn"
 
     def blocking_leaf(self) -> Behaviour | None:
-        """Return the behaviour in whose method the thread that ticks is, the innermost; None if it is in none."""
+        """Return the innermost behaviour whose method the ticking thread runs; None if there is none."""
         owners = (each.f_locals.get("self") for each, _ in self._frames())
         return next((each for each in owners if isinstance(each, Behaviour)), None)
 

@@ -1,4 +1,4 @@
-"""Watching, while a tree runs, what it relied on at the start; and a robot that moves although no goal is active."""
+"""Check while a tree runs that its requirements still hold, and that the robot moves only for active goals."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -30,24 +30,25 @@ from sar_compiler.ros.readiness import MOVED_M, SHADOW_SEC
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.ros.sole_mission import SoleMission
 
-# How long a robot may brake, and how long after the end of a goal a movement is taken for that goal's, seconds.
+# How long a robot may brake, and how long after a goal's end a movement is attributed to that goal, seconds.
 _BRAKES_SEC, _LATEST_SEC = 0.7, 2.0
-# The same of a goal that was aborted: a starved controller of Nav2 begins with a goal that the navigator gave up seconds before (3 s were seen).
+# The same for an aborted goal: on a busy machine Nav2's controller can start a goal that the navigator gave up seconds
+# before (3 s were seen).
 _LATEST_ABORTED_SEC = 10.0
-# How soon everything is cancelled of a goal that was aborted: Nav2's controller may not know of the end, and drive on.
+# How soon everything is cancelled after an aborted goal: Nav2's controller may not have received the end, and drive on.
 _ABORTED_SEC = 0.3
-# How often everything is cancelled while it moves on, steady seconds.
+# How often everything is cancelled while the robot still moves, steady seconds.
 _CANCEL_SEC = 1.0
-# What Nav2 drives with, beside the action that is asked: the goals of its navigator can outlive the navigator's own.
+# Other actions with which Nav2 drives: their goals can outlive the navigator's own.
 _SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
 
 
 class UnaskedMotion:
-    """Looks at the odometry of a robot, as it comes, while no goal of this node is active.
+    """Checks the odometry of a robot while no goal of this node is active.
 
-    A goal that has ended is no proof that the robot stands: Nav2's navigator can give up a goal that its controller drives on
-    for. What moves then is told, and every goal of Nav2 is cancelled, unless another client's goal is active. Any other movement
-    is only told.
+    The end of a goal does not prove that the robot stands: Nav2's navigator can give up a goal that its controller
+    still executes. Such a movement is reported, and every goal of Nav2 is cancelled, unless another client's goal is
+    active. Any other movement is only reported.
 
     Args:
         node: The node that sends the goals.
@@ -72,7 +73,7 @@ class UnaskedMotion:
         self._robot.listen_to_odometry(self.look)
 
     def look(self) -> None:
-        """Look once, say what has changed, and cancel what is to be cancelled."""
+        """Check once, report changes, and cancel goals if necessary."""
         if self._goals.drives(self._actions):
             self._ended = self._since = None
             return
@@ -92,7 +93,7 @@ class UnaskedMotion:
             self._rest()
 
     def _judge(self) -> None:
-        """Tell of a robot that moves, and stop one that moves since the end of a goal."""
+        """Report a moving robot, and stop one that moves after the end of a goal."""
         if self._is_ours:
             if not self._told:
                 self._report_motion()
@@ -105,7 +106,7 @@ class UnaskedMotion:
 
     @property
     def _is_ours(self) -> bool:
-        """Whether the robot moves since the end of a goal of this mission, and nobody else has one."""
+        """Whether the robot moves after the end of a goal of this mission while no other client has a goal."""
         return self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
 
     def _servers_there(self) -> dict[str, Client]:
@@ -113,18 +114,18 @@ class UnaskedMotion:
 
     def _report_motion(self) -> None:
         self._tell(
-            f"The robot moves ({self._robot.speed_in_words}) although its goal has ended and nobody else's is active: "
-            f"everything is cancelled ({', '.join(self._servers_there()) or 'no server is there'})."
+            f"The robot moves ({self._robot.speed_in_words}) although its goal has ended and no other goal is "
+            f"active. Cancelling every goal ({', '.join(self._servers_there()) or 'no server is there'})."
         )
 
     def _cancel_everything(self) -> None:
         self._cancelled_at = AWAKE.now()
         for client in self._servers_there().values():
-            # Neither id nor stamp: every goal.
-            client.call_async(CancelGoal.Request())  # what comes of it, the odometry says
+            # A request with neither id nor stamp cancels every goal.
+            client.call_async(CancelGoal.Request())  # the odometry shows the effect
 
     def _rest(self) -> None:
-        """Note that the robot stands; what moves it much later is no goal of this mission."""
+        """Record that the robot stands; a much later movement does not belong to a goal of this mission."""
         self._since = None
         if self._told:
             self._told = False
@@ -137,7 +138,7 @@ class UnaskedMotion:
         if self._ended is not None and not self._blindness_told:
             self._blindness_told = True
             self._node.get_logger().info(
-                "No odometry comes on odometry/filtered: a goal that has ended counts as a robot that stands."
+                "No odometry comes on odometry/filtered. The robot is assumed to stand when its goal has ended."
             )
 
     def _tell(self, text: str) -> None:
@@ -159,43 +160,42 @@ class UnaskedMotion:
 
 
 _PERIOD_SEC = 0.5
-# How long Nav2 may not be active before that is told (a node that answers nothing is told at once: that took 2 s), and how long
-# a new localisation may say nothing.
+# How long Nav2 may be inactive before that is reported (a silent node is reported at once, which takes 2 s), and how
+# long a new localisation may publish nothing.
 _LOST_SEC = 2.0
-# Two questions without an answer are no accident; a process that has died has left the graph long before the second.
+# Two unanswered queries are no coincidence. A crashed process has left the graph long before the second.
 _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
 _ANOTHER = "start a new process (--resume continues from the journal; --supervise does both by itself)"
-# So long after a node of Nav2 has died its lifecycle manager brings it back, seconds (bond_respawn_max_duration): later, somebody else must.
+# This long after a crash of a Nav2 node its lifecycle manager brings it back, seconds (bond_respawn_max_duration).
+# Later a person must.
 _RESPAWN_SEC = 12.0
-# Less turning than this is none for AMCL either (its update_min_a), radians.
+# Rotations below this are ignored, as by AMCL (its update_min_a), radians.
 _TURNED = 0.2
 
 
 class Watch:
-    """Watches servers, the localisation and transforms of a running mission, and reports what has happened to them.
+    """Watches servers, the localisation and transforms of a running mission, and reports their changes.
 
-    All is said in the node's log, once for each event.
+    The node logs each event once.
 
-    * A second server of an action or service: said. A second server of an action that is still there when a killed one would
-      have left the graph is trouble, as at the start: both would drive the robot.
-    * Another mission on this robot: said, or trouble, if that one goes before this one.
-    * The localisation is gone: said. When it is back and has no pose, it is given the last `amcl_pose` again, if the
-      odometry shows that the robot has not moved since; else the operator is asked for the pose. Leaves that use Nav2
-      wait meanwhile (`ActionLeaf.hold_timeout_sec`).
-    * The robot moves without a goal of the mission: said, or stopped (`UnaskedMotion`).
-    * No transform from `map` for 3 s: said, whatever the nodes answer.
-    * A frame, the clock, or a topic of which one source is meant has come to have several: said.
-    * No node of Nav2 that the graph shows answers any more, to a new client neither: said (`deafness`).
+    * A second server of an action or service: reported. A second server of an action that remains after a killed one
+    would have left the graph ends the run, as at the start: both would drive the robot. * Another mission on this
+    robot: reported, or ends the run if that mission has priority. * The localisation is lost: reported. When it returns
+    without a pose, it is sent the last `amcl_pose` again if the odometry shows that the robot has not moved since.
+    Otherwise the operator is asked for the pose. Leaves that use Nav2 wait meanwhile (`ActionLeaf.hold_timeout_sec`). *
+    The robot moves without a goal of the mission: reported, or stopped (`UnaskedMotion`). * No transform from `map` for
+    3 s: reported, whatever the nodes answer. * A frame, the clock, or a topic that should have one source now has
+    several: reported. * No node of Nav2 in the graph answers any more, even to a new client: reported (`deafness`).
 
     Args:
         node: The node that the tree runs on.
-        uses: What the tree's leaves use, with resolved names.
+        uses: The resources that the tree's leaves use, with resolved names.
         sole: The claim of the mission to its robot.
-        drives: Those of the actions that drive the robot.
+        drives: The actions that drive the robot.
 
     Attributes:
-        trouble: Why the run must end; empty if it need not.
-        deafness: Why another process has to go on with the mission; empty if none has.
+        trouble: The reason why the run must end; empty if it need not.
+        deafness: The reason why another process must continue the mission; empty if there is none.
     """
 
     def __init__(
@@ -215,11 +215,11 @@ class Watch:
         if self._localisation is not None:
             self._topics += ["odometry/filtered", "map"]
         self._motion = UnaskedMotion(node, drives) if drives else None
-        # Steady: what has stopped may be the node's clock.
+        # Steady: the node's clock may have stopped.
         deadline_timer(node, _PERIOD_SEC, self.look)
 
     def look(self) -> None:
-        """Look once, and say what has changed."""
+        """Check once, and report changes."""
         if not alive(self._node):
             return
         if self._sole is not None:
@@ -242,13 +242,13 @@ class Watch:
         elif server not in self._contested:
             self._contested[server] = now
             self._node.get_logger().warning(
-                f"{answer.line}. A server that was killed is seen for some {SHADOW_SEC:g} s."
+                f"{answer.line}. A killed server stays visible for about {SHADOW_SEC:g} s."
             )
         elif server.kind == "action" and now - self._contested[server] > SHADOW_SEC:
             self.trouble = self.trouble or str(answer.line)
 
     def _count_sources(self) -> None:
-        """Report once each frame, topic and clock that has come to have several sources."""
+        """Report once each frame, topic and clock that now has several sources."""
         lines = [self._graph.clock(), *map(self._graph.several_publishers, self._topics)]
         if self._hears_transforms:
             lines.append(frame_sources(self._node).conflict())
@@ -259,7 +259,7 @@ class Watch:
 
 
 class _Localisation:
-    """What is known of the localisation, and of the place where the robot was when it was lost."""
+    """The state of the localisation, and the robot's pose when it was lost."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -278,7 +278,7 @@ class _Localisation:
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def look(self) -> Iterable[str]:
-        """Yield what has changed."""
+        """Yield the changes."""
         looked = [(each, each.missing()) for each in self._nodes]
         was_deaf, self.deafness = bool(self.deafness), self._deafness()
         if self.deafness:
@@ -289,11 +289,11 @@ class _Localisation:
         if any(
             each.is_there and each.has_heard_nothing and each.silent_sec < _DEAF_SEC for each in self._nodes
         ):
-            return  # who may not be heard, and may be: what was lacked is still
+            return  # it may be present but silent: items missing before are still missing
         missing = [line for each, line in looked if line is not None and not each.is_awaited()]
         if missing:
             yield from self._miss(missing)
-            # It stays while one that is back has not answered yet.
+            # It stays missing while a node that is back has not answered yet.
             self._inactive = f"Nav2 is not active: {'; '.join(missing)}" if self._is_lost else ""
         elif not any(each.is_awaited() for each in self._nodes):
             self._lost_since = None
@@ -308,8 +308,8 @@ class _Localisation:
     def _deafness(self) -> str:
         """Return in words that no node answers although the graph shows them; empty if one does.
 
-        Fast DDS: who was silent for longer than its lease is forgotten by others, and does not know that. It then sees them for
-        good, and hears nothing of them until it is another participant.
+        Fast DDS: a participant that was silent for longer than its lease is forgotten by others, and does not know
+        that. It then sees them for good, but receives nothing from them until it becomes another participant.
         """
         there = [each for each in self._nodes if each.is_there]
         silent_sec = min((each.silent_sec for each in there), default=0.0)
@@ -317,10 +317,10 @@ class _Localisation:
             return ""
         names = " and ".join(each.name for each in there)
         if all(each.has_heard_nothing for each in there):
-            return f"Since this process stood still it hears nothing of {names}, whom the ROS graph shows: {_ANOTHER}"
+            return f"Since this process stood still it receives nothing from {names}, although the ROS graph shows them: {_ANOTHER}"
         if silent_sec < _DEAD_SEC:
             return ""
-        return f"{names} answer nothing, to new clients neither, and do not leave the ROS graph: {_ANOTHER}"
+        return f"{names} do not answer, not even to new clients, but stay in the ROS graph: {_ANOTHER}"
 
     def _miss(self, missing: list[str]) -> Iterable[str]:
         now = AWAKE.now()
@@ -331,7 +331,7 @@ class _Localisation:
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
 
     def _look_for_unconfigured(self) -> Iterable[str]:
-        """Report a node that was started again, and that its lifecycle manager leaves as it is."""
+        """Report a node that was restarted and that its lifecycle manager does not configure."""
         now = AWAKE.now()
         for each in self._nodes:
             if each.state != "unconfigured":
@@ -341,12 +341,12 @@ class _Localisation:
             if now - since >= _RESPAWN_SEC:
                 self._unconfigured_since[each.name] = math.inf  # once
                 name = self._node.resolve_service_name(f"{each.name}/get_state").removesuffix("/get_state")
-                # Not the lifecycle manager: of 1.3.13 it waits for ever for an answer of the process that has died.
+                # Not the lifecycle manager: version 1.3.13 waits forever for an answer of the crashed process.
                 steps = " && ".join(f"ros2 lifecycle set {name} {step}" for step in ("configure", "activate"))
-                yield f"{each.name} was started again and is not configured: {steps}"
+                yield f"{each.name} was restarted and is not configured: {steps}"
 
     def _look_for_new_localizer(self) -> Iterable[str]:
-        """Find out whether another process localises, and has no pose yet: neither one nor a transform has come of it."""
+        """Determine whether another process localises without a pose yet: it has sent neither a pose nor a transform."""
         sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
             self._known = sources
@@ -367,14 +367,14 @@ class _Localisation:
         }
 
     def _restore(self) -> str:
-        """Give the localisation, which is back without a pose, the one that it had, if that still holds."""
+        """Send the localisation, which has returned without a pose, its last pose if that is still valid."""
         if conflict := self._robot.localisation_conflict():
-            return f"A localisation has come, and is given no pose, it could be another robot's: {conflict}."
+            return f"A localisation has appeared. It is sent no pose because it could be another robot's: {conflict}."
         ask = f"give it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
         if self._robot.pose is None:
             return f"The localisation is back, and its last pose is not known: {ask}."
         if self._robot.odometry_at_pose is None or self._robot.odometry is None:
-            return f"The localisation is back, and no odometry tells whether the robot has moved: {ask}."
+            return f"The localisation is back, but without odometry it is unknown whether the robot has moved: {ask}."
         moved, turned = _between(self._robot.odometry_at_pose, self._robot.odometry)
         if moved > MOVED_M or turned > _TURNED:
             return (
@@ -384,33 +384,35 @@ class _Localisation:
         x, y, yaw = self._robot.pose
         self._publisher.publish(estimated_pose(self._node, x, y, yaw))
         return (
-            f"The localisation is back, and is given its last pose again, ({x:.2f}, {y:.2f}): "
-            "by the odometry the robot has not moved."
+            f"The localisation is back. Its last pose is sent again, ({x:.2f}, {y:.2f}): the odometry shows no "
+            "movement."
         )
 
     def _look_for_transform(self) -> Iterable[str]:
         lost = self._robot.lost_transforms()
         if bool(lost) != self._transform_is_lost:
             self._transform_is_lost = bool(lost)
-            yield f"{lost}." if lost else "Transforms from 'map' come again."
+            yield f"{lost}." if lost else "Transforms from 'map' arrive again."
 
 
 def _between(there: Sequence[float], here: Sequence[float]) -> tuple[float, float]:
-    """Return how far two places, x, y and yaw, are apart: metres, radians."""
+    """Return the distance between two poses, x, y and yaw: metres, radians."""
     return math.dist(here[:2], there[:2]), abs(math.remainder(here[2] - there[2], math.tau))
 
 
 def refuse_parameters(node: Node, names: Collection[str]) -> None:
-    """Refuse from now on to set parameters that were read before the start, and would have no effect.
+    """Reject changes of parameters that were read before the start and would have no effect.
 
     Args:
         node: The node.
-        names: The names of the parameters, or of what they stand below: `points` for `points.kitchen.x`.
+        names: The names of the parameters, or their prefixes: `points` for `points.kitchen.x`.
     """
 
     def judge(parameters: list[Parameter]) -> SetParametersResult:
         fixed = [each.name for each in parameters if each.name.partition(".")[0] in names]
-        reason = f"{', '.join(fixed)}: read before the start; stop the run, and start it with the new value"
+        reason = (
+            f"{', '.join(fixed)}is only read before the start. Stop the run, and start it with the new value"
+        )
         return SetParametersResult(successful=not fixed, reason=reason if fixed else "")
 
     node.add_on_set_parameters_callback(judge)

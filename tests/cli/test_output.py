@@ -60,7 +60,7 @@ def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monke
         output.show("another tree")
     assert output.lost
     assert capsys.readouterr().err == (
-        "sar-run: standard output cannot be written any more (Broken pipe); "
+        "sar-run: standard output cannot be written (Broken pipe); "
         "nothing is shown from here on, and the run goes on\n"
     )
 

@@ -58,7 +58,7 @@ TYPED = {
     "--until complete is for a mission with an end of its own; for this tree say end, success, failure or forever": (
         "sar-run {folder}/plain.xml --until complete"
     ),
-    "… is there already, and is not written over: name another one": "sar-run {folder}/plain.xml "
+    "… already exists and is not overwritten. Choose another name": "sar-run {folder}/plain.xml "
     "--record {folder}/yesterday.mcap",
     "fault '…': …": "sar-run --sim --fault report_survivor:drp=1",
     "robot '…': …": "sar-sim run --robot robot-1",
@@ -81,7 +81,7 @@ BESIDE_A_JOURNAL = {
 PLAIN = {
     "there is no journal …, so nothing to resume: leave --resume out",
     "… cannot be run like this; nothing has moved",
-    "… is there already, and is not written over: name another one",
+    "… already exists and is not overwritten. Choose another name",
     "the name of a tree file is empty",
     "there is no tree file '…', nor a shipped tree of that name",
     "there is no world file '…', nor a shipped world of that name",
@@ -133,8 +133,8 @@ EXTRAS = {
     "web": ("uvicorn", "sar-run {folder}/plain.xml --view web"),
 }
 NOT_SHIPPED = "no file '…' is shipped in …"
-NO_MIDDLEWARE = "RMW_IMPLEMENTATION is '…', which is not installed; there is …"
-BROKEN_ENGINE = "--engine py_trees_ros: it is here, and cannot be loaded: …"
+NO_MIDDLEWARE = "RMW_IMPLEMENTATION is '…', which is not installed. Installed: …"
+BROKEN_ENGINE = "--engine py_trees_ros: it is installed but cannot be loaded: …"
 NO_ENGINE = "--engine py_trees_ros: it is not installed here (…)"
 
 

@@ -396,7 +396,9 @@ class TestFence:
         assert record.alarm == "the robot, at (3.00, 1.00), is outside the geofence"
         comes_to(Status.SUCCESS, 1.0)
         comes_to(Status.FAILURE, float("nan"))
-        assert record.alarm == "the last pose of the localisation cannot be used: (nan, 1.0) is no position"
+        assert (
+            record.alarm == "the last pose of the localisation cannot be used: (nan, 1.0) is not a position"
+        )
         comes_to(Status.SUCCESS, 1.0)
 
     def test_between_two_poses_of_the_localisation_the_odometry_says_where_it_is(
@@ -527,7 +529,7 @@ class TestOrders:
             ("zone_a", 1.0, "map", "there is a zone 'zone_a' already"),
             ("", 1.0, "map", "the zone has no name"),
             ("zone_e", 1.0, "odom", "the pose is in the frame 'odom', and must be in 'map'"),
-            ("zone_e", float("nan"), "map", "(nan, 2.0) is no position"),
+            ("zone_e", float("nan"), "map", "(nan, 2.0) is not a position"),
             ("zone_e", 20.0, "map", "(20.00, 2.00) is outside the geofence"),
         ],
     )

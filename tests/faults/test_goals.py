@@ -61,7 +61,8 @@ def test_a_result_that_is_lost_is_known_by_the_status_topic(fly, serve, tree):
     run = fly(tree)
     assert run.end() == 0, run.output
     assert (
-        "The result of the goal of 'navigate_to_pose' is lost; the status topic has its end: 4." in run.output
+        "The result of the goal of 'navigate_to_pose' is lost. The status topic reports its end: 4."
+        in run.output
     )
     assert len(navigation.of("goal")) == 2, "the zone, and home"
 
@@ -79,7 +80,7 @@ def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_n
     run = fly(RESILIENT)
     wait_until_heard(navigation, "feedback" if feedback else "asked")
     navigation.kill()
-    quiet = "sent no feedback for 2 s, and node bt_navigator answers nothing"
+    quiet = "sent no feedback for 2 s, and node bt_navigator does not answer"
     run.wait_for(f"the server has {quiet if feedback else 'answered nothing for 10 s'}; {LOST}")
 
 
@@ -116,9 +117,7 @@ def test_a_goal_that_another_client_took_over_is_sent_again_when_that_one_has_ar
     navigation.wait_for("accepted")
     with OtherClient() as other:
         other.send()
-        run.wait_for(
-            "waits to send its goal again: another client's goal is under way on 'navigate_to_pose'."
-        )
+        run.wait_for("waits to send its goal again: another client's goal is active on 'navigate_to_pose'.")
         assert run.end() == 0, run.output
     assert len(navigation.of("goal")) == 4, "the zone twice, the other's, and home"
     hows = {end["number"]: end["how"] for end in navigation.of("ended")}
@@ -224,7 +223,9 @@ def test_a_goal_without_an_error_code_costs_its_zone_no_attempt(fly, serve):
 def test_a_server_that_hears_nothing_of_the_client_is_asked_with_another_one(fly, serve):
     navigation = serve("navigation", deaf=True)
     run = fly(RESILIENT)
-    run.wait_for("The server of 'navigate_to_pose' is there and has answered 2 goals in a row with nothing")
+    run.wait_for(
+        "The server of 'navigate_to_pose' is present but has not answered 2 goals in a row with nothing"
+    )
     assert run.end() == 0, run.output
     assert len(navigation.of("unanswered")) == 2
 

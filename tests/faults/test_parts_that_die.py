@@ -103,7 +103,7 @@ def test_a_navigator_that_is_killed_alone_is_told_and_costs_no_attempt_though_it
         "Nav2 is no longer active: node bt_navigator: /bt_navigator/get_state has not answered"
     )
     flight.mission.wait_for(
-        "waits to send its goal again: the server has sent no feedback for 2 s, and node bt_navigator answers nothing"
+        "waits to send its goal again: the server has sent no feedback for 2 s, and node bt_navigator does not answer"
     )
     flight.mission.wait_for("everything is cancelled (")
     flight.stands()

@@ -145,7 +145,7 @@ class TestTheSecondRequest:
         watching.wait_for_goals(driving)
         ask_until_over(run)
         assert run.end() == 4, run.output
-        assert "ended at once, as asked twice: what is under way was told to stop" in run.output
+        assert "terminated at once after the second signal: what is under way was told to stop" in run.output
         watching.wait_for_goals(stopped)
 
     def test_it_ends_a_command_that_blocks_while_it_imports(self, start, tmp_path):
@@ -173,7 +173,9 @@ class TestAGuardian:
         watching.wait_until_moving()
         run.send(signal.SIGKILL)
         watching.wait_for_goals(stopped)
-        run.wait_for("the mission is gone: /navigate_to_pose was told to cancel its goal, which is cancelled")
+        run.wait_for(
+            "the mission is gone: /navigate_to_pose was asked to cancel its goal, which is cancelled"
+        )
 
     def test_it_ends_with_a_mission_that_ends_in_order(self, servers, start, witness):
         watching = witness()

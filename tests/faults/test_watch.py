@@ -45,7 +45,7 @@ def test_a_clock_that_stops_is_told_alone_although_the_transforms_stop_with_it(f
     run.wait_for("The clock has stood still for 10 s")
     localiser.order(transforms=True)
     clock.order(stop=False)
-    run.wait_for("The clock goes on.")
+    run.wait_for("The clock advances again.")
     assert run.end() == 0, run.output
     assert "No transform from 'map'" not in run.output
     assert "Transforms from 'map'" not in run.output
@@ -90,7 +90,7 @@ def test_a_second_mission_on_the_same_robot_is_refused_before_it_sends_anything(
     assert "uses the action '/navigate_to_pose'. Stop it first" in second.output
     assert navigation.of("initialpose") == []
     assert len(navigation.of("goal")) == 1
-    first.wait_for("Another mission wants this robot: node /search_and_rescue")
+    first.wait_for("Another mission claims this robot: node /search_and_rescue")
     assert first.stop(within_sec=5.0) == 130
 
 
@@ -99,7 +99,8 @@ def test_a_mission_begun_anew_away_from_the_base_tells_a_localised_robot_no_pose
     run = fly(RESILIENT, set_initial_pose="true")
     assert run.end() == 3, run.output
     assert (
-        "the localisation has the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00)" in run.output
+        "the localisation locates the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00)"
+        in run.output
     )
     assert navigation.of("initialpose") == navigation.of("goal") == []
     said = {"initial_pose.x": "-0.44", "initial_pose.y": "0.6"}
@@ -247,7 +248,7 @@ def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_proc
     # In the graph, and not heard: as for who was forgotten, which is a matter of luck.
     navigation.freeze()
     os.kill(process, signal.SIGCONT)
-    run.wait_for("Since this process stood still it hears nothing of amcl and bt_navigator")
+    run.wait_for("Since this process stood still it receives nothing from amcl and bt_navigator")
     navigation.thaw()
     assert run.end() == 0, run.output
     assert "died (it heard nothing of Nav2, which the ROS graph shows): it is resumed (1 of 3)" in run.output

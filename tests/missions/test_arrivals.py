@@ -116,7 +116,7 @@ def test_a_drive_that_has_succeeded_far_from_its_goal_has_not_arrived(
     Localisation(stage, *FAR)
     assert stage.run(leaf) is Status.FAILURE
     told = " ".join(stage.warnings)
-    assert "by the localisation the robot is " in told
+    assert "the localisation places the robot " in told
     assert "m away from its goal (0.75 m are allowed)" in told
     if make is not by_attributes:
         record = leaf.record
@@ -151,10 +151,9 @@ def test_after_the_third_goal_in_a_row_it_holds_and_is_unavailable_in_the_end(st
     leaf = driving(stage, to_zone)
     Localisation(stage, *FAR)
     assert stage.run(leaf) is Status.FAILURE
-    assert "Nav2 reports success of the goal, and by the localisation" in stage.warnings[0]
+    assert "Nav2 reports success of the goal, but the localisation" in stage.warnings[0]
     assert (
-        "'Drive' holds: Nav2 reports success of 3 goals in a row, and by the localisation"
-        in stage.warnings[2]
+        "'Drive' holds: Nav2 reports success of 3 goals in a row, but the localisation" in stage.warnings[2]
     )
     assert stage.warnings[-1].startswith("Navigation to zone_a is unavailable: Nav2 reports success of ")
 

@@ -110,7 +110,7 @@ def test_who_was_named_since_the_message_came_is_no_news(stage: "Stage") -> None
     ("seen", "why"),
     [
         ((1.0, 2.0, "camera"), "the point is in the frame 'camera', and must be in 'map'"),
-        ((math.nan, 2.0), "(nan, 2.0) is no position"),
+        ((math.nan, 2.0), "(nan, 2.0) is not a position"),
     ],
     ids=["frame", "position"],
 )
@@ -119,7 +119,7 @@ def test_what_cannot_be_is_told_once_and_passed_over(seen: tuple[Any, ...], why:
     detector.see(*seen)
     detector.see(*seen)
     passed_over(stage, leaf, detector)
-    assert stage.warnings == [f"Topic 'survivor_detections': {why}. It counts as unknown."]
+    assert stage.warnings == [f"Topic 'survivor_detections': {why}. It is treated as unknown."]
 
 
 def test_somebody_new_among_others_who_are_seen_at_once_is_not_missed(stage: "Stage") -> None:

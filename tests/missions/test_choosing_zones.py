@@ -428,7 +428,7 @@ class TestChooseZone:
         ("values", "said"),
         [
             ({"zone": "z"}, "there is no zone 'z' with a probability"),
-            ({"x": math.nan}, "(nan, 0.0) is no position"),
+            ({"x": math.nan}, "(nan, 0.0) is not a position"),
             ({"frame": "odom"}, "the point is in the frame 'odom', and must be in 'map'"),
             (
                 {"zone": "a", "times": 0.0},

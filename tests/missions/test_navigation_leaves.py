@@ -401,7 +401,7 @@ class TestFailure:
         under_way(stage, leaf, server)
         host.close()
         assert stage.run(leaf) is Status.FAILURE
-        assert "gone for 0.5 s; the robot may still be moving" in stage.warnings[0]
+        assert "gone for 0.5 s. The robot may still be moving" in stage.warnings[0]
         assert leaf.settled(), "nobody is there to answer the cancel"
 
     def test_a_server_that_was_replaced_before_its_first_feedback_is_found_out(self, stage: "Stage") -> None:
@@ -570,7 +570,7 @@ class TestGoalsWithoutAnErrorCode:
         assert [line.partition("; ")[2] for line in stage.warnings] == [
             "it is sent again in 1 s.",
             "it is sent again in 2 s.",
-            "it is sent again after pauses that grow.",
+            "it is sent again after growing pauses.",
         ]
         assert " holds: Nav2 has aborted 3 goals in a row without an error code (" in stage.warnings[-1]
         server.script = ["succeed"]

@@ -344,7 +344,7 @@ class TestNamespaces:
             self.stack(robots, space, topic="/tf")
         graph = robots.graph()
         wanted = [Endpoint("node", "amcl"), Endpoint("action", "navigate_to_pose", NAVIGATE)]
-        said = "run with `--ros-args -r __ns:=/tb1`, or with /tb2 in the place of /tb1"
+        said = "run with `--ros-args -r __ns:=/tb1`, or with /tb2 instead of /tb1"
         robots.until(lambda: graph.advice(wanted) == said, said)
 
     def test_a_mission_in_a_namespace_that_should_be_in_none_is_told_so(self, robots: Robots) -> None:
@@ -475,7 +475,7 @@ class TestNamespaces:
         ("topic", "type_name", "said"),
         [
             ("/amcl_pose", POSES, "topic amcl_pose has several publishers: /tb1/amcl and /tb2/amcl"),
-            ("/odometry/filtered", ODOMETRY, "topic odometry/filtered: published by /tb1/amcl and /tb2/amcl; stop all but one"),
+            ("/odometry/filtered", ODOMETRY, "topic odometry/filtered: published by /tb1/amcl and /tb2/amcl. Stop all but one"),
         ],
     )  # fmt: skip
     def test_nobody_is_asked_for_a_pose_while_two_robots_say_where_they_are(
@@ -497,11 +497,11 @@ class TestQualityOfService:
     CASES: ClassVar[Any] = (
         (
             {"reliability": "best_effort"}, "reliable",
-            'best effort publisher and reliable subscription): write qos="sensor_data"',
+            'best effort publisher and reliable subscription). Write qos="sensor_data"',
         ),
         (
             {}, "transient_local",
-            'volatile publisher and transient local subscription): write qos="reliable"',
+            'volatile publisher and transient local subscription). Write qos="reliable"',
         ),
         (
             {"reliability": "best_effort"}, "transient_local",
@@ -612,7 +612,7 @@ class TestSources:
             robots.publish(robots.node(name), topic, type_name)
         graph = robots.graph()
         robots.until(lambda: len(graph.publishers(topic)) == 2, "both publishers")
-        said = f"topic {topic}: published by /one and /two; stop all but one"
+        said = f"topic {topic}: published by /one and /two. Stop all but one"
         assert graph.several_publishers(topic) == (said if is_told else "")
 
     def test_a_run_is_warned_of_them_and_of_odometry_under_another_name(
@@ -627,7 +627,7 @@ class TestSources:
         robots.until(lambda: len(graph.publishers("map")) == 2 and graph.publishers("odom"), "the publishers")
         Readiness(robots.nodes[-1], [Use.nav2()], initial_pose=None).warn()
         lines = said.lines()
-        assert any("topic map: published by /one and /two; stop all but one." in line for line in lines)
+        assert any("topic map: published by /one and /two. Stop all but one." in line for line in lines)
         odometry = "topic odometry/filtered: no publisher; there is /odom: run with `--ros-args -r odometry/filtered:=/odom`."
         assert any(odometry in line for line in lines)
 
@@ -640,7 +640,7 @@ class TestSources:
         robots.until(lambda: ros_graph(mission).publishers("battery_state") == ("/one",), "the first source")
         watch.look()
         robots.publish(robots.node("/two"), "battery_state", BATTERY)
-        line = "topic battery_state: published by /one and /two; stop all but one."
+        line = "topic battery_state: published by /one and /two. Stop all but one."
         robots.until(lambda: said.has(line), line)
         watch.look()
         assert sum(line in each for each in said.lines()) == 1
@@ -674,7 +674,7 @@ class TestClock:
             ),
             (
                 ("/bag", "/gazebo"), "/clock",
-                "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them; stop all but one",
+                "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them. Stop all but one",
             ),
         ],
     )  # fmt: skip
@@ -696,7 +696,7 @@ class TestClock:
         ready = Readiness(mission, [], initial_pose=None)
         robots.until(lambda: ready.contested, "both clocks")
         assert ready.missing() == [
-            "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them; stop all but one"
+            "topic /clock: 2 publishers, of /bag and /gazebo: the time jumps between them. Stop all but one"
         ]
 
     def test_one_clock_that_is_used_is_told_of_nowhere(self, robots: Robots) -> None:
@@ -933,7 +933,7 @@ class TestWatch:
         other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
         robots.publish(other, "/amcl_pose", POSES)
         line = (
-            "A localisation has come, and is given no pose, it could be another robot's: topic amcl_pose has several publishers: "
+            "A localisation has appeared. It is sent no pose because it could be another robot's: topic amcl_pose has several publishers: "
             "/amcl and /tb2/amcl."
         )
         robots.until(lambda: said.has(line), line)

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-REJECTED = (
-    "the server rejected the goal; is it active (its lifecycle state)? Nav2 is once it has an initial pose"
-)
+REJECTED = "the server rejected the goal. Is its lifecycle state 'active'? Nav2 becomes active once it has an initial pose"
 
 
 @pytest.fixture
@@ -229,7 +227,7 @@ class TestActionLeaf:
         host.close()
         assert stage.run(leaf) is Status.FAILURE
         assert stage.warnings[-1] == (
-            "'Drive' failed: the server has been gone for 0.2 s; the robot may still be moving"
+            "'Drive' failed: the server has been missing for 0.2 s. The robot may still be moving"
         )
 
     def test_the_type_can_be_the_python_class_itself(self, stage: "Stage") -> None:
@@ -450,7 +448,7 @@ class TestTheSecondWitness:
         assert stage.warnings == []
         clock.advance(0.2)
         assert stage.run(leaf) is Status.SUCCESS
-        assert "is lost; the status topic has its end: 4" in stage.warnings[0]
+        assert "is lost. The status topic reports its end: 4" in stage.warnings[0]
 
 
 class Lifecycle:
@@ -529,7 +527,7 @@ class TestServiceLeaf:
     ) -> None:
         changing(stage, success=False)
         assert stage.run(stage.take(Configure("Configure"))) is Status.FAILURE
-        assert stage.warnings == ["'Configure' failed: the server says that it did not succeed"]
+        assert stage.warnings == ["'Configure' failed: the server reports a failure"]
         assert stage.wakes == 0
 
     def test_a_status_in_place_of_a_request_ends_the_leaf(self, stage: "Stage") -> None:
@@ -747,12 +745,12 @@ class TestTopicLeaf:
         (
             Configure("C"),
             {"service_type": "ChangeState"},
-            "Configure: service_type is 'ChangeState'; write it as 'package/srv/Name'",
+            "Configure: service_type is 'ChangeState'. Write it as 'package/srv/Name'",
         ),
         (
             Configure("C"),
             {"service_type": "lifecycle_msgs/msg/State"},
-            "Configure: service_type is 'lifecycle_msgs/msg/State'; write it as 'package/srv/Name'",
+            "Configure: service_type is 'lifecycle_msgs/msg/State'. Write it as 'package/srv/Name'",
         ),
         (
             Battery("B"),
@@ -768,7 +766,7 @@ class TestTopicLeaf:
         (
             Battery("B"),
             {"qos": "sensor"},
-            "Battery: qos is 'sensor'; write one of sensor_data, reliable, transient_local, or an rclpy",
+            "Battery: qos is 'sensor'. Write one of sensor_data, reliable, transient_local, or an rclpy",
         ),
     ],
 )

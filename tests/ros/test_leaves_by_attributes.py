@@ -105,7 +105,7 @@ class TestRosService:
         switch(ros, success=False)
         leaf = self.leaf(success="success")
         assert run(ros, leaf) is Status.FAILURE
-        assert leaf.feedback_message == "'Switch': 'switch' says no: it is locked"
+        assert leaf.feedback_message == "'Switch': 'switch' reports a failure: it is locked"
 
     def test_else_any_answer_is_a_success(self, ros: Ros) -> None:
         switch(ros, success=False)
@@ -163,12 +163,12 @@ class TestRosService:
     def test_the_reason_stands_beside_the_field_that_must_be_true(self, ros: Ros) -> None:
         leaf = self.parameters(ros, (True, ""), (False, "read only"), success="results[1].successful")
         assert run(ros, leaf) is Status.FAILURE
-        assert leaf.feedback_message == "'Set': 'set' says no: read only"
+        assert leaf.feedback_message == "'Set': 'set' reports a failure: read only"
 
     def test_an_answer_without_the_element_that_is_asked_for_is_a_failure(self, ros: Ros) -> None:
         leaf = self.parameters(ros, success="results[0].successful")
         assert run(ros, leaf) is Status.FAILURE
-        said = "'Set': 'set' says no: 'results[0]' is not there: 'results' has 0 values"
+        said = "'Set': 'set' reports a failure: 'results[0]' is not there: 'results' has 0 values"
         assert (leaf.feedback_message, leaf.answer_label) == (said, "refused")
 
     def test_a_field_that_is_not_there_is_a_failure_and_the_others_are_written(self, ros: Ros) -> None:
@@ -257,7 +257,7 @@ def test_a_name_that_is_none_is_told_before_anything_is_waited_for(written: str,
     leaf = made(by_attributes.RosService, "Call", written, "std_srvs/srv/Trigger")
     with pytest.raises(LeafDefinitionError, match=f"'Call': .*{said}") as raised:
         leaf.require_definition()
-    assert f"'{written}' is no name of a server or a topic" in str(raised.value)
+    assert f"'{written}' is not a valid name of a server or a topic" in str(raised.value)
 
 
 class TestRosAction:
@@ -352,7 +352,7 @@ class TestRosAction:
         assert (len(first), len(second)) == (2, 1)
         action.write("no name")
         with pytest.raises(
-            PortError, match=r"action: \{where\}: 'no name' is no name of a server or a topic"
+            PortError, match=r"action: \{where\}: 'no name' is not a valid name of a server or a topic"
         ):
             leaf.tick_once()
         assert list(mission.clients)
@@ -394,8 +394,8 @@ class TestRosPublish:
     @pytest.mark.parametrize(
         ("kind", "durability", "why"),
         [
-            ("String", "volatile", 'no message reaches /listener (best effort publisher and reliable subscription): write qos="reliable"'),
-            ("String", "transient_local", 'no message reaches /listener (best effort publisher and reliable subscription, volatile publisher and transient local subscription): write qos="transient_local"'),
+            ("String", "volatile", 'no message reaches /listener (best effort publisher and reliable subscription). Write qos="reliable"'),
+            ("String", "transient_local", 'no message reaches /listener (best effort publisher and reliable subscription, volatile publisher and transient local subscription). Write qos="transient_local"'),
             ("Int8", "volatile", "it is there as std_msgs/msg/Int8, must be std_msgs/msg/String"),
         ],
     )  # fmt: skip
@@ -510,7 +510,7 @@ class TestRosTopic:
         topic.write("no name")
         with pytest.raises(
             PortError,
-            match=r"topic: \{topic\}: 'no name' is no name of a server or a topic: topic name must not",
+            match=r"topic: \{topic\}: 'no name' is not a valid name of a server or a topic: topic name must not",
         ):
             leaf.tick_once()
 
@@ -595,7 +595,7 @@ class TestRosTransform:
     @pytest.mark.parametrize(
         ("link", "ago_sec", "said"),
         [
-            (("map", "camera", (1.0, 0.0, 0.0)), 100.0, r"the transforms are 10\d\.\d s old, and may be 5 s"),
+            (("map", "camera", (1.0, 0.0, 0.0)), 100.0, r"the transforms are 10\d\.\d s old, and may be at most 5 s"),
             (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has come; there are 'map' and 'odom'"),
             (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has come; there are 'camera' and 'odom'"),
             (("map", "camera", (math.nan, 0.0, 0.0)), 0.0, "no transform of 'map' and 'camera' has come"),
@@ -611,7 +611,7 @@ class TestRosTransform:
         leaf.timeout_sec = 0.0
         leaf.tick_once()
         assert leaf.status is Status.FAILURE
-        whole = f"'Where': where 'camera' is in 'map' is not known within 0 s: {said}"
+        whole = f"'Where': the pose of 'camera' in 'map' is unknown within 0 s: {said}"
         assert re.fullmatch(whole, leaf.feedback_message)
 
     def test_frames_that_do_not_hang_together_are_named_by_what_is_above_them(self, ros: Ros) -> None:

@@ -30,7 +30,7 @@ def message(kind: str, **fields: Any) -> Any:
     return made
 
 
-SHARE = "must be from 0 to 1 (is it in percent? It must be a share of 1)"
+SHARE = "must be from 0 to 1 (is it in percent? It must be between 0 and 1)"
 # A type, its field, values that it can have, and values that it cannot have with the end of what is said of each.
 FIELDS: list[tuple[str, str, list[float], list[tuple[float, str]]]] = [
     ("sensor_msgs/BatteryState", "percentage", [0.0, 0.5, 1.0], [(85.0, SHARE), (-0.5, SHARE), (1.01, SHARE)]),
@@ -197,8 +197,8 @@ def stamped(seconds: float) -> Any:
 @pytest.mark.parametrize(
     ("stamp", "now", "is_simulated", "said"),
     [
-        (YEARS_SEC - 8.0, YEARS_SEC, False, "its stamp is 8.0 s old, and may be 5 s"),
-        (60.0, 100.0, True, "its stamp is 40.0 s old, and may be 5 s"),
+        (YEARS_SEC - 8.0, YEARS_SEC, False, "its stamp is 8.0 s old, and may be at most 5 s"),
+        (60.0, 100.0, True, "its stamp is 40.0 s old, and may be at most 5 s"),
         (YEARS_SEC + 3.0, YEARS_SEC, False, "its stamp is 3.0 s in the future"),
         (100.0, YEARS_SEC, False, "add `--ros-args -p use_sim_time:=true`"),
         (YEARS_SEC, 100.0, True, "Start it with `-p use_sim_time:=true`"),
@@ -273,7 +273,7 @@ class TestReports:
             read(share)
         assert read(83.0) is None
         assert len(node.lines) == 2
-        assert node.lines[0] == f"Topic 'battery': percentage is 85, and {SHARE}. It counts as unknown."
+        assert node.lines[0] == f"Topic 'battery': percentage is 85, and {SHARE}. It is treated as unknown."
 
     def test_two_kinds_of_problem_and_two_sources_are_reported_apart(self, node: At, clock: At) -> None:
         reports = ValueReports(node)
@@ -293,4 +293,4 @@ class TestReports:
         clock.now_sec += 0.6
         reports.report("a", stale)
         reports.report("a", stale)
-        assert node.lines == ["a: old. It counts as unknown."]
+        assert node.lines == ["a: old. It is treated as unknown."]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ros
 
-FILE = "in Nav2's parameter file, and start Nav2 again"
+FILE = "in Nav2's parameter file, and restart Nav2"
 
 
 def nav2_node(ros: Ros, name: str, **values: Any) -> Any:
@@ -132,7 +132,7 @@ def test_velocity_commands_of_another_type_than_the_robots_are_named(
     has_robot(ros, mission, kind)
     assert asked(ros, mission).advice() == [
         (
-            f"the robot takes {kind} on cmd_vel, and behavior_server sends the other type: "
+            f"the robot accepts {kind} on cmd_vel, and behavior_server sends the other type: "
             f"write `enable_stamped_cmd_vel: {line}` under `behavior_server: ros__parameters:` {FILE}"
         )
     ]

@@ -67,14 +67,14 @@ def test_a_clock_that_goes_on_is_counted_again_and_nothing_twice(bench):
     counted = bench.node_time()
     bench.passes(counted, 15.0, 0.0)
     assert bench.passes(counted, 5.0, 5.0) == pytest.approx(5.0)
-    assert bench.said[1:] == ["The clock goes on."]
+    assert bench.said[1:] == ["The clock advances again."]
 
 
 @pytest.mark.parametrize(("jump", "which"), [(5000.0, "forward by 5000.5 s"), (-90.0, "back by 89.5 s")])
 def test_a_jump_counts_as_the_machines_time_and_is_said(bench, jump, which):
     counted = bench.node_time()
     assert bench.passes(counted, 0.5, 0.5 + jump, steps=1) == pytest.approx(0.5)
-    assert bench.said == [f"The clock has jumped {which}; 0.5 s are counted, as the machine's clock has it."]
+    assert bench.said == [f"The clock has jumped {which}; 0.5 s are used, according to the machine's clock."]
 
 
 def test_the_first_time_that_comes_is_no_jump(monkeypatch):

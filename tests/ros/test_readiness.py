@@ -358,7 +358,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has given up starting "
-            "Nav2 up, planner_server failed to activate: start Nav2 again, and give the initial pose within its "
+            "Nav2 up, planner_server failed to activate. Restart Nav2, and give the initial pose within its "
             "initial_transform_timeout",
         )
 
@@ -382,7 +382,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting "
-            f"Nav2 up, {failed}: start Nav2 again",
+            f"Nav2 up, {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -418,7 +418,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting "
-            f"Nav2 up, {failed}: start Nav2 again",
+            f"Nav2 up, {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -437,7 +437,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: not there (no service /bt_navigator/get_state): lifecycle_manager_navigation waits for "
-            "bt_navigator, whose process was not started or has died; start Nav2 again",
+            "bt_navigator, whose process was not started or has crashed. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -453,7 +453,7 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'unconfigured', must be 'active': lifecycle_manager_navigation waits for planner_server, "
-            'whose process was not started or has died (planner_server: "Failed to create global planner."); start Nav2 again',
+            'whose process was not started or has crashed (planner_server: "Failed to create global planner."). Restart Nav2',
         )
 
     def test_quotes_the_node_that_has_failed_even_if_it_was_the_first(self, ros: Ros) -> None:
@@ -526,7 +526,7 @@ class TestNav2:
         node = ros.node("mission", namespace="/robot3")
         pose, *nodes = missing(ros, readiness(node, Use.nav2()))
         assert pose.startswith("topic amcl_pose (/robot3/amcl_pose): no answer to the initial pose (")
-        assert pose.endswith(", and nobody listens to initialpose (/robot3/initialpose)")
+        assert pose.endswith(", and no node subscribes to initialpose (/robot3/initialpose)")
         assert nodes == [
             "node amcl: not there (no service /robot3/amcl/get_state)",
             "node bt_navigator: not there (no service /robot3/bt_navigator/get_state)",
@@ -606,7 +606,7 @@ class TestNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2()),
-            "topic amcl_pose: no answer to the initial pose (0.00, 0.00, yaw 0.00), and nobody listens to initialpose",
+            "topic amcl_pose: no answer to the initial pose (0.00, 0.00, yaw 0.00), and no node subscribes to initialpose",
         )
 
     def test_publishes_the_pose_again_until_it_is_answered(
@@ -663,8 +663,8 @@ class TestNav2:
         nav2.publisher.publish(located(-0.44, 0.60))
         [line] = missing(ros, readiness(ros.node(), Use.nav2()), SILENCE_SEC)
         assert line.startswith(
-            "the localisation has the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00): it is not told another "
-            "pose. Drive back first, or say where the robot is "
+            "the localisation locates the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00). The initial "
+            "pose is not sent. Drive back first, or give the robot's pose "
             "(-p initial_pose.x:=-0.44 -p initial_pose.y:=0.60, or -p set_initial_pose:=false"
         )
         assert nav2.poses == []
@@ -675,7 +675,7 @@ class TestNav2:
         FakeNav2(ros.node("nav2")).publisher.publish(located(2.0, 0.0))
         ready = Readiness(ros.node(), [Use.nav2()], initial_pose=(0.0, 0.0, 0.0), can_resume=True)
         [line] = missing(ros, ready, SILENCE_SEC)
-        assert "Go on with the mission that was interrupted (--resume), drive back first" in line
+        assert "Resume the interrupted mission (--resume), drive back first" in line
 
     @pytest.mark.parametrize(
         ("odometry", "place", "told"),
@@ -710,8 +710,8 @@ class TestNav2:
         moved = math.hypot(*odometry)
         assert missing(ros, ready, SILENCE_SEC) == [
             (
-                f"the localisation has no pose, and by the odometry the robot is {moved:.2f} m from its start: it is not told "
-                "initial_pose (5.00, 5.00). Give it the pose (in RViz: 2D Pose Estimate), and begin where the robot stands: "
+                f"the localisation has no pose, and according to the odometry the robot is {moved:.2f} m from its start. "
+                "initial_pose (5.00, 5.00) is not sent. Set the pose (in RViz: 2D Pose Estimate), and start where the robot stands: "
                 "-p set_initial_pose:=false"
             )
         ]
@@ -752,7 +752,7 @@ class TestNav2:
         ros.spin_until(lambda: robot.moves, "odometry that is no number")
         assert robot.place() == pytest.approx((1.0, 2.0, math.pi / 2))
         [line] = missing(ros, readiness(node, Use.nav2()), SILENCE_SEC)
-        assert "has the robot at (1.00, 2.00), 2.24 m from initial_pose (0.00, 0.00)" in line
+        assert "locates the robot at (1.00, 2.00), 2.24 m from initial_pose (0.00, 0.00)" in line
         assert nav2.poses == []
 
     def test_odometry_that_comes_after_the_transforms_is_waited_for(self, ros: Ros) -> None:

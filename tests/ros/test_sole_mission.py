@@ -83,7 +83,7 @@ def test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way(ros:
         ros.spin_until(lambda one=one: any(each.runs for each in one._others.values()), "the claims")  # type: ignore[misc]
     assert older.trouble() == ""
     assert "node /older" in younger.trouble()
-    assert said.has("Another mission wants this robot: node /younger")
+    assert said.has("Another mission claims this robot: node /younger")
 
 
 def test_another_action_is_another_robot(ros: Ros) -> None:
@@ -175,7 +175,7 @@ def test_a_node_of_the_same_name_is_told_once_when_it_is_no_shadow(
     assert running.trouble() == ""
     ros.node("search_and_rescue")
     ros.spin_until(
-        lambda: running.trouble() == "" and said.has("Another node is called /search_and_rescue, too"),
+        lambda: running.trouble() == "" and said.has("Another node is also called /search_and_rescue:"),
         "the word of the other node",
     )
     ros.spin_for(0.5)

@@ -129,7 +129,7 @@ def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -
     scene.restart_amcl()
     scene.until(lambda: scene.nav2.given, "the pose")
     assert scene.nav2.given == [(1.5, -2.0)]
-    assert scene.said.has("The localisation is back, and is given its last pose again, (1.50, -2.00)")
+    assert scene.said.has("The localisation is back. Its last pose is sent again, (1.50, -2.00)")
     scene.nav2.navigator = "active"
     scene.until(lambda: scene.said.has("Nav2 is active again."), "the end of the loss")
 
@@ -143,7 +143,7 @@ def test_a_node_that_stays_unconfigured_is_named_once_with_the_command_that_star
     scene.begin()
     scene.nav2.navigator = "unconfigured"
     line = (
-        "bt_navigator was started again and is not configured: ros2 lifecycle set /bt_navigator configure && "
+        "bt_navigator was restarted and is not configured: ros2 lifecycle set /bt_navigator configure && "
         "ros2 lifecycle set /bt_navigator activate"
     )
     scene.until(lambda: scene.said.has(line), "the remedy")
@@ -225,9 +225,9 @@ def test_a_robot_whose_nav2_is_not_heard_lacks_that_and_nothing_else(
     known = scene.watch._localisation
     assert known is not None
     known._robot.lacks = "what was lacked before"
-    monkeypatch.setattr(known, "_deafness", lambda: "it hears nothing of amcl")
+    monkeypatch.setattr(known, "_deafness", lambda: "it receives nothing from amcl")
     scene.watch.look()
-    assert known._robot.lacks == scene.watch.deafness == "it hears nothing of amcl"
+    assert known._robot.lacks == scene.watch.deafness == "it receives nothing from amcl"
 
 
 def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Scene) -> None:
@@ -293,7 +293,7 @@ def test_transforms_that_stop_are_told_and_their_return(
     scene.until(
         lambda: (
             publisher.publish(TFMessage(transforms=[frame])),
-            scene.said.has("Transforms from 'map' come again."),
+            scene.said.has("Transforms from 'map' arrive again."),
         )[1],
         "their return",
     )

@@ -29,11 +29,11 @@ from sar_compiler.runtime.clock import clock_text
 _NAV2 = "nav2_msgs."
 # The longest pause between two attempts, in multiples of the first.
 _LONGEST_PAUSE = 8.0
-# From so many goals in a row on that Nav2 has aborted without an error code, the leaf holds.
+# From this many goals in a row that Nav2 aborted without an error code, the leaf holds.
 _HOLDS_AT = 3
-# A robot that has come so far on a goal, metres, makes progress: the row is over.
+# A robot that has driven this far on a goal, metres, makes progress, which ends the row.
 _PROGRESS_M = 0.5
-# How long before the end of a goal Nav2 may have logged its reason, and how long after it that may come, seconds.
+# Nav2 may have logged its reason this long before the end of a goal, or log it this long after it, seconds.
 _REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
 
 
@@ -43,39 +43,42 @@ class ActionLeaf(GoalSender):
     When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
     old goal never affect a new one.
 
-    What is not the goal's fault is waited for, RUNNING, before the goal is sent again: another client's goal, any goal of `rivals`, and for a leaf that uses
-    `Use.nav2()` whatever keeps Nav2 from judging it: no server, no acceptance, silence, a node that is not active or answers
-    nothing, transforms that have stopped. When `hold_timeout_sec` is over, the means are not available (`on_unavailable`). After a second attempt that was
-    rejected or aborted at once the leaf pauses before the next one, whatever the tree does.
+    If the goal is not to blame, the leaf waits, RUNNING, and sends it again. This applies to another client's goal and
+    to any goal of `rivals`. For a leaf that uses `Use.nav2()` it also applies if Nav2 cannot judge the goal: no server,
+    no acceptance, silence, a node that is inactive or does not answer, transforms that have stopped. After
+    `hold_timeout_sec` the leaf calls `on_unavailable`. After a second attempt that was rejected or aborted at once the
+    leaf pauses before the next one, whatever the tree does.
 
-    A goal of navigation that has succeeded is no proof that the robot is there: farther from the goal than `arrival_tolerance_m`
-    of the run by its own localisation it has not arrived (`has_not_arrived`). Without a localisation the goal's end counts.
+    A navigation goal that has succeeded does not prove that the robot has arrived: if its own localisation places it
+    farther from the goal than `arrival_tolerance_m` of the run, it has not (`has_not_arrived`). Without a localisation
+    the goal's end decides.
 
-    Such a goal, and one that Nav2 aborts without an error code (0), has failed for want of means: every failure that has to do with the target has a code. A leaf
-    that uses Nav2 sends it again, after a pause that doubles. After the third in a row it holds (`on_hold`), and sends on
-    until `hold_timeout_sec` is over (`on_unavailable`). The row is over when the robot has come half a metre on a goal, or a goal has ended otherwise.
+    Such a goal, and one that Nav2 aborts without an error code (0), failed for a reason other than its target: every
+    failure that concerns the target has a code. A leaf that uses Nav2 sends it again, after a pause that doubles. After
+    the third in a row it holds (`on_hold`), and continues to send until `hold_timeout_sec` has passed
+    (`on_unavailable`). The row ends when the robot has driven half a metre on a goal, or a goal has ended in another
+    way.
 
-    A goal that has ended is no proof that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry says so, for
-    `settle_timeout_sec` at most; without odometry the goal's end counts.
-
-    A subclass has the attributes `action_type` and `action_name`, of the class or set by its constructor, and the
-    method `goal`; also `on_result`, if the result matters beyond success or failure.
+    The end of a goal does not prove that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry shows
+    it, for `settle_timeout_sec` at most. Without odometry the goal's end decides.
 
     Attributes:
         action_type: `"package/action/Name"`, or the Python class.
         action_name: The action's (relative) name.
         server_timeout_sec: How long to wait for a server before the goal is sent.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted, and for the end of one that this node has sent to a rival.
-        feedback_timeout_sec: How long the server may be silent, once it has sent feedback; None for no limit. It
-            also limits how long a server without feedback may leave other questions unanswered (None:
-            `server_timeout_sec`). Of a leaf that uses Nav2 2 s are enough while `bt_navigator` answers nothing.
-        feedback_period_sec: How long feedback is not read after some was, seconds; 0 to read the latest in each tick.
-        absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is under way.
-        hold_timeout_sec: How long to wait, in an activation, for what keeps the server from taking the goal.
+        acceptance_timeout_sec: How long to wait for the acceptance of a goal, and for the end of one that this node has
+            sent to a rival.
+        feedback_timeout_sec: How long the server may be silent once it has sent feedback; None for no limit. It also
+            limits how long a server without feedback may leave other requests unanswered (None: `server_timeout_sec`).
+            For a leaf that uses Nav2 the limit is 2 s while `bt_navigator` does not answer.
+        feedback_period_sec: Minimum interval between two reads of feedback, seconds; 0 to read the latest in each tick.
+        absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is active.
+        hold_timeout_sec: How long an activation waits until the server can accept the goal.
         pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
-        rivals: Other actions, by their (relative) names, whose server takes no goal of this one while it works on one of theirs.
+        rivals: Other actions, by their (relative) names, whose server accepts no goal of this one while it executes one
+            of theirs.
         interface: The Python class of the action, once the leaf is set up.
-        has_not_arrived: Whether the last goal has succeeded without the robot, until it is sent again.
+        has_not_arrived: Whether the last goal has succeeded although the robot has not arrived, until it is sent again.
 
     Example:
         A leaf that docks, with a port::
@@ -98,7 +101,7 @@ class ActionLeaf(GoalSender):
     }
     """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
     use_kind: ClassVar[str] = "action"
-    """The kind of `Use` that the registration of a leaf names."""
+    """The kind of `Use` in the registration of a leaf."""
     action_type: Any = None
     action_name: str = ""
     feedback_period_sec: float = 0.0
@@ -123,7 +126,8 @@ class ActionLeaf(GoalSender):
         self._arrival: Arrival | None = None
         self.has_not_arrived = False
         self._rivals: list[GoalStatuses] = []
-        # Of goals in a row that have failed for want of means: the last one, how many, in words, until when they are sent again, and where the robot was.
+        # The row of failed goals that are not to blame: the last one, their number, the reason in words, until when
+        # they are sent again, and the robot's position.
         self._lost: ActionGoal | None = None
         self._lost_count = 0
         self._lost_words = ""
@@ -158,17 +162,17 @@ class ActionLeaf(GoalSender):
         return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status, result))
 
     def on_hold(self, obstacle: str) -> None:
-        """Hook called when the leaf begins to wait for what keeps the server from judging its goal, in words."""
+        """Hook called when the leaf starts to wait, with the reason in words why the server cannot judge its goal."""
 
     def on_available(self) -> None:
         """Hook called when the server has accepted the goal, has sent feedback, or has judged it."""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return the status when that wait was in vain; by default as `on_failure`."""
+        """Return the status after that wait has timed out; by default as `on_failure`."""
         return self.on_failure(reason)
 
     def nav2_reason(self) -> str:
-        """Return what Nav2's nodes have logged around the end of the last goal; empty if that is nothing."""
+        """Return the log lines of Nav2's nodes around the end of the last goal; empty if there are none."""
         goal = self._exchange
         if goal is None or self._robot is None:
             return ""
@@ -187,9 +191,9 @@ class ActionLeaf(GoalSender):
         super().shutdown()
 
     def settled(self) -> bool:
-        """Return whether every goal but the one in flight is seen to have ended; asks again after those that are not.
+        """Return whether all goals but the present one have ended; repeats the requests for those that have not.
 
-        A goal that was given up because of its server counts no more once there is no such server.
+        A goal that was given up because of its server is ignored once that server has disappeared.
         """
         for goal in (*self._goals_given_up, *filter(None, [self._exchange])):
             goal.chase()
@@ -239,7 +243,7 @@ class ActionLeaf(GoalSender):
         for rival in self._rivals:
             if rival.has_foreign_goal:
                 self._exchange = None
-                return self._hold_on(None, f"another client's goal is under way on '{rival.full_name}'")
+                return self._hold_on(None, f"another client's goal is active on '{rival.full_name}'")
             if self._awaits(rival):
                 self._exchange = None
                 self.feedback_message = f"waiting for the end of its goal on '{rival.full_name}'"
@@ -247,7 +251,7 @@ class ActionLeaf(GoalSender):
         return super()._begin()
 
     def _awaits(self, rival: GoalStatuses) -> bool:
-        """Whether a goal that this node has sent to a rival action is waited for: not longer than an acceptance."""
+        """Whether to wait for a goal that this node has sent to a rival action: not longer than for an acceptance."""
         if not cast("ActionPort", self._port).goals.drives({rival.full_name}):
             return False
         if self._turn is None:
@@ -255,7 +259,7 @@ class ActionLeaf(GoalSender):
         return not self._turn.passed
 
     def initialise(self) -> None:
-        """Start anew; the goal of the last activation is given up."""
+        """Start over; the goal of the last activation is given up."""
         self._hold = self._turn = self._lost_until = None
         self.has_not_arrived = False
         super().initialise()
@@ -275,7 +279,7 @@ class ActionLeaf(GoalSender):
         return super()._judge(exchange)
 
     def _judge_arrival(self, goal: ActionGoal) -> Status | None:
-        """Return the status while a goal that has succeeded is held against the localisation; None once the robot has arrived."""
+        """Return the status while the localisation must confirm a goal that succeeded; None once the robot has arrived."""
         if self._arrival is not None and self._arrival.is_awaited():
             self.feedback_message = "waiting for the localisation to follow"
             return Status.RUNNING
@@ -284,11 +288,11 @@ class ActionLeaf(GoalSender):
         if not doubt:
             return None
         if self._robot is None:
-            return self.on_unavailable(f"the server reports success, and {doubt}")
+            return self.on_unavailable(f"the server reports success, but {doubt}")
         return self._send_again(goal, doubt)
 
     def _hold_on_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
-        """Wait for a server that has not taken the goal, or has fallen silent, and for its nodes; send the goal again."""
+        """Wait for a server that has not accepted the goal or has fallen silent, and for its nodes; then send it again."""
         if not self._has_asked:
             self._has_asked = True
             nodes.ask_anew()
@@ -312,7 +316,7 @@ class ActionLeaf(GoalSender):
             self._rest = None
 
     def _fail_or_hold(self, goal: ActionGoal) -> Status:
-        """Go by what keeps the server from taking goals: wait until it is over and send again, or fail at once."""
+        """Wait until the server can accept goals and send again, or fail at once."""
         if not self._has_asked:
             self._has_asked = True
             if self._robot is not None:
@@ -332,22 +336,22 @@ class ActionLeaf(GoalSender):
         return super()._judge(goal)
 
     def _send_again(self, goal: ActionGoal, doubt: str = "") -> Status:
-        """Send a goal again, after a pause; hold after the third in a row.
+        """Send a goal again after a pause; hold after the third in a row.
 
         Args:
-            goal: One that was aborted without an error code, or has succeeded without the robot.
-            doubt: Why the robot has not arrived, in words; empty for the former.
+            goal: A goal that was aborted without an error code, or has succeeded although the robot has not arrived.
+            doubt: The reason why the robot has not arrived, in words; empty for the former.
         """
         if self._lost is not goal:
             reason = doubt or str(getattr(goal.answer.result, "error_msg", "")) or self.nav2_reason()
-            # Nav2's log takes another way than the result of the goal.
+            # Nav2's log arrives independently of the goal's result.
             if not reason and time.monotonic() - goal.ended_at < _REASON_AFTER_SEC:
                 return Status.RUNNING
             self._lost = goal
             self._lost_count += 1
             goals = "the goal" if self._lost_count == 1 else f"{self._lost_count} goals in a row"
             self._report_lost(
-                f"Nav2 reports success of {goals}, and {doubt}"
+                f"Nav2 reports success of {goals}, but {doubt}"
                 if doubt
                 else f"Nav2 has aborted {goals} without an error code ({reason or 'its nodes have logged no reason'})"
             )
@@ -358,7 +362,7 @@ class ActionLeaf(GoalSender):
         return self._begin() if self._pause is None or self._pause.passed else Status.RUNNING
 
     def _report_lost(self, words: str) -> None:
-        """Report a goal that has failed for want of means, in words, and begin the pause before the next one."""
+        """Report a failed goal that is not to blame, with the reason in words, and start the pause before the next one."""
         count, self._lost_words = self._lost_count, words
         pause_sec = self.pause_sec * min(2.0 ** (count - 1), _LONGEST_PAUSE)
         self._pause = Deadline(pause_sec, self._clock)
@@ -368,17 +372,17 @@ class ActionLeaf(GoalSender):
         self.on_hold(self._lost_words)
         if count <= _HOLDS_AT:  # a hold is logged once
             pauses = (
-                "it is sent again after pauses that grow" if holds else f"it is sent again in {pause_sec:g} s"
+                "it is sent again after growing pauses" if holds else f"it is sent again in {pause_sec:g} s"
             )
             self.complain(f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}; {pauses}.")
 
     def _end_row(self) -> None:
-        """Note that goals are judged again, or that the robot makes progress."""
+        """End the row: goals are judged again, or the robot makes progress."""
         self._lost_count, self._lost_until = 0, None
         self.on_available()
 
     def _makes_progress(self) -> bool:
-        """Whether the robot has come some way on the goal that is under way."""
+        """Whether the robot has driven some way on the present goal."""
         here = self._robot.place() if self._robot is not None else None
         if here is None or self._set_out_from is None:
             self._set_out_from = here
@@ -386,7 +390,7 @@ class ActionLeaf(GoalSender):
         return math.dist(here[:2], self._set_out_from[:2]) >= _PROGRESS_M
 
     def _hold_on(self, goal: ActionGoal | None, obstacle: str) -> Status:
-        """Wait, within the limit, for what keeps the server from taking a goal that was sent, or one that is to be sent (None)."""
+        """Wait, within the limit, until the server can accept a goal that was sent, or the next one (None)."""
         if self._hold is None:
             self._hold = Deadline(self.hold_timeout_sec, self._clock)
         if self._held is not goal:
@@ -402,10 +406,10 @@ class ActionLeaf(GoalSender):
         return Status.RUNNING
 
     def _obstacle(self) -> str | None:
-        """Return what keeps the server from taking this leaf's goals; empty if nothing does, None if not known yet."""
+        """Return why the server cannot accept this leaf's goals; empty if it can, None if not known yet."""
         port = cast("ActionPort", self._port)
         if port.statuses.has_foreign_goal:
-            return f"another client's goal is under way on '{port.name}'"
+            return f"another client's goal is active on '{port.name}'"
         if self._robot is None:
             return ""
         obstacle = self._robot.driving_nodes.obstacle()
@@ -418,7 +422,7 @@ class ActionLeaf(GoalSender):
             self._pause = Deadline(pause - goal.age_sec, self._clock)
 
     def _progress(self, exchange: ActionGoal) -> Status:
-        # Whoever watches the robot asks; a question is given up after 2 s.
+        # The watch of the robot sends the queries. A query is given up after 2 s.
         navigator = self._robot.lifecycle(NAVIGATOR) if self._robot is not None else None
         if navigator is not None and navigator.is_silent and not navigator.has_heard_nothing:
             exchange.lose_if_quiet(NAVIGATOR)
@@ -442,7 +446,7 @@ class ActionLeaf(GoalSender):
         return verdict
 
     def _say_how_long(self, goal: ActionGoal) -> None:
-        """Say how long a goal is under way, unless the leaf says something of its own."""
+        """Show how long a goal has been active, unless the leaf has its own feedback message."""
         if self.feedback_message in (self._waits, self._under_way):
             self._under_way = self.feedback_message = f"under way, {clock_text(goal.age_sec)}"
 
@@ -451,10 +455,10 @@ class ActionLeaf(GoalSender):
             return exchange.trouble
         registration = getattr(type(self), MARK, None)
         if registration is None or self._needs_nav2:
-            return f"{exchange.trouble} Nav2 is once it has an initial pose."
+            return f"{exchange.trouble} Nav2 becomes active once it has an initial pose."
         return (
-            f"{exchange.trouble} Nav2 is once it has an initial pose: with Use.nav2() among what "
-            f"<{registration.tag}> uses, the start gives it one and waits."
+            f"{exchange.trouble} Nav2 becomes active once it has an initial pose. Add `Use.nav2()` to `uses` of "
+            f'`@register("{registration.tag}", …)`: the start then sends the pose and waits.'
         )
 
     def _conclude(self, answer: Any) -> Status:
@@ -474,7 +478,9 @@ class ActionLeaf(GoalSender):
         if goal.was_withdrawn:
             self.say(f"Canceling the goal of '{self.name}'.")
             return
-        why = "its server is not there" if cast("ActionPort", self._port).usable else "ROS is shut down here"
+        why = (
+            "its server has disappeared" if cast("ActionPort", self._port).usable else "ROS is shut down here"
+        )
         self.complain(
             f"The goal of '{self.name}' could not be canceled, because {why}: the robot may still be moving."
         )
@@ -489,6 +495,6 @@ class ActionLeaf(GoalSender):
 
 
 def _is_without_code(goal: ActionGoal) -> bool:
-    """Return whether a goal was aborted, and its result has an error code of 0: none of the reasons that have to do with its target."""
+    """Return whether a goal was aborted with an error code of 0, which no failure of its target has."""
     answer = goal.answer
     return answer is not None and answer.status == ABORTED and getattr(answer.result, "error_code", None) == 0

@@ -1,4 +1,4 @@
-"""Questions to the server of an action that moves nothing, such as a planner's."""
+"""Queries to the server of an action that moves nothing, such as a planner's."""
 
 import uuid
 from collections.abc import Callable
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class ActionQuestions:
-    """Asks an action's server for results, one at a time, and never blocks.
+    """Requests results from an action's server, one at a time, and never blocks.
 
-    For actions that move nothing: unlike an `ActionLeaf`'s, these goals are not kept in the journal, not cancelled when the mission dies,
-    and nobody waits for their ends before the robot counts as standing.
+    Only for actions that move nothing: unlike an `ActionLeaf`'s, these goals are not stored in the journal and not
+    cancelled when the mission crashes, and they do not delay the check that the robot stands.
 
     Args:
         node: The rclpy node.
@@ -42,21 +42,21 @@ class ActionQuestions:
 
     @property
     def has_server(self) -> bool:
-        """Whether the ROS graph shows a server; one that was killed stays there for a while."""
+        """Whether the ROS graph shows a server; a killed one stays there for a while."""
         return alive(self._node) and self._node.count_publishers(self._status) > 0
 
     @property
     def is_ready(self) -> bool:
-        """Whether a question would arrive: a server has been found by both clients."""
+        """Whether a request would arrive: both clients have discovered a server."""
         return alive(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
 
     def ask(self, goal: Any, on_answer: Callable[[int, Any], None]) -> None:
-        """Send a goal; the question before it is given up.
+        """Send a goal; the previous one is given up.
 
         Args:
             goal: The goal, an `interface.Goal`.
-            on_answer: Called by the node's executor with the final status, a constant of `action_msgs/msg/GoalStatus`, and the result, an
-                `interface.Result`. Of a goal that the server rejects the status is `STATUS_UNKNOWN`.
+            on_answer: Called by the node's executor with the final status, a constant of `action_msgs/msg/GoalStatus`,
+                and the result, an `interface.Result`. If the server rejects the goal the status is `STATUS_UNKNOWN`.
         """
         self.give_up()
         goal_id = uuid_message(uuid.uuid4().hex)
@@ -64,14 +64,14 @@ class ActionQuestions:
         self._call(self._goals, request, partial(self._on_taken, goal_id, on_answer))
 
     def give_up(self) -> None:
-        """Ignore what is still answered to the last question."""
+        """Ignore any answer to the last request."""
         pending, self._pending = self._pending, None
         if pending is not None and alive(self._node):
             # Without this the client would wait for the answer for good.
             pending[0].remove_pending_request(pending[1])
 
     def release(self) -> None:
-        """Ask no more: destroy the clients, unless the node, which owned them, is gone."""
+        """Destroy the clients, unless the node, which owned them, is gone."""
         self.give_up()
         if alive(self._node):
             for client in (self._goals, self._results):
@@ -83,12 +83,12 @@ class ActionQuestions:
         future.add_done_callback(partial(self._on_response, take))
 
     def _on_response(self, take: Callable[[Any], None], future: "Future") -> None:
-        # The response may have been on its way to this callback when the question was given up.
+        # The response may have been on its way to this callback when the request was given up.
         if self._pending is not None and self._pending[1] is future:
             self._pending = None
             take(future.result())
 
     def _on_taken(self, goal_id: Any, on_answer: Callable[[int, Any], None], _: Any) -> None:
-        # The result of a goal that was rejected is that the server does not know it.
+        # For a goal that was rejected, the result says that the server does not know it.
         request = self._results.srv_type.Request(goal_id=goal_id)
         self._call(self._results, request, lambda end: on_answer(end.status, end.result))

@@ -1,7 +1,7 @@
-"""Whether a robot is where its goal of navigation was, by the robot's own localisation.
+"""Check by the robot's own localisation that it has arrived at its navigation goal.
 
-A server that reports success has not proved it: one that is a stand-in, that was replaced, or that drives by another localisation
-says so although the robot has not moved.
+A server that reports success does not prove it: a stand-in, a restarted server, or one that uses another localisation
+may do so although the robot has not moved.
 """
 
 import math
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 EXTRA_TOLERANCE_M = 0.5
-"""How much farther from a goal than Nav2's own tolerance a robot may be by its localisation, metres: the two differ a little."""
+"""Tolerance added to Nav2's own for the distance to a goal by the localisation, metres: the two differ a little."""
 
 # How long the localisation may need to follow the robot, seconds.
 _FOLLOWS_SEC = 2.0
 
 
-# From ROS 2 Kilted on the poses of the second are in a message of their own.
+# Since ROS 2 Kilted the poses of the second are in a message type of their own.
 _POSES: dict[str, Callable[[Any], Any]] = {
     "nav2_msgs/action/NavigateToPose": lambda goal: [goal.pose],
     "nav2_msgs/action/NavigateThroughPoses": lambda goal: getattr(goal.poses, "goals", goal.poses),
@@ -38,7 +38,7 @@ def drives_to_pose(interface: Any) -> bool:
 
 
 def goal_destination(interface: Any, goal: Any) -> tuple[float, float] | None:
-    """Return where a goal of Nav2 ends.
+    """Return the position at which a goal of Nav2 ends.
 
     Args:
         interface: The Python class of the action.
@@ -52,7 +52,7 @@ def goal_destination(interface: Any, goal: Any) -> tuple[float, float] | None:
 
 
 class Arrival:
-    """The end of a goal that has succeeded, held against the localisation.
+    """The destination of a goal that has succeeded, compared with the localisation.
 
     Args:
         node: The node that has sent the goal.
@@ -65,13 +65,13 @@ class Arrival:
 
     @property
     def tolerance_m(self) -> float:
-        """How far from the goal the robot may be, metres: the mission's parameter, or Nav2's tolerance and half a metre."""
+        """The allowed distance from the goal, metres: the mission's parameter, or Nav2's tolerance and half a metre."""
         given = self._robot.arrival_tolerance_m
         return nav2_parameters(self._node).goal_tolerance + EXTRA_TOLERANCE_M if given is None else given
 
     @property
     def distance_m(self) -> float | None:
-        """How far from the goal the robot is, metres; None if its localisation does not say."""
+        """The distance of the robot from the goal, metres; None if its localisation does not provide it."""
         place = self._robot.current_place()
         return None if place is None else math.dist(place[:2], self._destination)
 
@@ -80,14 +80,14 @@ class Arrival:
         if not self.doubt:
             return False
         if not self._due:
-            # By both clocks: a fast simulation does not make the network faster, and one that stands still sends no pose.
+            # By both clocks: a fast simulation does not make the network faster, and a paused one sends no pose.
             self._due = Deadline(_FOLLOWS_SEC, AWAKE), Deadline(_FOLLOWS_SEC, self._robot.clock)
         return not all(each.passed for each in self._due)
 
     @property
     def doubt(self) -> str:
-        """Why the robot has not arrived, in words; empty if it has, or nothing can be said."""
+        """The reason why the robot has not arrived, in words; empty if it has, or if unknown."""
         distance = self.distance_m
         if distance is None or distance <= self.tolerance_m:
             return ""
-        return f"by the localisation the robot is {distance:.2f} m away from its goal ({self.tolerance_m:.2f} m are allowed)"
+        return f"the localisation places the robot {distance:.2f} m away from its goal ({self.tolerance_m:.2f} m are allowed)"

@@ -1,4 +1,4 @@
-"""Leaves that need no Python: what they call, and with what, stands in the tree. The palette `ros:jazzy` has them."""
+"""Leaves that need no Python: the tree file names the server or topic and the values. Palette `ros:jazzy`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -42,12 +42,12 @@ _FLUSH_SEC = 0.5
 
 
 class _Sent:
-    """The fields of a message that is sent, with the keys in them.
+    """The fields of an outgoing message, with the keys in them.
 
     Args:
         leaf: The leaf.
-        attribute: The attribute that has them, for messages.
-        port: The fields; or the key of a message, of a mapping, or of such a text; None for none.
+        attribute: The attribute that has the fields, for messages.
+        port: The fields; or the key of a message, of a mapping, or of such a string; None for none.
         scope: Where keys are looked up.
     """
 
@@ -60,19 +60,19 @@ class _Sent:
             scope.resolve(key).declare()
 
     def check(self, cls: Any) -> None:
-        """Check the fields against a message's class, as far as they stand in the file.
+        """Check the fields that are known from the file against a message's class.
 
         Raises:
-            InterfaceError: If a field is not there, or a value does not fit.
+            InterfaceError: If a field does not exist, or a value does not fit.
         """
         if isinstance(self._fields, Fields):
             Filler().fill(cls(), self._fields)
 
     def message(self, cls: Any) -> Any:
-        """Return a message with the values that the keys hold now.
+        """Return a message with the current values of the keys.
 
         Raises:
-            PortError: If nothing was written to a key, or what it holds does not fit.
+            PortError: If nothing was written to a key, or its value does not fit.
         """
         source = f"{{{self._port.entry.key}}}" if self._port.entry is not None else ""
         try:
@@ -80,7 +80,7 @@ class _Sent:
             if isinstance(found, Ready) and isinstance(found.message, cls):
                 return found.message
             if not isinstance(found, Fields):
-                raise InterfaceError(f"it holds no fields of {cls.__name__}")  # noqa: TRY301 - as those of a filler
+                raise InterfaceError(f"its value has no fields of {cls.__name__}")  # noqa: TRY301 - as those of a filler
             return Filler(self._read_key, self._now).fill(cls(), found)
         except (InterfaceError, ConversionError) as error:
             message = f"{self._attribute}: {source and f'{source}: '}{error}"
@@ -99,13 +99,13 @@ class _Sent:
 
 
 class _Received:
-    """The fields of a message that comes, and where they are written.
+    """The fields of an incoming message, with the keys to write them to.
 
     Args:
         scope: Where the keys of *fields* are looked up.
         fields: Fields with their keys; None for none.
         field: One more field, for *value*; None for the whole message.
-        value: Where that is written; None for nowhere.
+        value: The key for *field*; None for no key.
     """
 
     def __init__(
@@ -132,17 +132,17 @@ class _Received:
         """Check the fields against a message's class.
 
         Raises:
-            InterfaceError: If one is not there.
+            InterfaceError: If a field does not exist.
         """
         for path in (self._field, *(path for path, _ in self._outputs)):
             if path is not None:
                 check_path(cls, path)
 
     def require_usable(self, message: Any) -> None:
-        """Hold the fields against the definition of the message.
+        """Check the fields against the definition of the message.
 
         Raises:
-            UnusableValueError: If one of them is outside.
+            UnusableValueError: If one of them is outside its definition.
         """
         for path, _ in self._outputs:
             if path is not None:
@@ -150,7 +150,7 @@ class _Received:
                     read_field(message, path.text)
 
     def write(self, message: Any) -> str:
-        """Write the fields; return why one cannot be, empty if all were."""
+        """Write the fields; return the reason why one cannot be written, empty if all were."""
         missing = ""
         for path, output in self._outputs:
             try:
@@ -161,7 +161,7 @@ class _Received:
 
 
 class _GraphName:
-    """The name of a server or a topic: a text, or what a key holds when the leaf is entered.
+    """The name of a server or a topic: a string, or the value of a key when the leaf is entered.
 
     Args:
         port: The name.
@@ -173,24 +173,24 @@ class _GraphName:
 
     @property
     def known(self) -> str:
-        """The name that it has before the first tick; empty if a key has none then."""
+        """The name before the first tick; empty if a key has none then."""
         return str(self._port.get("")) if self._port.entry is not None else self._port.get()
 
     @property
     def is_fixed(self) -> bool:
-        """Whether it stands in the file."""
+        """Whether the file has the name itself."""
         return self._port.entry is None
 
     @property
     def shown(self) -> str:
-        """The name, or the key that has it."""
+        """The name, or its key."""
         return self.known or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
 
     def now(self) -> str:
         """Return the name.
 
         Raises:
-            PortError: If nothing was written to its key, or what it holds is no name.
+            PortError: If nothing was written to its key, or its value is not a valid name.
         """
         name = self._port.get()
         if self._port.entry is not None:
@@ -202,22 +202,22 @@ class _GraphName:
 
 
 def _objection_to(name: object) -> str:
-    """Return why something is no name of a server or a topic; empty if it is one."""
+    """Return why a value is not a valid name of a server or a topic; empty if it is valid."""
     from rclpy.exceptions import NameValidationException
     from rclpy.validate_topic_name import validate_topic_name
 
     if not name or not isinstance(name, str):
-        return f"{name!r} is no name of a server or a topic"
+        return f"{name!r} is not a valid name of a server or a topic"
     try:
         validate_topic_name(name)
     except NameValidationException as error:
         reason = str(error).partition(":\n")[0].rpartition(": ")[2]
-        return f"'{name}' is no name of a server or a topic: {reason}"
+        return f"'{name}' is not a valid name of a server or a topic: {reason}"
     return ""
 
 
 def _defined(kind: str, name: _GraphName, written: str) -> Any:
-    """Return the class of the type that a leaf names, whose server or topic has a name as far as it is known."""
+    """Return the class of a leaf's type. The name of its server or topic is used as far as it is known."""
     objection = name.is_fixed and _objection_to(name.known)
     if objection:
         raise InterfaceError(objection)
@@ -226,7 +226,7 @@ def _defined(kind: str, name: _GraphName, written: str) -> Any:
 
 @contextmanager
 def _definition_of(leaf: RosLeaf) -> Iterator[None]:
-    """Turn what a check of a leaf's attributes finds into the error that a start reports."""
+    """Convert the errors of a check of a leaf's attributes to the error that a start reports."""
     try:
         yield
     except InterfaceError as error:
@@ -234,7 +234,7 @@ def _definition_of(leaf: RosLeaf) -> Iterator[None]:
 
 
 class RosService(ServiceLeaf):
-    """Call a service: SUCCESS when it has answered, and has not said no.
+    """Call a service: SUCCESS when it has answered and not reported a failure.
 
     Args:
         service: The service's name.
@@ -242,7 +242,7 @@ class RosService(ServiceLeaf):
         request: The request's fields as YAML, in which `{key}` is a key: `data: true`.
         success: A field of the answer that must be true; empty for none.
         field: The field of the answer to write to `value`, such as `location.x`; empty for the whole answer.
-        value: Where it is written.
+        value: The key to write it to.
         fields: Further fields of the answer with the keys to write: `x: {x}, y: {y}`.
         server_timeout_sec: How long to wait for a server, seconds.
         timeout_sec: How long to wait for the answer, seconds.
@@ -274,7 +274,7 @@ class RosService(ServiceLeaf):
         self._received = _Received(scope, fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client of a type that is one of ROS's interfaces."""
+        """Create the client of a service type."""
         self.require_definition()
         super().setup(**kwargs)
 
@@ -288,7 +288,7 @@ class RosService(ServiceLeaf):
                 check_path(interface.Response, self._success)
 
     def initialise(self) -> None:
-        """Call the server that the name stands for now."""
+        """Call the server that currently has the name."""
         name = self._name.now()
         if name != self.service_name:
             self._drop()
@@ -313,11 +313,11 @@ class RosService(ServiceLeaf):
         return self.answer(super().on_failure(reason), "no answer")
 
     def on_response(self, response: Any) -> Status:
-        """Write the answer's fields; return SUCCESS unless it says no."""
+        """Write the answer's fields; return SUCCESS unless the server reports a failure."""
         missing = self._received.write(response)
         if self._success and not self._is_true(response, self._success):
             said = _reason_beside(response, self._success) or str(self._success)
-            self.complain(f"'{self.name}': '{self.service_name}' says no: {said}")
+            self.complain(f"'{self.name}': '{self.service_name}' reports a failure: {said}")
             return self.answer(Status.FAILURE, "refused")
         if missing:
             return self.on_failure(missing)
@@ -332,7 +332,7 @@ class RosService(ServiceLeaf):
 
 
 def _reason_beside(response: Any, field: FieldPath) -> str:
-    """Return why a field of an answer is not true: what stands beside it, or in the answer."""
+    """Return why a field of an answer is not true, from the neighbouring text fields or from the answer."""
     around, dot, _ = field.text.rpartition(".")
     beside = ""
     if dot:
@@ -353,7 +353,7 @@ class RosAction(ActionLeaf):
         type_: Its type, such as `nav2_msgs/action/Wait`.
         goal: The goal's fields as YAML, in which `{key}` is a key: `time: {sec: 5}`.
         field: The field of the result to write to `value`; empty for the whole result.
-        value: Where it is written.
+        value: The key to write it to.
         fields: Further fields of the result with the keys to write: `error_code: {code}, error_msg: {text}`.
         feedback: Fields of the feedback with the keys to write, at each tick: `distance_remaining: {left}`.
         server_timeout_sec: How long to wait for a server, seconds.
@@ -387,7 +387,7 @@ class RosAction(ActionLeaf):
         self._former_ports: dict[str, ActionPort] = {}
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client of a type that is one of ROS's interfaces."""
+        """Create the client of an action type."""
         self.require_definition()
         super().setup(**kwargs)
 
@@ -400,7 +400,7 @@ class RosAction(ActionLeaf):
             self._feedback.check(interface.Feedback)
 
     def initialise(self) -> None:
-        """Send a goal to the server that the name stands for now."""
+        """Send a goal to the server that currently has the name."""
         name = self._name.now()
         if name != self.action_name:
             self._drop()
@@ -442,7 +442,7 @@ class RosAction(ActionLeaf):
         return self.answer(super().on_failure(reason), "no result")
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE, with the result if the goal has one: it has succeeded, and the robot is not there."""
+        """Return FAILURE, with the result if the goal has one: it has succeeded, but the robot has not arrived."""
         failed, goal = super().on_unavailable(reason), self._exchange
         if (
             goal is None
@@ -468,16 +468,17 @@ class RosAction(ActionLeaf):
 
 
 class RosTopic(TopicLeaf):
-    """Is there a message of a topic? SUCCESS if so, and fields of the latest one are written.
+    """Check for a message of a topic: SUCCESS if there is one, with fields of the latest one written to keys.
 
     Args:
         topic: The topic's name.
         type_: Its type, such as `sensor_msgs/msg/BatteryState`.
         field: The field to write to `value`, such as `pose.position.x`; empty for the whole message.
-        value: Where it is written.
+        value: The key to write it to.
         fields: Further fields with the keys to write: `pose.position.x: {x}`.
-        max_age_sec: How old a message may be, seconds of the node's clock; by default 5, and any age with `transient_local`.
-        qos: `sensor_data`, `reliable`, or `transient_local` for what was published before.
+        max_age_sec: The largest accepted age of a message, seconds of the node's clock; by default 5, and any age with
+            `transient_local`.
+        qos: `sensor_data`, `reliable`, or `transient_local` for messages that were published before.
         waits: Whether it is RUNNING, instead of FAILURE, while there is no message.
         scope: Where keys are looked up.
     """
@@ -499,14 +500,14 @@ class RosTopic(TopicLeaf):
         super().__init__(name)
         self._name = _GraphName(topic, "topic")
         self.topic_name, self.topic_type = self._name.known, full_type("msg", type_)
-        # What a publisher keeps for latecomers was sent once, however long ago, and still holds.
+        # A message for late subscribers was sent once, however long ago, and is still valid.
         is_limited = max_age_sec is None and qos != "transient_local"
         self.max_age_sec = _MAX_AGE_SEC if is_limited else max_age_sec
         self.qos, self.waits = qos, waits
         self._received = _Received(scope or Scope(Board(name)), fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
-        """Subscribe to a topic of a type that is one of ROS's interfaces."""
+        """Subscribe to a topic of a message type."""
         self.require_definition()
         super().setup(**kwargs)
 
@@ -516,7 +517,7 @@ class RosTopic(TopicLeaf):
             self._received.check(_defined("msg", self._name, self.topic_type))
 
     def initialise(self) -> None:
-        """Listen to the topic that the name stands for now."""
+        """Subscribe to the topic that currently has the name."""
         name = self._name.now()
         if name != self.topic_name:
             self.topic_name = name
@@ -529,7 +530,7 @@ class RosTopic(TopicLeaf):
             super().subscribe()
 
     def check_message(self, message: Any) -> None:
-        """Hold the fields against the definition of the message."""
+        """Check the fields against the definition of the message."""
         self._received.require_usable(message)
 
     def on_message(self, message: Any) -> Status:
@@ -575,7 +576,7 @@ class RosPublish(RosLeaf):
         self._deadline = Deadline(timeout_sec)
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher, if the topic's name is known, so that subscribers find it before the first tick.
+        """Create the publisher if the topic's name is known, so that subscribers discover it before the first tick.
 
         Args:
             **kwargs: `node` and optionally `wake`, see `RosLeaf`.
@@ -592,7 +593,7 @@ class RosPublish(RosLeaf):
             self._sent.check(_defined("msg", self._name, self._type))
 
     def initialise(self) -> None:
-        """Publish on the topic that the name stands for now."""
+        """Publish on the topic that currently has the name."""
         self._publisher = self._publisher_of(self._name.now())
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
@@ -612,7 +613,7 @@ class RosPublish(RosLeaf):
         return Status.SUCCESS
 
     def shutdown(self) -> None:
-        """Let subscribers acknowledge what was published; the publisher exists as long as the node, for all leaves."""
+        """Let subscribers acknowledge the messages; the publisher exists as long as the node, for all leaves."""
         from rclpy.duration import Duration
 
         if self._publisher is not None and alive(self.node):
@@ -630,25 +631,25 @@ class RosPublish(RosLeaf):
 
 
 _DEPTH = 10
-"""How many messages wait for subscribers that are slow, as with `ros2 topic pub`."""
+"""The number of messages queued for slow subscribers, as with `ros2 topic pub`."""
 
 
 class RosTransform(RosLeaf):
-    """Where is a frame in another one? SUCCESS if the transforms of `/tf` say so, and it is written; RUNNING while they do not.
+    """Look up a frame's pose in another one on `/tf`: SUCCESS if it is known and written, else RUNNING.
 
     Args:
-        target_frame: The frame in which it is told, such as `map`.
-        source_frame: The frame of which it is told, such as `base_link`.
-        max_age_sec: How old the transforms may be, seconds of the node's clock.
+        target_frame: The frame of the written pose, such as `map`.
+        source_frame: The frame to locate, such as `base_link`.
+        max_age_sec: The largest accepted age of the transforms, seconds of the node's clock.
         timeout_sec: How long to wait for them, seconds; then FAILURE.
-        x: Where x is written, metres.
-        y: Where y is written, metres.
-        z: Where z is written, metres.
-        yaw: Where the turn about z is written, rad.
-        qx: Where the quaternion's x is written.
-        qy: Where the quaternion's y is written.
-        qz: Where the quaternion's z is written.
-        qw: Where the quaternion's w is written.
+        x: The key for x, metres.
+        y: The key for y, metres.
+        z: The key for z, metres.
+        yaw: The key for the rotation about z, rad.
+        qx: The key for the quaternion's x.
+        qy: The key for the quaternion's y.
+        qz: The key for the quaternion's z.
+        qw: The key for the quaternion's w.
     """
 
     def __init__(  # noqa: PLR0913 - a file's attributes
@@ -678,7 +679,7 @@ class RosTransform(RosLeaf):
         self._deadline = Deadline(timeout_sec)
 
     def setup(self, **kwargs: Any) -> None:
-        """Listen to transforms from now on, whatever is ticked.
+        """Listen to transforms from now on, even if the leaf is not ticked.
 
         Args:
             **kwargs: `node` and optionally `wake`, see `RosLeaf`.
@@ -689,12 +690,12 @@ class RosTransform(RosLeaf):
         self._frames.listen(self._on_transforms)
 
     def initialise(self) -> None:
-        """Wait from now on for the frames that the ports name."""
+        """Start waiting for the frames named by the ports."""
         self._target, self._source = (port.get() for port in self._frame_ports)
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:
-        """Return SUCCESS, and write what is asked for, if the transforms are there and new enough."""
+        """Return SUCCESS and write the pose if the transforms are present and recent enough."""
         found = self._look_up()
         if isinstance(found, Transform):
             self.feedback_message = ""
@@ -704,19 +705,19 @@ class RosTransform(RosLeaf):
         self.feedback_message = found
         if not self._deadline.passed:
             return Status.RUNNING
-        where = f"where '{self._source}' is in '{self._target}' is not known"
+        where = f"the pose of '{self._source}' is in '{self._target}' is unknown"
         self.complain(f"'{self.name}': {where} within {self.timeout_sec:g} s: {found}")
         return Status.FAILURE
 
     def shutdown(self) -> None:
-        """Listen no longer."""
+        """Stop listening."""
         if self._frames is not None:
             self._frames.withdraw(self._on_transforms)
             self._frames = None
         super().shutdown()
 
     def _look_up(self) -> Transform | str:
-        """Return where the frame is; in words why that is not known, if it is not."""
+        """Return the pose of the frame, or the reason in words why it is unknown."""
         found = frame_tree(self.node).look_up(self._target, self._source, self.max_age_sec)
         return found if isinstance(found, str) else found.transform
 

@@ -1,4 +1,4 @@
-"""The common base of leaves that call an action or a service, and that of those that call a service."""
+"""Common base classes of leaves that call an action or a service, and the base class for service calls."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -20,9 +20,9 @@ class Exchange(ABC):
     """A goal or a call: sent to a server at most once, and answered at most once.
 
     Args:
-        leaf: The leaf that it is of, which has the limits and their clock, and is told what becomes of it.
+        leaf: The leaf that sends it. It has the limits and their clock, and is notified of the result.
         server: The name of the action or service.
-        reply_sec: How long to wait for the first reply, from the sending on.
+        reply_sec: How long to wait for the first reply after sending.
 
     Attributes:
         sent: Whether it was sent.
@@ -47,13 +47,13 @@ class Exchange(ABC):
         return self.answer is not None or bool(self.trouble)
 
     def advance(self) -> None:
-        """Do what is possible now: send the message, or check the deadlines."""
+        """Do the next step if possible: send the message, or check the deadlines."""
         if self.over or self._abandoned:
             return
         if self.sent:
             self._watch()
         elif self._server_is_ready():
-            # Without a server a message would be lost: it is not delivered to one that appears later.
+            # Without a server a message would be lost: it is not delivered to a server that appears later.
             self._leaf._announce()
             self.sent = True
             self._deadline = self._limit(self._reply_sec)
@@ -74,7 +74,7 @@ class Exchange(ABC):
 
     @abstractmethod
     def _server_is_ready(self) -> bool:
-        """Return whether there is a server to send to."""
+        """Return whether there is a server that would receive the message."""
 
     @abstractmethod
     def _send(self) -> None:
@@ -82,7 +82,7 @@ class Exchange(ABC):
 
     @abstractmethod
     def _withdraw(self) -> None:
-        """Take back what was sent."""
+        """Cancel the message after it was sent."""
 
     def _watch(self) -> None:
         """Give up if the first reply is too late."""
@@ -109,7 +109,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
     Its final status is kept until the next activation.
 
     Attributes:
-        server_timeout_sec: How long to wait for a server; this and all other limits in simulated seconds where time is
+        server_timeout_sec: How long to wait for a server. This and all other limits are in simulated seconds if time is
             simulated, else in those of the machine (`deadline.deadline_clock`).
     """
 
@@ -305,7 +305,7 @@ class ServiceCall(Exchange):
 
 
 class ServiceLeaf(ClientLeaf[ServiceCall]):
-    """A leaf that makes one call of a service in each activation; RUNNING until the answer comes.
+    """A leaf that calls a service once in each activation; RUNNING until the answer arrives.
 
     A subclass has the attributes `service_type` and `service_name`, of the class or set by its constructor, and
     the methods `request` and, if the content of the answer matters, `on_response`.
@@ -334,7 +334,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     }
     """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
     use_kind: ClassVar[str] = "service"
-    """The kind of `Use` that the registration of a leaf names."""
+    """The kind of `Use` in the registration of a leaf."""
     service_type: Any = None
     service_name: str = ""
     timeout_sec: float = 5.0
@@ -358,7 +358,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         """
         if getattr(response, "success", True):
             return Status.SUCCESS
-        return self.on_failure(getattr(response, "message", "") or "the server says that it did not succeed")
+        return self.on_failure(getattr(response, "message", "") or "the server reports a failure")
 
     def is_good_news(self, response: Any) -> bool:
         """Return whether the tree is ticked at once after an answer, instead of at the next period.
@@ -368,7 +368,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         return bool(getattr(response, "success", True))
 
     def shutdown(self) -> None:
-        """Give the call up and release the client, which is gone already if the node is."""
+        """Give up the call and release the client, which is gone already if the node is."""
         self._drop()
         self._disconnect()
         super().shutdown()
@@ -387,7 +387,8 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def _progress(self, exchange: ServiceCall) -> Status:
         status = super()._progress(exchange)
         if exchange.sent and exchange.trouble:
-            # A server that has not found the client's reader drops every answer to it; it may find another one's.
+            # A server that has not discovered the client's reader drops every answer to it. It may discover another
+            # client's.
             self._disconnect()
             self._connect()
         return status

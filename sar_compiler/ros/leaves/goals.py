@@ -1,6 +1,6 @@
-"""The goals of a node: each from its request to its end, those that may be active, and the statuses that servers publish.
+"""The goals of a node from request to end, those that may still be active, and the statuses that servers publish.
 
-The latter are another source for how a goal has ended.
+The published statuses are a second source for the end of a goal.
 """
 
 import math
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 SUCCEEDED = 4
-"""The status of a goal that has been reached: of `action_msgs/msg/GoalStatus`, as those below."""
+"""The status of a goal that has been reached, from `action_msgs/msg/GoalStatus`, like those below."""
 ABORTED, CANCELED, UNKNOWN = 6, 5, 0
 
 FINAL = (SUCCEEDED, CANCELED, ABORTED)
-"""Those of a goal that has ended."""
+"""The statuses of a goal that has ended."""
 
 _CANCEL = "/_action/cancel_goal"
 
@@ -36,30 +36,30 @@ _ENDS = {
     SUCCEEDED: "has arrived",
     CANCELED: "is cancelled",
     ABORTED: "was aborted",
-    UNKNOWN: "it does not know (any more)",
+    UNKNOWN: "the server does not know (any more)",
 }
 
 StatusListener = Callable[[int], None]
 FeedbackListener = Callable[[bytes], None]
 
-# Where a message of feedback has its goal's id, behind the four bytes that say how it is written.
+# The position of the goal's id in a serialised feedback message, after four bytes of encoding.
 _GOAL_ID = slice(4, 20)
 
 
 def end_in_words(status: int) -> str:
-    """Return what has become of a goal, by its final status."""
+    """Return the end of a goal in words, by its final status."""
     return _ENDS.get(status, f"has ended with status {status}")
 
 
 def cancel_client(node: "Node", action: str) -> "Client":
-    """Return a client of the service that cancels goals of an action, whoever has sent them."""
+    """Return a client of the service that cancels goals of an action from any client."""
     from action_msgs.srv import CancelGoal
 
     return node.create_client(CancelGoal, f"{action}{_CANCEL}")
 
 
 def canceled_action(service: str) -> str:
-    """Return the full name of the action whose goals a service, by its full name, cancels."""
+    """Return the full name of the action to which a cancel service belongs, given its full name."""
     return service.removesuffix(_CANCEL)
 
 
@@ -82,7 +82,7 @@ def uuid_message(goal_id: str) -> Any:
 class GoalStatuses:
     """The latest statuses of all goals of one action, from its status topic, by their ids: 32 hexadecimal digits.
 
-    Use `goal_statuses_of`: only then is it known which goals are this node's own.
+    Use `goal_statuses_of`, which knows the goals of this node.
 
     Args:
         node: The rclpy node.
@@ -106,25 +106,25 @@ class GoalStatuses:
 
     @property
     def has_foreign_goal(self) -> bool:
-        """Whether the server works on a goal that this node has not sent."""
+        """Whether the server executes a goal that this node has not sent."""
         return any(status not in FINAL and goal not in self._ours for goal, status in self._latest.items())
 
     def end_of(self, goal: str) -> int | None:
-        """Return the final status of a goal, as the topic has said it last; None while there is none."""
+        """Return the latest final status of a goal from the topic; None before the first one."""
         status = self._latest.get(goal)
         return status if status in FINAL else None
 
     def servers(self) -> frozenset[bytes]:
-        """Return what distinguishes the action's servers that the graph shows: the ids of who publishes their statuses."""
+        """Return the identities of the action's servers in the graph: the ids of the publishers of their statuses."""
         there = self._node.get_publishers_info_by_topic(self._topic)
         return frozenset(bytes(each.endpoint_gid) for each in there)
 
     def forget(self) -> None:
-        """Forget the latest statuses: their server may have died, and a new one says nothing before its first goal."""
+        """Forget the latest statuses: the server may have crashed, and a new one publishes none before its first goal."""
         self._latest = {}
 
     def follow(self, goal: str, on_end: StatusListener) -> None:
-        """Have a method called with the final status of a goal of this node; it is referred to weakly."""
+        """Register a callback, held weakly, for the final status of this node's goals."""
         self._ours.add(goal)
         self._listeners[goal] = WeakMethod(on_end)
 
@@ -134,17 +134,19 @@ class GoalStatuses:
             if status in FINAL and (listener := self._listeners.pop(goal, lambda: None)()) is not None:
                 listener(status)
         self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
-        # A goal that is over stays in the list for a while, and must not look foreign.
+        # A goal that has ended stays in the list for a while, and must not look foreign.
         self._ours.intersection_update({*self._latest, *self._listeners})
 
 
 def goal_statuses_of(node: "Node", action: str) -> GoalStatuses:
-    """Return the statuses of an action's goals, the same object in every call with a node; they exist as long as it."""
+    """Return the statuses of an action's goals, one object for the lifetime of a node."""
     return of_node(node, (GoalStatuses, action), lambda: GoalStatuses(node, action))
 
 
 class GoalFeedback:
-    """The feedback on all goals of one action, as it came: only who has a use for a message reads it. Use `goal_feedback_of`.
+    """The serialised feedback on all goals of one action; use `goal_feedback_of`.
+
+    Only a receiver that needs a message deserialises it.
 
     Args:
         node: The rclpy node.
@@ -161,7 +163,7 @@ class GoalFeedback:
         node.create_subscription(self._type, name, self._take, qos, raw=True)
 
     def follow(self, goal: str, on_feedback: FeedbackListener) -> None:
-        """Have a method called with each message for a goal; it is referred to weakly."""
+        """Register a callback, held weakly, for each message about a goal."""
         self._listeners = {goal: each for goal, each in self._listeners.items() if each() is not None}
         self._listeners[goal] = WeakMethod(on_feedback)
 
@@ -178,17 +180,17 @@ class GoalFeedback:
 
 
 def goal_feedback_of(node: "Node", action_type: Any, action: str) -> GoalFeedback:
-    """Return the feedback on an action's goals, the same object in every call with a node; it exists as long as it."""
+    """Return the feedback on an action's goals, one object for the lifetime of a node."""
     return of_node(node, (GoalFeedback, action_type, action), lambda: GoalFeedback(node, action_type, action))
 
 
 class GoalNews(NamedTuple):
-    """The fate of a goal.
+    """A change of a goal: it is about to be sent, or has ended.
 
     Attributes:
         goal_id: Its id, 32 hexadecimal digits.
         action: The full name of its action.
-        status: How it has ended, a constant of `action_msgs/msg/GoalStatus`, 0 where no server knows it; None if it is
+        status: Its final status, a constant of `action_msgs/msg/GoalStatus`, 0 if no server knows it; None if it is
             about to be sent.
     """
 
@@ -203,7 +205,7 @@ class GoalNews(NamedTuple):
 
 
 class GoalsUnderWay:
-    """Tells listeners of the goals that one node sends, by their ids: 32 hexadecimal digits; see `goals_under_way`."""
+    """Notifies listeners of the goals that one node sends, by their ids (32 hexadecimal digits); use `goals_under_way`."""
 
     def __init__(self) -> None:
         self._active: dict[str, str] = {}
@@ -211,11 +213,11 @@ class GoalsUnderWay:
         self._listeners: list[Callable[[GoalNews], None]] = []
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of active goals."""
         return len(self._active)
 
     def drives(self, actions: Collection[str]) -> bool:
-        """Return whether a goal of some actions, by their full names, that is not lost may be active."""
+        """Return whether a goal of some actions (full names) may be active, ignoring lost goals."""
         return any(action in actions and goal not in self._lost for goal, action in self._active.items())
 
     @property
@@ -224,28 +226,29 @@ class GoalsUnderWay:
         return any(goal not in self._lost for goal in self._active)
 
     def active(self) -> "list[GoalNews]":
-        """Return the goals that were sent and whose ends were not seen; may be called from any thread."""
+        """Return the goals that were sent and have not been seen to end; may be called from any thread."""
         return [GoalNews(goal_id, action) for goal_id, action in [*self._active.items()]]
 
     def lost(self, goal_id: str) -> None:
-        """Note that the server of a goal has fallen silent: its end will not be seen."""
+        """Record that the server of a goal has fallen silent: its end will not be seen."""
         self._lost.add(goal_id)
 
     def listen(self, listener: Callable[[GoalNews], None]) -> None:
-        """Have a function called before each goal is sent, and after its end is seen."""
+        """Register a callback before each goal is sent, and after its end is seen."""
         self._listeners.append(listener)
 
     def sending(self, goal_id: str, action: str) -> None:
-        """Note, just before, that a goal is sent; *action* is the full name of its action."""
+        """Record a goal just before it is sent; *action* is the full name of its action."""
         self._active[goal_id] = action
         self._tell(GoalNews(goal_id, action))
 
     def ended(self, goal_id: str, status: int) -> None:
-        """Note that a goal was rejected, or has ended.
+        """Record that a goal was rejected or has ended.
 
         Args:
             goal_id: Its id.
-            status: How, a constant of `action_msgs/msg/GoalStatus`; 0 where it was rejected, or no server knows it.
+            status: Its final status, a constant of `action_msgs/msg/GoalStatus`; 0 if it was rejected, or no server
+                knows it.
         """
         self._lost.discard(goal_id)
         action = self._active.pop(goal_id, None)
@@ -258,7 +261,7 @@ class GoalsUnderWay:
 
 
 def goals_under_way(node: "Node") -> GoalsUnderWay:
-    """Return the goals of a node, the same object in every call."""
+    """Return the goals of a node, one object for each node."""
     return of_node(node, GoalsUnderWay, GoalsUnderWay)
 
 
@@ -267,22 +270,22 @@ _FAILURES = {
     CANCELED: "canceled by another client",
     ABORTED: "aborted",
 }
-# How long the result may take once the status topic has said that the goal is over, seconds.
+# How long the result may take after the status topic has reported the end, seconds.
 _RESULT_SEC = 2.0
-# So many goals in a row without an answer are no accident.
+# This many goals in a row without an answer are no coincidence.
 _UNANSWERED = 2
-# In how many times its limit an acceptance may still come.
+# An acceptance is still awaited for this many times its limit.
 _LATEST = 4.0
-# A navigator that answers nothing for so long is dead if it sends no feedback either, seconds in which this process ran.
+# A navigator that neither answers nor sends feedback for this long has crashed, seconds in which this process ran.
 _QUIET_SEC = 2.0
-# How often a server is asked whether it lives, seconds.
+# Interval between heartbeat requests to a server, seconds.
 _PULSE_SEC = 1.0
-# How often a goal that was given up is asked after, seconds.
+# Interval between status requests for a goal that was given up, seconds.
 _CHASE_SEC = 1.0
 
 
 def describe_status(status: int, result: Any = None) -> str:
-    """Return a goal's final status other than success, in words and as a number, with what its result says of the error."""
+    """Return a goal's final status other than success, in words and as a number, with the error in its result."""
     words = f"{_FAILURES.get(status, 'not finished')} (status {status})"
     reason = reported_error(result) if result is not None else ""
     return f"{words}: {reason}" if reason else words
@@ -298,7 +301,7 @@ class ActionPort:
 
     Attributes:
         full_name: The action's full name.
-        unanswered: How many goals in a row were neither taken nor refused in time.
+        unanswered: The number of goals in a row that were neither accepted nor rejected in time.
     """
 
     def __init__(self, node: "Node", action_type: Any, name: str) -> None:
@@ -338,15 +341,15 @@ class ActionPort:
         self._node.get_logger().warning(in_one_line(text))
 
     def count_unanswered(self) -> None:
-        """Note that a goal was neither taken nor refused in time; after the second in a row, make the clients anew."""
+        """Record that a goal was neither accepted nor rejected in time; replace the clients after the second in a row."""
         self.unanswered += 1
         if self.unanswered < _UNANSWERED or not self.usable:
             return
-        # A server that has not found a client's reader drops every answer to it; it may find another one's.
+        # A server that has not discovered a client's reader drops every answer to it. It may discover another client's.
         self.unanswered = 0
         self.warn(
-            f"The server of '{self.name}' is there and has answered {_UNANSWERED} goals in a row with nothing: "
-            "from now on with new clients."
+            f"The server of '{self.name}' is present but has not answered {_UNANSWERED} goals in a row. The clients "
+            "are replaced."
         )
         self.release()
         self._connect()
@@ -359,10 +362,10 @@ class ActionPort:
 
 
 class Pulse:
-    """Heartbeat: requests the result of an unknown goal, which a live server refuses at once.
+    """Heartbeat: requests the result of an unknown goal, which a live server rejects at once.
 
-    A server that works in the only thread that it has answers nothing meanwhile. So it counts as dead only after it
-    has answered once.
+    A server with a single thread does not answer while it works. So it counts as crashed only after it has answered
+    once.
 
     Args:
         prober: A client of the action's result service.
@@ -378,7 +381,7 @@ class Pulse:
         self._limit = Deadline(limit_sec, clock)
 
     def has_stopped(self) -> bool:
-        """Ask if it is due; return whether the server, which has answered before, has not for too long."""
+        """Send the request if due; return whether a server that has answered before has been silent for too long."""
         if self._question is None:
             if self._due.passed:
                 self._ask()
@@ -391,7 +394,7 @@ class Pulse:
         return False
 
     def rest(self) -> None:
-        """Ask no more for a while: the server has been heard."""
+        """Postpone the next request: the server has sent a message."""
         self._drop()
         self._due = Deadline(_PULSE_SEC, self._clock)
 
@@ -426,7 +429,7 @@ class ActionGoal(Exchange):
     goal: the answer to an old goal cannot affect a new one.
 
     Args:
-        leaf: The leaf that sends it; hears when the goal is accepted and when it has succeeded.
+        leaf: The leaf that sends it, which is notified of its acceptance and success.
         port: The action.
         message: The goal to send.
 
@@ -434,9 +437,9 @@ class ActionGoal(Exchange):
         sent, trouble: As in every `Exchange`.
         answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
             `result`; None until then.
-        rejected: Whether the server refused the goal.
-        is_result_lost: Whether the server's result has not come, so that the one in the answer is empty.
-        ended_at: When its end was seen, steady seconds; infinite until then.
+        rejected: Whether the server rejected the goal.
+        is_result_lost: Whether the server's result did not arrive, so that the one in the answer is empty.
+        ended_at: The time when its end was seen, steady seconds; infinite until then.
     """
 
     _server_kind = "action"
@@ -449,7 +452,7 @@ class ActionGoal(Exchange):
         self.rejected = self.is_result_lost = False
         self.ended_at = math.inf
         self._port, self._message = port, message
-        # Its own id, so that it can be cancelled before the server has said anything.
+        # An id chosen by the client, so that the goal can be cancelled before the server answers.
         self._id = uuid.uuid4().hex
         self._is_accepted = False
         self._feedback: bytes | None = None
@@ -480,20 +483,20 @@ class ActionGoal(Exchange):
 
     @property
     def is_accepted(self) -> bool:
-        """Whether the server has said that it has the goal."""
+        """Whether the server has accepted the goal or sent messages about it."""
         return self._is_accepted
 
     @property
     def has_ended(self) -> bool:
-        """Whether the goal is active nowhere: it was not sent, or a final status was seen, or it was never taken."""
+        """Whether the goal is certainly inactive: it was not sent, has a final status, or was never accepted."""
         return not self.sent or self._final is not None
 
     @property
     def _is_too_late(self) -> bool:
-        """Whether no server that was there when the goal was sent can still accept it."""
+        """Whether no server that was present when the goal was sent can still accept it."""
         if self.age_sec <= self._reply_sec:
             return False
-        # One that was killed stays in the graph for a while: who answers is the one that came since.
+        # A killed server stays in the graph for a while: a server that answers has appeared since.
         return self.age_sec > _LATEST * self._reply_sec or bool(self._port.statuses.servers() - self._servers)
 
     @property
@@ -503,33 +506,33 @@ class ActionGoal(Exchange):
 
     @property
     def _silence_sec(self) -> float:
-        """How long a server that sends no feedback may leave questions unanswered."""
+        """How long a server without feedback may leave requests unanswered."""
         limit_sec = self._leaf.feedback_timeout_sec
         return self._leaf.server_timeout_sec if limit_sec is None else limit_sec
 
     @property
     def server_is_gone(self) -> bool:
-        """Whether there is no server any more that could have the goal: what a server has leaves with it."""
+        """Whether no server can have the goal any more: a server that disappears takes its goals with it."""
         return not (self._port.usable and self._port.sender.service_is_ready())
 
     def lose_if_quiet(self, navigator: str) -> None:
-        """Give it up if its server sent feedback, and now sends none: the robot may not stop by itself.
+        """Give up the goal if its server has stopped sending feedback: the robot may not stop by itself.
 
         Args:
-            navigator: The lifecycle node of the server, which answers nothing.
+            navigator: The lifecycle node of the server, which does not answer.
         """
         if self.in_flight and self._final is None and AWAKE.now() - self._heard_at > _QUIET_SEC:
             self._lose(
-                f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} answers nothing"
+                f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} does not answer"
             )
 
     @property
     def has_feedback(self) -> bool:
-        """Whether feedback has come that nobody has taken."""
+        """Whether there is feedback that has not been read."""
         return self._feedback is not None
 
     def take_feedback(self) -> Any:
-        """Return the latest feedback, which there is, once."""
+        """Return and clear the latest feedback, at most once per message."""
         feedback, self._feedback = self._feedback, None
         return self._port.feedback.read(cast("bytes", feedback))
 
@@ -537,7 +540,7 @@ class ActionGoal(Exchange):
         return self._port.server_is_ready
 
     def chase(self) -> None:
-        """Ask again, now and then, for the status of a goal that was given up; where no cancel was granted, cancel it."""
+        """Repeat the status request for a goal that was given up; cancel it if no cancel was granted."""
         if self.has_ended:
             self._drop_questions()
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):
@@ -548,17 +551,17 @@ class ActionGoal(Exchange):
             self._withdraw()
 
     def _ask_after(self) -> None:
-        """Ask for the result once more: a server that does not know the goal, or not any more, answers at once."""
+        """Request the result once more: a server that does not know the goal (any more) answers at once."""
         self._chased = self._limit(_CHASE_SEC)
         prober = self._port.prober
         if self._port.usable and prober.service_is_ready():
             self._request_result()
 
     def _drop_questions(self) -> None:
-        """Await no answer any more; before its end is seen none is given up, since each may be the one that tells of it."""
+        """Drop all pending answers. Before the goal's end is seen none is dropped, since each may report it."""
         pending, self._questions = self._questions, []
         for client, question in pending if self._port.usable else ():
-            # Without this the client would wait for the answer, and keep the goal, for good.
+            # Without this the client would wait for the answer, and keep the goal alive, for good.
             client.remove_pending_request(question)
 
     def _send(self) -> None:
@@ -574,8 +577,8 @@ class ActionGoal(Exchange):
     def _withdraw(self) -> None:
         if not self._port.usable or not self._port.canceller.service_is_ready():
             return
-        # By its own id, which works before the acceptance has come, if the server has the goal already; if not, it
-        # answers that it does not know it, and the goal is cancelled when its acceptance arrives.
+        # Cancel by the client's own id, which works before the acceptance arrives if the server already has the goal.
+        # If not, it answers that it does not know the goal, which is then cancelled when its acceptance arrives.
         self._chased = self._limit(_CHASE_SEC)
         canceller = self._port.canceller
         answer = canceller.call_async(cancel_request(self._id))
@@ -598,38 +601,38 @@ class ActionGoal(Exchange):
             self._question_server()
 
     def _await_result(self, status: int) -> None:
-        """Go by the status topic if the result does not come."""
+        """Use the status topic if the result does not arrive."""
         if self._result_due is None:
             self._result_due = self._limit(_RESULT_SEC)
         elif self._result_due.passed:
             self._port.warn(
-                f"The result of the goal of '{self._port.name}' is lost; the status topic has its end: {status}."
+                f"The result of the goal of '{self._port.name}' is lost. The status topic reports its end: {status}."
             )
             self.is_result_lost = True
             self.answer = SimpleNamespace(status=status, result=self._port.action_type.Result())
 
     def _miss_server(self) -> None:
-        # Whoever appears instead of it does not know the goal.
+        # A server that appears instead of it does not know the goal.
         if self._absence is None:
             self._absence = self._limit(self._leaf.absence_timeout_sec)
         elif self._absence.passed:
-            self._lose(f"the server has been gone for {self._leaf.absence_timeout_sec:g} s")
+            self._lose(f"the server has been missing for {self._leaf.absence_timeout_sec:g} s")
 
     def _question_server(self) -> None:
-        """Find out whether the server lives, and knows the goal: the graph shows a killed one for some 20 s."""
+        """Find out whether the server lives and knows the goal: the graph shows a killed one for some 20 s."""
         if self._absence is not None or (
             self._silence is None and self._doubt is not None and self._doubt.passed
         ):
-            # Perhaps another server than before: one that does not know the goal answers at once.
+            # This may be another server than before: one that does not know the goal answers at once.
             self._absence = None
             self._doubt = self._limit(self._silence_sec)
             self._request_result()
         if self._pulse is not None and self._pulse.has_stopped():
-            self._lose(f"the server has answered nothing for {self._silence_sec:g} s")
+            self._lose(f"the server has not answered for {self._silence_sec:g} s")
 
     def _lose(self, trouble: str) -> None:
         self._port.goals.lost(self._id)
-        self._give_up(f"{trouble}; the robot may still be moving")
+        self._give_up(f"{trouble}. The robot may still be moving")
 
     def _on_answer(self, answer: "Future") -> None:
         self._port.unanswered = 0
@@ -637,10 +640,10 @@ class ActionGoal(Exchange):
             self.rejected = True
             self._on_end(UNKNOWN)
             if not self._abandoned:
-                self.trouble = "the server rejected the goal; is it active (its lifecycle state)?"
+                self.trouble = "the server rejected the goal. Is its lifecycle state 'active'?"
             return
         self._is_accepted = True
-        if self._final == UNKNOWN:  # it was taken for lost
+        if self._final == UNKNOWN:  # it was considered lost
             self._final = None
             self._port.goals.sending(self._id, self._port.full_name)
         self._doubt = self._limit(self._silence_sec)
@@ -690,17 +693,17 @@ class ActionGoal(Exchange):
         if self._granted or self.has_ended:
             return
         if response.return_code == response.ERROR_GOAL_TERMINATED:
-            # Over, or canceled by another client: that is no end yet.
+            # It has ended, or another client has canceled it: that is no end yet.
             self._granted = True
             self._ask_after()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
-            # Known once and no more: another server. Never known, and long after it was sent: it did not arrive.
+            # Known once and now unknown: another server. Never known long after it was sent: it did not arrive.
             if self._is_accepted or self._is_too_late:
                 self._on_end(UNKNOWN)
         elif not self._refused:
-            # A server that refuses says so by an empty list; its return code may still be "no error".
+            # A server rejects the request by an empty list. Its return code may still be "no error".
             self._refused = True
             self._port.warn(
                 f"The server of '{self._port.name}' did not cancel the goal (return code "
-                f"{response.return_code}): the robot may still be moving."
+                f"{response.return_code}). The robot may still be moving."
             )

@@ -1,4 +1,4 @@
-"""The common base of leaves that use ROS 2, what those of one node share, and the interfaces that their classes declare."""
+"""Common base of leaves that use ROS 2, objects shared by the leaves of one node, and interface types of classes."""
 
 from collections.abc import Callable, Hashable
 from importlib import import_module
@@ -36,12 +36,12 @@ _ATTRIBUTE = "_sar_compiler_of_node"
 def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
     """Return the node's object of a key, the same in every call; it exists as long as the node.
 
-    The node itself has it, so that it may refer to the node.
+    It is an attribute of the node, so it may refer to the node.
 
     Args:
         node: The node.
-        key: Says what it is.
-        make: Makes it, in the first call.
+        key: The key of the object.
+        make: Creates the object in the first call.
     """
     held: dict[Hashable, Any] = vars(node).setdefault(_ATTRIBUTE, {})
     if key not in held:
@@ -82,7 +82,7 @@ class RosLeaf(Behaviour):
         name: The node's name.
 
     Attributes:
-        answer_label: The label of the declared answer that it has given, where its status has several (`answer`).
+        answer_label: The label of the declared answer that it has returned, if its status has several (`answer`).
     """
 
     def __init__(self, name: str) -> None:
@@ -92,7 +92,7 @@ class RosLeaf(Behaviour):
         self._wake: Wake = stay_asleep
 
     def setup(self, **kwargs: Any) -> None:
-        """Take the node to use, without blocking.
+        """Store the node to use, without blocking.
 
         Args:
             **kwargs: `node`, the rclpy node; and optionally `wake`, which requests a tick.
@@ -106,10 +106,10 @@ class RosLeaf(Behaviour):
         self._wake = kwargs.get("wake", stay_asleep)
 
     def require_definition(self) -> None:
-        """Check what a file says of it, as far as that takes neither node nor server: before anything is waited for.
+        """Check the attributes from the file that need neither node nor server, before any wait.
 
         Raises:
-            LeafDefinitionError: If something is wrong with it.
+            LeafDefinitionError: If an attribute is invalid.
         """
 
     def shutdown(self) -> None:
@@ -128,21 +128,21 @@ class RosLeaf(Behaviour):
         return self._node
 
     def answer(self, status: Status, label: str) -> Status:
-        """Return a status, and say which of the answers it is that the leaf has declared for it.
+        """Return a status, and record the label of the declared answer.
 
         Args:
             status: The status.
-            label: The label of the answer; empty if it is none of them.
+            label: The label of the answer; empty for no declared answer.
         """
         self.answer_label = label
         return status
 
     def say(self, text: str) -> None:
-        """Write a line to the mission's log; what is not of one line, or no text for a terminal, is escaped."""
+        """Write a line to the mission's log; line breaks and unprintable characters are escaped."""
         self.node.get_logger().info(short_line(text))
 
     def complain(self, text: str) -> None:
-        """Log a warning, as `say` does, and keep it as the leaf's feedback message."""
+        """Log a warning, as `say` does, and store it as the leaf's feedback message."""
         self.feedback_message = text
         self.node.get_logger().warning(short_line(text))
 
@@ -154,7 +154,7 @@ NAMED_QOS = {
 }
 """The qualities of service that have a name, the least demanding first: reliability and durability."""
 WORDS = {"action": "action", "srv": "service", "msg": "topic"}
-"""The kinds of interfaces, and the words for what is of them."""
+"""The kinds of interfaces, and the words for their endpoints."""
 
 
 def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
@@ -163,9 +163,9 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     Args:
         owner: The class of the leaf, for messages.
         kind: `action`, `srv` or `msg`.
-        name: The name of the server or topic, which must not be missing either.
-        written: The type: a text such as `nav2_msgs/action/NavigateToPose`, which is resolved only here, or
-            the Python class itself.
+        name: The name of the server or topic, which is required as well.
+        written: The type: a string such as `nav2_msgs/action/NavigateToPose`, which is resolved only here, or the
+            Python class itself.
 
     Raises:
         LeafDefinitionError: If name or type is missing, or the type is not installed.
@@ -173,12 +173,12 @@ def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:
     word = WORDS[kind]
     if not name or not written:
         missing = f"{word}_type" if name else f"{word}_name"
-        raise LeafDefinitionError(f"{owner} has no {missing}; set it on the class, or in the constructor")
+        raise LeafDefinitionError(f"{owner} has no {missing}. Set it on the class, or in the constructor")
     if not isinstance(written, str):
         return written
     package, _, cls = written.partition(f"/{kind}/")
     if not (package.isidentifier() and cls.isidentifier()):
-        raise LeafDefinitionError(f"{owner}: {word}_type is '{written}'; write it as 'package/{kind}/Name'")
+        raise LeafDefinitionError(f"{owner}: {word}_type is '{written}'. Write it as 'package/{kind}/Name'")
     return _imported(owner, written, package, kind, cls)
 
 
@@ -196,14 +196,14 @@ def qos_profile(owner: str, written: Any) -> "QoSProfile":
         written: `sensor_data`, `reliable`, `transient_local`, or an rclpy `QoSProfile`.
 
     Raises:
-        LeafDefinitionError: If it is any other text.
+        LeafDefinitionError: If it is any other string.
     """
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
     if not isinstance(written, str):
         return written
     if written not in NAMED_QOS:
-        message = f"{owner}: qos is '{written}'; write one of {', '.join(NAMED_QOS)}, or an rclpy QoSProfile"
+        message = f"{owner}: qos is '{written}'. Write one of {', '.join(NAMED_QOS)}, or an rclpy QoSProfile"
         raise LeafDefinitionError(message)
     reliability, durability = NAMED_QOS[written]
     return QoSProfile(
@@ -217,7 +217,9 @@ def _imported(owner: str, written: str, package: str, kind: str, cls: str) -> An
     try:
         module = import_module(f"{package}.{kind}")
     except ImportError as error:
-        message = f"{owner}: {written} cannot be imported ({error}); is its package built, and its workspace sourced?"
+        message = (
+            f"{owner}: {written} cannot be imported ({error}). Build its package, and source its workspace"
+        )
         raise LeafDefinitionError(message) from error
     if hasattr(module, cls):
         return getattr(module, cls)

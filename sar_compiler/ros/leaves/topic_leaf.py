@@ -22,7 +22,8 @@ class TopicLeaf(RosLeaf):
 
     A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if
     the content of a message matters, the method `on_message`. A message for which that raises `UnusableValueError`, whose stamp is in
-    the future, or older than `max_age_sec`, is reported once and counts as none. With `check_message` the usable message before it stays.
+    the future, or older than `max_age_sec`, is reported once and ignored. With `check_message` the usable message
+    before it stays.
 
     Attributes:
         topic_type: `"package/msg/Name"`, or the Python class.
@@ -53,7 +54,7 @@ class TopicLeaf(RosLeaf):
     }
     """The attributes that a class or its constructor must set, with examples; `checks.leaf_classes` asks for them."""
     use_kind: ClassVar[str] = "topic"
-    """The kind of `Use` that the registration of a leaf names."""
+    """The kind of `Use` in the registration of a leaf."""
     topic_type: Any = None
     topic_name: str = ""
     qos: Any = "sensor_data"
@@ -73,15 +74,16 @@ class TopicLeaf(RosLeaf):
         """The latest message; None if there is none, or it is too old."""
         if self._message is None or self.max_age_sec is None:
             return self._message
-        # A clock that jumps back, as that of a simulator which starts anew, makes every message too old.
+        # A clock that jumps back, as that of a restarted simulator, makes every message too old.
         age_sec = self._now_sec() - self._received_sec
         return self._message if 0.0 <= age_sec <= self.max_age_sec else None
 
     @property
     def silence_cause(self) -> str:
-        """Why there is no message that can be used, as the end of a sentence.
+        """The reason why there is no usable message, as the end of a sentence.
 
-        The last one says nothing, or what the ROS graph shows; empty if a publisher is there whose messages reach the leaf.
+        It describes the last message, or the ROS graph. It is empty if a publisher exists whose messages reach the
+        leaf.
         """
         if self.why_unusable or self._node is None:
             return self.why_unusable
@@ -101,7 +103,7 @@ class TopicLeaf(RosLeaf):
         self.subscribe()
 
     def subscribe(self) -> None:
-        """Subscribe to the topic, instead of the one before, whose message is forgotten."""
+        """Subscribe to the topic instead of the previous one, whose message is dropped."""
         self._unsubscribe()
         owner = type(self).__name__
         interface = find_interface(owner, "msg", self.topic_name, self.topic_type)
@@ -140,10 +142,10 @@ class TopicLeaf(RosLeaf):
             self._subscription = None
 
     def check_message(self, message: Any) -> None:
-        """Hold a message against its definition when it comes, with the readers of `sar_compiler.leaves`: one that is refused replaces none.
+        """Check a message on arrival with the readers of `sar_compiler.leaves`; a rejected one replaces no earlier one.
 
         Raises:
-            UnusableValueError: If one of them is outside.
+            UnusableValueError: If a field is outside its definition.
         """
 
     def on_message(self, message: Any) -> Status:  # noqa: ARG002 - for subclasses
@@ -158,7 +160,7 @@ class TopicLeaf(RosLeaf):
 
     @property
     def why_unusable(self) -> str:
-        """Why the last message cannot be used, as the end of a sentence; empty if it can, or there was none."""
+        """The reason why the last message is unusable, as the end of a sentence; empty if it is usable or missing."""
         return f" ({self._problem})" if self._problem else ""
 
     def _take(self, message: Any) -> None:
@@ -176,7 +178,7 @@ class TopicLeaf(RosLeaf):
         value_reports(self.node).report(f"Topic '{self.topic_name}'", error)
 
     def _receive(self, message: Any) -> None:
-        """Keep a message that can be used."""
+        """Store a usable message."""
         awaited = self.status is Status.RUNNING and self.message is None
         self._message, self._received_sec = message, self._now_sec()
         if awaited:
