@@ -1,6 +1,6 @@
 """How often `sar-journal why` names first the cause that was planted in a run of a shipped tree.
 
-Each run is one of `sar-run --sim` with one thing wrong. The line below "First to look at:" must name that thing: the leaf that failed,
+Each run is one of `sar-run --sim` with one thing wrong. The line below "Likeliest cause:" must name that thing: the leaf that failed,
 the time limit that expired, the script that was false, the command with its author, the process that was killed.
 
 `python -m benchmarks.explaining [WORDS…]` prints the score, of those causes whose names contain one of the words.
@@ -75,7 +75,7 @@ class PlantedCause:
 
     Attributes:
         kind: What is wrong, in words.
-        named: A pattern that the line below "First to look at:" must contain.
+        named: A pattern that the line below "Likeliest cause:" must contain.
         tree: The shipped tree.
         edits: Replacements of text by the file of `trees/` in which they are made.
         options: Further options of `sar-run`.
@@ -426,7 +426,7 @@ def _first_named(number: int) -> str:
 
 
 def first_named(cause: PlantedCause, folder: Path) -> str:
-    """Return the line of `sar-journal why` below "First to look at:" about a run with a planted cause; empty if there is none.
+    """Return the line of `sar-journal why` below "Likeliest cause:" about a run with a planted cause; empty if there is none.
 
     Args:
         cause: The cause.
@@ -440,7 +440,7 @@ def first_named(cause: PlantedCause, folder: Path) -> str:
     told = subprocess.run(
         [SCRIPTS / "sar-journal", "why", journal], capture_output=True, text=True, check=False, cwd=folder
     )
-    _, _, after = told.stdout.partition("First to look at:\n")
+    _, _, after = told.stdout.partition("Likeliest cause:\n")
     return after.partition("\n")[0].strip()
 
 

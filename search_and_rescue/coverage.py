@@ -264,7 +264,7 @@ def _read(cells: str, count: int) -> npt.NDArray[np.float64]:
         inflater = zlib.decompressobj()
         data = inflater.decompress(base64.b64decode(cells, validate=True), 2 * count + 1)
     except (binascii.Error, ValueError, zlib.error) as error:
-        raise ValueError(f"the cells are no raster: {error}") from error
+        raise ValueError(f"the cells are not a raster: {error}") from error
     if len(data) != 2 * count:
         raise ValueError(f"the raster has other ground: {count} cells were expected")
     return np.frombuffer(data, "<u2") * _STEP

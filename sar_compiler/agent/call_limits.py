@@ -1,4 +1,4 @@
-"""What one call of a tool for agents may read and take: its process limits itself before it does anything else."""
+"""Limits on the files and memory of one tool call, which its process applies to itself before anything else."""
 
 import json
 import os
@@ -20,8 +20,8 @@ class CallLimits(NamedTuple):
 
     Attributes:
         places: The folders and files that it may read, with links followed.
-        said: How a message calls them.
-        memory_bytes: How much address space it may take.
+        said: Their description in messages.
+        memory_bytes: The largest address space.
     """
 
     places: tuple[str, ...]
@@ -30,12 +30,12 @@ class CallLimits(NamedTuple):
 
     def environment(self) -> dict[str, str]:
         """Return the environment of a call with these limits."""
-        # A call does not outlive the server. Each thread of OpenBLAS takes address space of its own, which is what is limited.
+        # A call does not outlive the server. Each thread of OpenBLAS reserves address space, which is limited here.
         return {**dependent_environment(), LIMITS_VARIABLE: json.dumps(self), "OPENBLAS_NUM_THREADS": "1"}
 
 
 def limit_this_process(environment: MutableMapping[str, str]) -> None:
-    """Apply the limits in an environment to this process, to its end."""
+    """Apply the limits in an environment to this process, for its lifetime."""
     places, said, memory_bytes = json.loads(environment.pop(LIMITS_VARIABLE))
     confine(map(Path, places), said)
     if sys.platform == "win32":
@@ -43,6 +43,6 @@ def limit_this_process(environment: MutableMapping[str, str]) -> None:
     import resource
 
     os.nice(_NICENESS)
-    # Less is allowed already where the server itself is limited.
+    # The server's own limit may already be lower.
     with suppress(ValueError):
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))

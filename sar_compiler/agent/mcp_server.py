@@ -26,8 +26,9 @@ from sar_compiler.tree.content import real_path
 from sar_compiler.tree.showing import in_one_line
 
 _INSTRUCTIONS = (
-    "Behaviour trees for robots, in YAML or XML. Ask `nodes` which tags there are, write a tree file, `validate` it until it has "
-    "no errors, `verify` what must hold in all its runs, and `propose` it. Only a person can approve a tree: no tool does."
+    "Behaviour trees for robots, in YAML or XML. List the tags with `nodes`, write a tree file, `validate` it until it has "
+    "no errors, `verify` its properties in all possible runs, and `propose` it. Only a person can approve a tree: "
+    "no tool does."
 )
 ToolAnswer: TypeAlias = dict[str, Any]
 Facts: TypeAlias = dict[str, str | int | float | bool]
@@ -42,13 +43,13 @@ _SHOWN = 60
 
 
 class ToolAccess:
-    """What tools may do.
+    """The permissions of the tools.
 
     Args:
         roots: The folders of the files that they may read, with links followed; relative paths begin at the first one.
-        limit_sec: How long a call may take, seconds.
-        memory_bytes: How much address space a call may take.
-        command: What starts `sar-compile`.
+        limit_sec: The time limit of a call, seconds.
+        memory_bytes: The largest address space of a call.
+        command: The command that starts `sar-compile`.
         vocabulary: Its options about nodes and palettes.
         includes: Its options about folders to include from.
         named: The files and folders that these options name.
@@ -81,10 +82,10 @@ class ToolAccess:
     def path(self, name: str) -> str:
         """Return the path of a file, or the name of a shipped tree, for a command that runs in the first folder.
 
-        The call itself is confined to the folders, whatever becomes of the file after this.
+        The call itself is confined to the folders, whatever happens to the file afterwards.
 
         Raises:
-            ToolError: If it is a folder, lies in none of these, or no file can be called so.
+            ToolError: If it is a folder, is outside these folders, or has an invalid name.
         """
         try:
             place = real_path(self._roots[0] / name)
@@ -92,23 +93,23 @@ class ToolAccess:
                 return name
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise ToolError(f"no file can be called '{in_one_line(name[:_SHOWN])}': {reason}") from None
+            raise ToolError(f"invalid file name '{in_one_line(name[:_SHOWN])}': {reason}") from None
         if not any(place.is_relative_to(root) for root in self._roots):
-            raise ToolError(f"'{name}' lies outside {self._said}")
+            raise ToolError(f"'{name}' is outside {self._said}")
         if place.is_dir():
-            raise ToolError(f"'{name}' is a folder; name a file")
+            raise ToolError(f"'{name}' is a folder. Name a file")
         return os.path.relpath(place, self._roots[0])
 
     async def run(self, command: str, options: Sequence[str], *words: str) -> tuple[int, str, str]:
-        """Run a command of `sar-compile`, and return its exit status, and what it has printed on standard output and error.
+        """Run `sar-compile`, and return its exit status and its output on standard output and error.
 
-        Two run at a time. While a call waits for its turn, its time limit does not run.
+        Two calls run at a time. While a call waits for its turn, its time limit does not run.
 
         Raises:
-            ToolError: If too many calls wait, or it takes too long or too much, or cannot do what it is asked.
+            ToolError: If too many calls wait, or it exceeds a limit, or the request is impossible.
         """
         if self._calls >= _MOST_CALLS:
-            raise ToolError(f"{self._calls} calls are not answered yet: call again when some of them are")
+            raise ToolError(f"{self._calls} calls are still unanswered. Call again later")
         self._calls += 1
         try:
             async with self._turns:
@@ -154,31 +155,31 @@ class ToolAccess:
                 most = f"{_MOST_OUTPUT_BYTES // 2**20} MiB"
                 raise ToolError(f"the answer of {command} is larger than {most}: ask for less")
             return status, output.decode(errors="replace"), said.decode(errors="replace")
-        raise ToolError(f"{command} was given up after {self._limit_sec:g} s, the limit of a call")
+        raise ToolError(f"{command} was aborted after {self._limit_sec:g} s, the limit of a call")
 
 
 def find_roots(given: Sequence[Path]) -> list[Path]:
     """Return the folders that tools may read, with links followed; by default the current one.
 
     Raises:
-        SarError: If one is no folder, or nobody has named the current one, and it has all files, or all of the user's.
+        SarError: If one is not a folder, or the default is the root or the user's home folder.
     """
     for root in given:
         if not root.is_dir():
-            raise SarError(f"--root {root} is no folder")
+            raise SarError(f"--root {root} is not a folder")
     here = real_path(Path.cwd())
     if not given and here in (Path("/"), real_path(Path.home())):
         raise SarError(
-            f"the tools would read all files below {here}: name the folder of the trees, --root FOLDER"
+            f"the tools would read all files below {here}. Name the folder of the trees with --root FOLDER"
         )
     return [real_path(each) for each in given] or [here]
 
 
 class AgentTools:
-    """The tools. Their docstrings and arguments are what an agent is told of them.
+    """The tools. Their docstrings and arguments are the descriptions that an agent receives.
 
     Args:
-        access: What they may do.
+        access: Their permissions.
     """
 
     def __init__(self, access: ToolAccess) -> None:
@@ -187,11 +188,11 @@ class AgentTools:
         self._project = [*access.vocabulary, *access.includes]
 
     async def nodes(self, tag: str | None = None) -> ToolAnswer:
-        """List all nodes that trees can be written with; or describe one with its attributes and possible answers."""
+        """List all nodes for trees, or describe one with its attributes and possible outcomes."""
         return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
 
     async def validate(self, file: str) -> ToolAnswer:
-        """Find all mistakes in a tree file. `output` has them; `mended` is the text of the file with every suggestion taken."""
+        """Find all errors in a tree file. `output` has them; `mended` is the file's text with all suggestions applied."""
         path = self._access.path(file)
         answer = await self._data("validate", self._project, path)
         mended = None
@@ -200,7 +201,7 @@ class AgentTools:
         return {**answer, "mended": mended}
 
     async def explain(self, code: str) -> ToolAnswer:
-        """Explain a kind of finding, with an example of it and one without."""
+        """Explain a kind of finding, with an example that has it and one that does not."""
         return _answer(*await self._access.run("explain", [], code))
 
     async def simulate(
@@ -211,10 +212,10 @@ class AgentTools:
         ticks: int | None = None,
         seed: int = 0,
     ) -> ToolAnswer:
-        """Tick a tree without a robot, and show what happens tick by tick.
+        """Tick a tree without a robot, and show each tick.
 
-        The leaves give their usual answers, or those of a scenario file. It ends when the root does, after so many ticks, or
-        when a script such as 'tick >= 3' is true.
+        The leaves return their default outcomes, or those of a scenario file. The simulation ends with the root, after
+        a number of ticks, or when a script such as 'tick >= 3' is true.
         """
         given = _options(scenario=self._optional(scenario), until=until, ticks=ticks, seed=seed)
         return await self._data("simulate", [*self._project, *given], self._access.path(file))
@@ -227,9 +228,9 @@ class AgentTools:
         facts: Facts | None = None,
         max_states: int | None = None,
     ) -> ToolAnswer:
-        """Prove of a tree, in all its possible runs, that it ends, that no tick raises, and the properties of a file.
+        """Prove for all possible runs of a tree that it ends, that no tick raises, and the properties in a file.
 
-        A run that shows why not is given tick by tick. With `against`, the answers are compared with those about another tree.
+        A counterexample is listed tick by tick. With `against`, the results are compared with those of another tree.
         """
         given = [
             *_options(
@@ -242,12 +243,12 @@ class AgentTools:
     async def predict(
         self, file: str, properties: str | None = None, facts: Facts | None = None
     ) -> ToolAnswer:
-        """Compute how likely a tree is to succeed and how long it takes, from the chances and times of answers in a file of properties."""
+        """Compute the success probability and duration of a tree from outcome probabilities and times in a properties file."""
         given = [*_options(properties=self._optional(properties)), *_facts(facts)]
         return await self._data("predict", [*self._project, *given], self._access.path(file))
 
     async def diff(self, old: str, new: str) -> ToolAnswer:
-        """List the differences between two tree files, whatever their form."""
+        """List the differences between two tree files of any form."""
         return await self._data("diff", [], self._access.path(old), self._access.path(new))
 
     async def convert(self, file: str, to: Literal["xml", "yaml", "btcpp"]) -> ToolAnswer:
@@ -259,10 +260,10 @@ class AgentTools:
     async def propose(
         self, file: str, properties: str | None = None, params: str | None = None, tree: str | None = None
     ) -> ToolAnswer:
-        """Return all that a person has to know of a tree: findings, proofs, the digest of what would run, and the command that approves it.
+        """Return a tree's findings, proofs, the digest of the files to run, and the command that approves it.
 
-        What would run are the files of the tree, the tree of that ID in the file, and the parameter file. Show it to a person, who
-        decides. Nothing is approved by this.
+        The files are those of the tree, the tree of that ID in the file, and the parameter file. Show the result to a
+        person, who decides. This call approves nothing.
         """
         named = {"properties": self._optional(properties), "params": self._optional(params)}
         given = ["--propose", *_options(tree=tree, **named)]
@@ -279,7 +280,7 @@ class AgentTools:
 
 
 def _answer(status: int, output: str, notes: str, *, is_json: bool = False) -> ToolAnswer:
-    """Return what a tool answers: whether all is well, the output, and what was said besides, such as findings in a tree to be run."""
+    """Return the result of a tool: whether it succeeded, the output, and further messages such as findings."""
     return {"ok": status == OK, "output": json.loads(output or "null") if is_json else output, "notes": notes}
 
 

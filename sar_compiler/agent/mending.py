@@ -1,4 +1,4 @@
-"""The text of a tree file as its findings suggest to write it."""
+"""The text of a tree file with the suggestions of its findings applied."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from sar_compiler.tree.gathering import parse_tree, read_tree_file
 from sar_compiler.tree.model import TreeFile
 
 _ROUNDS = 20
-"""The largest number of passes: what is mended may reveal another mistake."""
+"""The largest number of passes: a fix may reveal another error."""
 
 
 def mend(
@@ -20,16 +20,16 @@ def mend(
     load: Callable[[Read], ProjectTree],
     is_meant: Callable[[Diagnostic], bool] = lambda _finding: True,
 ) -> ProjectTree:
-    """Return a tree whose text is that of a file with suggestions taken.
+    """Return a tree whose text is that of a file with suggestions applied.
 
     Args:
         path: The file; it is not changed.
-        load: Loads it, given what reads a file.
-        is_meant: Whether a suggestion is taken; by default all are, also those that are a guess.
+        load: Loads it with a given reader of files.
+        is_meant: Whether to apply a suggestion; by default all, including uncertain ones.
 
     Raises:
         UnreadableFileError: If the file, or a palette, does not exist or cannot be read.
-        TreeError: If the project's configuration, or a palette, has mistakes.
+        TreeError: If the project's configuration, or a palette, has errors.
     """
     own, texts = real_path(path), list[str]()
 

@@ -1,4 +1,4 @@
-"""What an agent proposes: a tree file with all findings and proofs about it, for a person to look at and approve."""
+"""A proposal of an agent: a tree file with its findings and proofs, for a person's approval."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from sar_compiler.views.findings import finding_data
 
 
 def all_findings(tree: ProjectTree) -> list[Diagnostic]:
-    """Return what `validate` finds in a tree.
+    """Return the findings of `validate` for a tree.
 
     Raises:
         SarError: As `ProjectTree.check` does.
@@ -24,7 +24,7 @@ def all_findings(tree: ProjectTree) -> list[Diagnostic]:
 
 
 def has_errors(findings: list[Diagnostic]) -> bool:
-    """Return whether a person may not approve a tree with some findings."""
+    """Return whether these findings prevent an approval."""
     return any(each.severity is Severity.ERROR for each in findings)
 
 
@@ -36,15 +36,15 @@ def proposal(
     tree_id: str | None = None,
     params: Path | None = None,
 ) -> dict[str, object]:
-    """Return what is proposed of a tree, as data for JSON.
+    """Return the proposal of a tree, as data for JSON.
 
     Args:
         tree: The tree file.
         properties: A file with the properties to prove; by default the mission's own.
         max_states: The largest number of states to explore.
-        tree_id: The tree in the file that is to be run; by default the one that the file executes.
-        params: The parameter file of its runs, for which the properties are proved; by default that of the mission, and they
-            are proved for what the leaves say of the start.
+        tree_id: The tree in the file to run; by default the one that the file executes.
+        params: The parameter file of its runs, for which the properties are proved; by default that of the mission,
+            with the start values that the leaves declare.
 
     Raises:
         TreeError: If the file of properties is wrong, or there is no such tree.
@@ -56,16 +56,18 @@ def proposal(
         "findings": [*map(finding_data, findings)],
     }
     if has_errors(findings):
-        return {**proposed, "is_proved": False, "why": "errors come first: nothing is proved of such a tree"}
+        return {
+            **proposed,
+            "is_proved": False,
+            "why": "the tree has errors, so nothing was proved. Fix them first",
+        }
     now = Fingerprint.of(tree, tree_id, params, properties)
     how = f"{approve_command(tree, tree_id, params, properties)} --digest {now.digest}"
     proposed |= {"digest": now.digest, **now._asdict(), "file": str(tree.path), "approve": how}
     try:
         verification = verify_tree(tree, properties, params=params, tree_id=tree_id, max_states=max_states)
     except UndecidableError as error:
-        return {**proposed, "is_proved": False, "why": f"nothing can be decided: {error}"}
+        return {**proposed, "is_proved": False, "why": f"no property could be decided: {error}"}
     if Fingerprint.of(tree, tree_id, params, properties) != now:
-        raise ApprovalError(
-            "a file of parameters or properties has changed while the proof was searched; start over"
-        )
+        raise ApprovalError("a file of parameters or properties has changed during the proof. Start over")
     return {**proposed, "is_proved": verification.proved, "proofs": verification_data(verification)}

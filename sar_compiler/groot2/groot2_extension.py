@@ -23,10 +23,10 @@ class Groot2Extension(RunExtension):
         self._publisher: Groot2Publisher | None = None
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
-        """Answer from here on.
+        """Start to answer requests.
 
         Raises:
-            SarError: If the port cannot be had, or the tree is too large.
+            SarError: If the port cannot be used, or the tree is too large.
         """
         try:
             self._publisher = Groot2Publisher(tree, self._port)
@@ -35,6 +35,6 @@ class Groot2Extension(RunExtension):
             raise SarError(f"--groot2: {error}") from error
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is answered from before that on
-        """Answer nobody any more."""
+        """Stop answering requests."""
         if self._publisher is not None:
             self._publisher.close()

@@ -25,13 +25,13 @@ from sar_compiler.views.numbered_tree import IDLE, NumberedTree, StatusChange, S
 DEFAULT_PORT = 1667
 _LAST_PORT = 0xFFFF
 _ADDRESS = "tcp://127.0.0.1"
-# What a request may have at most, in bytes.
+# The largest size of a request, in bytes.
 _LARGEST = 1 << 20
 _LONGEST_RECORDING = 1000
 _VERSION = 2
 _HEADER = struct.Struct("<BBI")
 _STATUS = struct.Struct("<HB")
-# A status in a snapshot from here on: IDLE, and before that it was so much less.
+# From this value on, a status in a snapshot is IDLE, and the difference is the status before.
 _WAS = 10
 
 _Responder = Callable[[Sequence[bytes]], bytes | None]
@@ -39,14 +39,14 @@ _Responder = Callable[[Sequence[bytes]], bytes | None]
 
 
 class Ticking(Protocol):
-    """What ticks a tree."""
+    """The engine that ticks a tree."""
 
     def add_visitor(self, visitor: VisitorBase) -> None:
-        """Have every node that is ticked shown to a visitor."""
+        """Show every ticked node to a visitor."""
 
 
 class Groot2PortError(SarError):
-    """A port on which Groot2 cannot be answered."""
+    """A port cannot be used to answer Groot2."""
 
 
 class RequestError(SarError):
@@ -54,17 +54,17 @@ class RequestError(SarError):
 
 
 class Groot2Publisher:
-    """Answers Groot2, and whoever else speaks its protocol, on this machine.
+    """Answers Groot2, and other clients of its protocol, on this machine.
 
-    It answers in a thread of its own. No request changes the tree: it has no breakpoints and overrides no outcomes.
+    It answers in a thread of its own. No request changes the tree: breakpoints and substituted outcomes are not supported.
 
     Args:
         tree: The tree.
-        port: The TCP port of 127.0.0.1 that it answers on; what it tells by itself goes to the next one.
+        port: The TCP port of 127.0.0.1 for answers; notifications use the next one.
 
     Raises:
         TooManyNodesError: If the tree has more nodes than the protocol has numbers.
-        Groot2PortError: If there is no such port, or it is taken.
+        Groot2PortError: If there is no such port, or it is in use.
     """
 
     def __init__(self, tree: CompiledTree, port: int = DEFAULT_PORT) -> None:
@@ -84,7 +84,7 @@ class Groot2Publisher:
             b"B": self._blackboards,
             b"r": self._toggle_recording,
             b"t": self._take_transitions,
-            # Groot2 asks for breakpoints when it connects, and removes them when it leaves: there are none.
+            # Groot2 requests the breakpoints when it connects, and removes them when it leaves: there are none.
             b"D": lambda _: b"[]",
             b"A": lambda _: None,
             b"X": lambda _: None,
@@ -93,7 +93,7 @@ class Groot2Publisher:
         self._context = zmq.Context()
         try:
             self._server = self._bind(zmq.REP, port)
-            # Groot2 subscribes to it, for breakpoints that are reached; nothing is sent.
+            # Groot2 subscribes to it for reached breakpoints; nothing is sent.
             self._publisher = self._bind(zmq.PUB, port + 1)
         except BaseException:
             self._context.destroy(linger=0)
@@ -111,21 +111,21 @@ class Groot2Publisher:
         try:
             socket.bind(f"{_ADDRESS}:{port}")
         except zmq.ZMQError as error:
-            message = f"port {port} of 127.0.0.1 cannot be used: {error.strerror}; say another one"
+            message = f"port {port} of 127.0.0.1 cannot be used: {error.strerror}. Choose another one"
             raise Groot2PortError(message) from error
         return socket
 
     def watch(self, ticking: Ticking) -> None:
-        """Watch what ticks the tree: a `TreeRunner`, or py_trees' own class."""
+        """Observe the engine that ticks the tree: a `TreeRunner`, or py_trees' own class."""
         ticking.add_visitor(self._changes)
 
     def close(self) -> None:
-        """Answer nobody any more; may be called again."""
+        """Stop answering requests; may be called again."""
         thread, self._thread = self._thread, None
         if thread is None:
             return
         self._publisher.close()
-        # Breaks off what the other thread waits for, and waits until that has closed its socket.
+        # Interrupt the other thread's wait, and wait until it has closed its socket.
         self._context.term()
         thread.join()
 
@@ -158,7 +158,7 @@ class Groot2Publisher:
         return [bytes([_VERSION]) + header[1:] + self._id, *([] if second is None else [second])]
 
     def _statuses(self, _: Sequence[bytes]) -> bytes:
-        with self._lock:  # not for longer: the tick waits for it
+        with self._lock:  # limited, because the tick waits for it
             shown = [*self._shown]
         return snapshot(shown)
 
@@ -198,36 +198,36 @@ class Groot2Publisher:
 
 def _refuse_breakpoint(_: Sequence[bytes]) -> bytes | None:
     raise RequestError(
-        "no breakpoints and substitutions by this port: the page has breakpoints (sar-run --view web)"
+        "this port has no breakpoints and substitutions. Use the breakpoints of the page: sar-run --view web"
     )
 
 
 def _text(rest: Sequence[bytes]) -> str:
-    """Return the second frame of a request, which has to have one.
+    """Return the second frame of a request, which is required.
 
     Raises:
-        RequestError: If there is none, or it is no text.
+        RequestError: If there is none, or it is not valid text.
     """
     if len(rest) != 1:
         raise RequestError("must be 2 parts message")
     try:
         return rest[0].decode()
     except UnicodeDecodeError as error:
-        raise RequestError(f"the second part is no text in UTF-8: {error}") from error
+        raise RequestError(f"the second part is not valid UTF-8: {error}") from error
 
 
 def snapshot(statuses: Iterable[int]) -> bytes:
-    """Return the statuses of nodes, those from the number 1 on."""
+    """Return the statuses of nodes, from number 1 on."""
     return b"".join(_STATUS.pack(uid, status) for uid, status in enumerate(statuses, 1))
 
 
 def _plain(value: object) -> object:
-    """Return a copy of a value as msgpack has it, for the tick may change the value itself.
+    """Return a copy of a value for msgpack, because the tick may change the value itself.
 
-    None for one that it has nothing for, as BehaviorTree.CPP does without a converter.
+    The result is None for an unsupported value, as BehaviorTree.CPP returns without a converter.
     """
     try:
         copy: object = msgpack.unpackb(msgpack.packb(value), use_list=False, strict_map_key=False)
-    except (TypeError, ValueError, OverflowError, RuntimeError):  # the last of a dict that grows meanwhile
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # the dict has grown meanwhile
         return None
     return copy

@@ -1,6 +1,6 @@
-"""The journal of a mission: its facts, on the disk before anybody acts on them, and beside them what was watched.
+"""The journal of a mission: its events, on disk before anything acts on them, and its observations.
 
-Nobody else writes to the file of a journal. What is shown of a mission afterwards is read from it.
+Only the mission's own process writes to the file. All later displays of the mission are read from it.
 """
 
 PUBLIC_MODULES = (

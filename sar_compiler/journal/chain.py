@@ -1,7 +1,8 @@
-"""The chain of a journal: whoever alters, removes, moves or adds an entry breaks it.
+"""The hash chain of a journal, which shows if an entry was altered, removed, moved or added.
 
-Each entry has a link: the SHA-256 of the link before it (zeros before the first one) and of everything that its row has, as `linked` puts it together. The
-beginning and the end of a run are entries of the chain, too. So the link of the last one, the head, stands for all of it.
+Each entry has a link: the SHA-256 of the previous link (zeros before the first one) and of all columns of its row, as
+composed by `linked`. The start and the end of a run are entries of the chain, too. So the link of the last one, the
+head, represents the whole chain.
 """
 
 import hashlib
@@ -15,12 +16,12 @@ from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED
 from sar_compiler.tree.json_values import json_text
 
 START = bytes(hashlib.sha256().digest_size)
-"""What stands for the link before the first one."""
+"""The link before the first entry."""
 
 BEGAN, FACT, WATCHED, ENDED = b"b", b"f", b"w", b"e"
-"""What an entry of the chain is."""
+"""The categories of an entry of the chain."""
 
-# What it is, number, run, wall, time, length of the kind; most significant bytes first.
+# Category, number, run, wall, time, length of the kind; most significant bytes first.
 _HEAD = struct.Struct(">cqqddI")
 
 _ENTRIES = (
@@ -35,14 +36,14 @@ def linked(
     """Return the link of an entry.
 
     Args:
-        before: The link before it.
-        what: What it is.
-        number: Its number; of a run's beginning or end that of the entry before it, 0 where there is none.
+        before: The previous link.
+        what: Its category.
+        number: Its number; for a run's start or end the number of the entry before it, 0 if there is none.
         run: The number of its run.
-        wall: When it was written, in seconds since 1970.
+        wall: The time of writing, in seconds since 1970.
         time: The time of the mission's clock, in seconds; 0 at a run's beginning and end.
         kind: Its kind.
-        data: What belongs to it, as the text that the file has.
+        data: Its data, as text in the form of the file.
     """
     named = kind.encode("utf-8", "surrogateescape")
     # SQLite has one zero only.
@@ -51,11 +52,11 @@ def linked(
 
 
 class LinkPlace(NamedTuple):
-    """A place in a chain.
+    """A position in a chain.
 
     Attributes:
         link: The link before it.
-        number: The number of the last entry before it that is no beginning or end of a run.
+        number: The number of the last entry before it that is not the start or end of a run.
     """
 
     link: bytes = START
@@ -65,20 +66,20 @@ class LinkPlace(NamedTuple):
 def began_link(
     place: LinkPlace, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
 ) -> bytes:
-    """Return the link of a run's beginning.
+    """Return the link of a run's start.
 
     Args:
-        place: Where it is.
+        place: Its position.
         run: The run's number.
-        wall: When it began, in seconds since 1970.
-        about: What it ran with, as the text that the file has.
-        of_mission: Of the first run, what the mission is: keys and values, ordered by key.
+        wall: The start, in seconds since 1970.
+        about: The data of the run, as text in the form of the file.
+        of_mission: For the first run, the mission's keys and values, ordered by key.
     """
     return linked(place.link, *_beginning(place.number, run, wall, about, of_mission))
 
 
 def ended_link(place: LinkPlace, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
-    """Return the link of a run's end, which has these columns of its row."""
+    """Return the link of a run's end, given these columns of its row."""
     return linked(place.link, *_end(place.number, run, wall, ending, status, reason))
 
 
@@ -95,21 +96,21 @@ def _text(values: Any) -> str:
 
 
 def _blob(value: bytes) -> list[str]:
-    """Return bytes, which are nowhere in a journal, as what is no text."""
+    """Return a text for bytes: a journal contains none, so the text matches no entry."""
     return [value.hex()]
 
 
 class Chained(NamedTuple):
-    """An entry of the chain, as the file has it: of whatever types, if somebody has altered it.
+    """An entry of the chain as stored; in an altered file its values may have any type.
 
     Attributes:
-        what: What it is.
+        what: Its category.
         number: Its number.
         run: The number of its run.
-        wall: When it was written, in seconds since 1970.
+        wall: The time of writing, in seconds since 1970.
         time: The time of the mission's clock, in seconds.
         kind: Its kind.
-        data: What belongs to it.
+        data: Its data.
         link: Its link.
     """
 
@@ -124,7 +125,7 @@ class Chained(NamedTuple):
 
 
 def chained(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
-    """Yield the entries of the chain in their order, one by one, as tuples of what `Chained` has.
+    """Yield the entries of the chain in order, one by one, as tuples of the fields of `Chained`.
 
     Args:
         connection: The database.
@@ -136,7 +137,7 @@ def chained(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
     ).fetchall()
     marks = deque(mark for place, row in enumerate(rows) for mark in _marks(row, () if place else of_mission))
     for entry in connection.execute(_ENTRIES):
-        # What is no number stands nowhere, and is wrong.
+        # A number of another type has no position and is an error.
         while marks and not (isinstance(marks[0][1], int) and marks[0][1] >= entry[1]):
             yield marks.popleft()
         yield entry
@@ -144,7 +145,7 @@ def chained(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
 
 
 def _marks(row: tuple[Any, ...], of_mission: Iterable[Any]) -> Iterator[tuple[Any, ...]]:
-    """Yield the beginning of a run, and its end if it has one."""
+    """Yield the start of a run, and its end if it has one."""
     run, began, about, *end, link, closed, began_behind, ended_behind = row
     yield *_beginning(began_behind, run, began, about, of_mission), link
     if (*end, closed, ended_behind) != (None, None, None, "", None, None):
@@ -152,14 +153,14 @@ def _marks(row: tuple[Any, ...], of_mission: Iterable[Any]) -> Iterator[tuple[An
 
 
 class JournalChain(NamedTuple):
-    """What was found out about a chain.
+    """The result of checking a chain.
 
     Attributes:
-        entries: How many entries, but for beginnings and ends of runs, are as they were written.
-        runs: How many runs have begun in it.
+        entries: How many entries, without starts and ends of runs, are unaltered.
+        runs: The number of runs that have started in it.
         heads: The link of each run's end as hexadecimal digits, by the number of the run.
         is_closed: Whether the last entry is the end of a run.
-        wrong: The first entry that does not follow from the one before it; None if all do.
+        wrong: The first entry that does not match the one before it; None if all match.
     """
 
     entries: int
@@ -175,7 +176,7 @@ class JournalChain(NamedTuple):
 
 
 def follow(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
-    """Follow a chain from its beginning to its end, or to the first entry that is wrong.
+    """Check a chain from its start to its end, or to the first entry that does not match.
 
     Args:
         entries: The entries, as `chained` yields them.
@@ -198,11 +199,11 @@ def _follows(before: bytes, entry: tuple[Any, ...]) -> bool:
     try:
         return bool(entry[7] == linked(before, *entry[:7]))
     except (AttributeError, TypeError, OverflowError, struct.error):
-        return False  # a value is of a type that nobody writes
+        return False  # a value has a type that the project never writes
 
 
 def last_place(connection: sqlite3.Connection) -> LinkPlace:
-    """Return the place behind the last entry.
+    """Return the position after the last entry.
 
     Args:
         connection: The database.
@@ -212,5 +213,5 @@ def last_place(connection: sqlite3.Connection) -> LinkPlace:
     runs = "SELECT link, closed, began_behind FROM run ORDER BY number DESC LIMIT 1"
     link, closed, behind = connection.execute(runs).fetchone() or (START, None, -1)
     found = closed or (link if behind == entry[0] else entry[1])
-    # Behind one that was altered nothing fits, whatever goes on from there.
+    # After an altered entry no link can match, whatever follows.
     return LinkPlace(found if isinstance(found, bytes) else START, entry[0])

@@ -1,4 +1,7 @@
-"""The condition of a mission: in a word, how serious it is, since when, and why. Page, terminal, reports and `sar-journal show` say the same."""
+"""The status line of a mission: a word, its severity, since when, and why.
+
+Page, terminal, reports and `sar-journal show` use it.
+"""
 
 from typing import NamedTuple
 
@@ -6,28 +9,28 @@ from sar_compiler.journal.mission_state import MissionState, RunState
 from sar_compiler.runtime.clock import clock_text
 
 GOOD, QUIET, WARNING, ERROR = "good", "quiet", "warning", "error"
-"""How serious a condition is: as it should be; nothing to say; somebody should look; something is wrong."""
+"""The severities: normal, nothing to report, needs attention, error."""
 
 NOT_BEGUN, DRIVING, WORKING, WAITING = "not begun", "driving", "working", "waiting"
 PAUSED, LOST, BROKEN_OFF = "paused", "lost", "broken off"
 COMPLETE, FAILED, STOPPED, ABORTED = "complete", "failed", "stopped", "aborted"
 
-# What the mission itself calls a phase, and what it is called here.
+# The words of this module for the phases of a mission.
 _PHASES = {"held": (PAUSED, WARNING), "waiting": (WAITING, WARNING), "aborted": (ABORTED, WARNING)}
-# Of these it is said how long they have lasted.
+# The duration is shown for these words.
 _COUNTED = (PAUSED, WAITING)
 _LONG_SILENCE_SEC = 10.0
 _ENDS = {"over": FAILED, "stopped": STOPPED, "failed": FAILED}
 
 
 class MissionCondition(NamedTuple):
-    """The condition of a mission.
+    """The status line of a mission.
 
     Attributes:
         word: One of the words of this module, or the mission's own for its phase.
-        level: How serious it is: `good`, `quiet`, `warning` or `error`.
-        since: When it began, in seconds of the mission's clock since the run's beginning.
-        reason: Why it is so, in the operator's words; may be empty.
+        level: Its severity: `good`, `quiet`, `warning` or `error`.
+        since: Its start, in seconds of the mission's clock since the run's start.
+        reason: The reason, in the operator's words; may be empty.
     """
 
     word: str = NOT_BEGUN
@@ -36,10 +39,10 @@ class MissionCondition(NamedTuple):
     reason: str = ""
 
     def text(self, now: float | None = None) -> str:
-        """Return the condition in one line: `PAUSED (0:19): by the operator`.
+        """Return the status in one line: `PAUSED (0:19): by the operator`.
 
         Args:
-            now: Seconds of the mission's clock since the run's beginning; without it nothing is said of how long it has lasted.
+            now: Seconds of the mission's clock since the run's start; without it the duration is left out.
         """
         word = self.word.upper() if self.level in (WARNING, ERROR) else self.word
         lasts = f" ({clock_text(now - self.since)})" if now is not None and self.word in _COUNTED else ""
@@ -47,20 +50,20 @@ class MissionCondition(NamedTuple):
 
 
 def condition_text(state: MissionState) -> str:
-    """Return the condition of a mission in one line, as of its last entry."""
+    """Return the status of a mission in one line, as of its last entry."""
     return condition(state).text(state.now.time)
 
 
 def condition(state: MissionState) -> MissionCondition:
-    """Return the condition of a mission."""
+    """Return the status of a mission."""
     if not state.runs:
-        return MissionCondition(reason="the run has not begun")
+        return MissionCondition(reason="the run has not started")
     run, process, now = state.runs[-1], state.process, state.now.time
     if run.ending:
         return _ended(state, run)
     if process.is_gone:
         return MissionCondition(BROKEN_OFF, ERROR, now, _last_words(state))
-    # Of a drive something is told every second of the mission's clock.
+    # A drive writes an entry every second of the mission's clock.
     if process.silent_sec > _LONG_SILENCE_SEC and state.drive is not None:
         return MissionCondition(LOST, ERROR, now, silence(process.silent_sec))
     phase = state.phase
@@ -70,7 +73,7 @@ def condition(state: MissionState) -> MissionCondition:
 
 
 def silence(seconds: float) -> str:
-    """Return what it means that nothing was heard for so many seconds."""
+    """Return the meaning of a silence of some seconds."""
     return f"No word for {clock_text(seconds)}. The robot may still be driving."
 
 
@@ -81,16 +84,16 @@ def _ended(state: MissionState, run: RunState) -> MissionCondition:
     word = _ENDS.get(run.ending, run.ending)
     if state.situation.phase.name == ABORTED and word == FAILED:
         word = ABORTED
-    # Who has stopped it knows that, unless a goal is left behind.
+    # The person who stopped the run knows it, unless a goal is orphaned.
     level = QUIET if word == STOPPED and not state.goals else ERROR
-    # What an operator has ordered last explains what is missing.
+    # The operator's last command explains the missing items.
     by = f" ({state.order})" if state.order else ""
     left = " A goal may still be active: the robot may be driving." if state.goals else ""
     return MissionCondition(word, level, since, f"{run.reason}{by}{left}".strip())
 
 
 def _last_words(state: MissionState) -> str:
-    """Return what a process was at that is gone."""
+    """Return the state of the robot's goals when its process crashed."""
     place = _drive(state) or state.situation.phase.place
     driving = "a goal was active: the robot may still be driving" if state.goals else "no goal was active"
     return ", ".join(filter(None, (f"at {clock_text(state.now.time)}", place, driving)))

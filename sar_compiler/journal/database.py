@@ -1,4 +1,4 @@
-"""The file of a journal: an SQLite database, whose schema has a version."""
+"""The SQLite file of a journal, whose schema has a version."""
 
 import errno
 import functools
@@ -48,39 +48,40 @@ from sar_compiler.opener import (
 )
 from sar_compiler.tree.json_values import json_text, json_value
 
-# Why a commit is as it is.
+# Why a commit works as it does.
 #
-# A mission writes a fact *before* it tells the world: first "photo 1 was taken", then the picture and its message. A process that
-# is killed between the two does the second again, under the same name, which the receiver knows. The other way round somebody
-# would have heard a name that the next run gives to somebody else. So `write` returns when a fact is on the disk, and the tick
-# waits for it. Statuses and poses come far more often, and nothing is resumed from them: they are not worth a sync each.
+# A mission writes an event *before* its effect: first "photo 1 was taken", then the picture and its message. A process that is
+# killed in between repeats the effect under the same name, which the receiver knows. In the opposite order a receiver could
+# have got a name that the next run assigns to something else. So `write` returns when an event is on disk, and the tick waits
+# for it. Statuses and poses come far more often, and nothing is resumed from them: they are not worth a sync each.
 #
-# Both go into one file, by SQLite's write-ahead log. `synchronous` is chosen for each transaction: FULL syncs the log with the
-# commit, NORMAL leaves that to a later sync. A NORMAL commit has been handed to the kernel, so SIGKILL loses nothing that was
-# committed; only a power cut loses it. The log is written from front to back, and a FULL commit syncs everything before it, too: a
-# power cut takes the end of the history, and never something out of its middle. (Two files, one durable and one not, would
-# lose the statuses that led to a fact and keep the fact.) The pragma stands before BEGIN, because SQLite does not change the
-# level within a transaction.
+# Both go into one file, by SQLite's write-ahead log. `synchronous` is chosen for each transaction: FULL syncs the log
+# with the commit, NORMAL leaves that to a later sync. A NORMAL commit has been handed to the kernel, so SIGKILL loses
+# nothing that was committed; only a power cut loses it. The log is written from front to back, and a FULL commit also
+# syncs everything before it: a power cut removes the end of the history, and never a part of its middle. (Two files,
+# one durable and one not, would lose the statuses that led to an event and keep the event.) The pragma precedes BEGIN,
+# because SQLite does not change the level within a transaction.
 #
-# BEGIN IMMEDIATE takes the write lock at once: what is refused is refused before any row is written. Once a run has begun, that
-# lock is not waited for (`busy_timeout` is 0 since `reserve`): this is the thread that ticks the tree and cancels goals, and
-# somebody's open `sqlite3` shell must not stop a robot's mission. A lock, a full disk and a quota are one case: the transaction has not happened, none of its rows is in the
-# file, and `Journal` holds them with their numbers, facts in the reserve as well, and writes them again in one transaction, in
-# their order. If a transaction could happen by halves, a second attempt would write rows twice, or leave them out. The
-# ROLLBACK may fail, because SQLite has rolled back by itself where the disk was full; that is no second error.
+# BEGIN IMMEDIATE takes the write lock at once: a refusal comes before any row is written. After the start of a run that lock
+# is not waited for (`busy_timeout` is 0 since `reserve`): this thread ticks the tree and cancels goals, and a person's open
+# `sqlite3` shell must not stop a robot's mission. A lock, a full disk and a quota are one case: the transaction has not
+# happened, and none of its rows is in the file. `Journal` keeps them with their numbers, events also in the reserve, and
+# writes them again in one transaction, in order. If a transaction could be applied in part, a second attempt would write rows
+# twice, or omit them. The ROLLBACK may fail, because SQLite has already rolled back on a full disk; that is no second error.
 #
-# A process can die after the commit and before its reserve is emptied. So `_take_from` skips facts whose numbers the file has.
+# A process can die after the commit and before its reserve is emptied. So `_take_from` skips events whose numbers the
+# file has.
 #
-# Two locks are held on the file. SQLite's are POSIX locks, of the process: closing *any* descriptor of the file gives them up. Ours
-# says that a mission runs here for as long as the process lives, also between transactions and while the database is not open
-# yet; it is `flock`, which belongs to its descriptor, and the two do not know of each other. Hence the order in `close`, first the
-# connection, then the descriptor; and hence `is_locked`, which opens and closes one, is not for the process that writes.
+# Two locks are held on the file. SQLite's are POSIX locks, of the process: closing *any* descriptor of the file releases them.
+# Ours marks a running mission for as long as the process lives, also between transactions and before the database is open. It
+# is a `flock`, which belongs to its descriptor, and the two are independent. Hence the order in `close`: first the connection,
+# then the descriptor. Hence also `is_locked`, which opens and closes a descriptor, must not be called by the writing process.
 #
-# Each entry is linked to the one before it (`chain`), in the order of the numbers, in which all of a transaction come behind what the
-# file has. A transaction that has not happened has moved nothing on: `_end` is the place behind the last one that has.
+# Each entry is linked to the previous one (`chain`), in the order of the numbers; those of a transaction follow all that the
+# file has. A transaction that has not happened has no effect: `_end` is the position after the last one that has.
 #
-# The schema is made in one transaction, and the folder is synced after it: a new file is a journal, or empty, and its name is on
-# the disk before a fact is.
+# The schema is created in one transaction, and the folder is synced after it: a new file is a journal or empty, and its
+# name is on disk before any event.
 
 VERSION = 4
 """The version of the schema; others are refused."""
@@ -107,23 +108,23 @@ CREATE TABLE watched (
 CREATE INDEX watched_by_kind ON watched (kind);
 """
 
-# In one transaction: whoever dies in it leaves an empty file.
+# In one transaction: a process that dies in it leaves an empty file.
 _MAKING = f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {VERSION}; COMMIT;"
 
 _RUNS = "SELECT number, began, about, ended, ending, status, reason, hex(closed) FROM run ORDER BY number"
 _ENTRIES = "SELECT number, run, wall, time, kind, data FROM"
 
-# How many steps of SQLite's a reading may take, and how many more for each byte of the file: some twenty times what it does take.
+# Limit for SQLite's steps in one read: a constant and an amount for each byte of the file, some twenty times the real need.
 _STEPS, _STEPS_OF_A_BYTE = 2_000_000, 20
 
-# How often, and how far apart, somebody else's look at the lock is waited for.
+# Number and interval of retries while another process tests the lock.
 _ATTEMPTS, _MOMENT_SEC = 10, 0.02
 
 _SIDECARS = ("-wal", "-shm", SUFFIX)
 
 _END_OF_RUN = "UPDATE run SET ended = ?, ending = ?, status = ?, reason = ? WHERE number = ?"
 
-# What lies beside a journal that is read, as if it were in it.
+# Entries of the reserve beside a journal that is read, presented as if they were in it.
 _OVERLAY = """
 PRAGMA temp_store = MEMORY;
 CREATE TEMP TABLE kept AS SELECT number, run, wall, time, kind, data FROM main.fact WHERE 0;
@@ -134,12 +135,12 @@ CREATE TEMP TABLE run AS SELECT * FROM main.run;
 
 
 class StreamMark(NamedTuple):
-    """How far the stream of a journal was read; nothing of it yet, without arguments.
+    """A read position in the stream of a journal; the start, without arguments.
 
     Attributes:
-        fact: The number of the last fact.
-        watched: The number of the last entry of what was watched.
-        begun: The numbers of the runs whose beginnings were read.
+        fact: The number of the last event.
+        watched: The number of the last observation.
+        begun: The numbers of the runs whose starts were read.
         ended: The numbers of the runs whose ends were read.
     """
 
@@ -150,12 +151,12 @@ class StreamMark(NamedTuple):
 
 
 class StreamPlace(NamedTuple):
-    """A place in the stream of a journal; its beginning, without arguments.
+    """A position in the stream of a journal; its start, without arguments.
 
     Attributes:
         run: The number of the run.
-        number: The number of an entry of it: 0 for the run's beginning, `END` for its end.
-        time: The latest time of the mission's clock in the run as far as there, in seconds.
+        number: The number of an entry of it: 0 for the run's start, `END` for its end.
+        time: The latest time of the mission's clock in the run up to this position, in seconds.
     """
 
     run: int = 0
@@ -163,29 +164,29 @@ class StreamPlace(NamedTuple):
     time: float = -math.inf
 
     def behind(self, entry: JournalEntry) -> "StreamPlace":
-        """Return the place behind the next entry."""
+        """Return the position after the next entry."""
         latest = max(self.time, entry.time) if entry.run == self.run else entry.time
         return StreamPlace(entry.run, entry.number, latest)
 
 
 _BESIDE = ("-wal", "-shm", "-journal")
-"""The endings of what SQLite puts beside a database."""
+"""The endings of the files that SQLite creates beside a database."""
 
 END = 2**63 - 1
-"""What stands for the number of a run's end in a `StreamPlace`."""
+"""The number of a run's end in a `StreamPlace`."""
 
 
 class JournalFile:
     """An open journal.
 
     Args:
-        path: Where it is.
+        path: The path of the file.
         connection: The database.
-        lock: The descriptor that holds the lock; None where it is only read.
+        lock: The descriptor that holds the lock; None if the journal is only read.
 
     Attributes:
         path: The same.
-        is_written: Whether another process wrote to it just before it was opened to be read.
+        is_written: Whether another process wrote to it just before it was opened for reading.
     """
 
     is_written = False
@@ -194,32 +195,32 @@ class JournalFile:
         self.path = path
         self._connection = connection
         self._lock = lock
-        # That behind the last entry; not known before something is written.
+        # The position after the last entry; unknown before the first write.
         self._end: LinkPlace | None = None
-        # Whether the last transaction waited for the disk; None before the first one.
+        # Whether the last transaction was synced to disk; None before the first one.
         self._durable: bool | None = None
         self._patience = _Patience(_STEPS + _STEPS_OF_A_BYTE * (_size(path) + _size(f"{path}-wal")))
         connection.set_progress_handler(self._patience.is_over, _Patience.STRIDE)
 
     @classmethod
     def create(cls, path: Path) -> "JournalFile":
-        """Create a journal, or take over one in which nothing has begun, and lock it.
+        """Create a journal, or take over one in which no run has started, and lock it.
 
         Raises:
-            JournalError: If the file cannot be made, or is another process's, or a mission has begun in it.
+            JournalError: If the file cannot be created, belongs to another process, or has a mission.
         """
         file = cls.open(path)
         if file.runs():
             file.close()
-            raise JournalError(f"a mission has begun in {path} already")
+            raise JournalError(f"{path} already contains a mission")
         return file
 
     @classmethod
     def open(cls, path: Path) -> "JournalFile":
-        """Open a journal for a run, and lock it; where there is none, or an empty file, it is made.
+        """Open a journal for a run, and lock it; a missing or empty file is created.
 
         Raises:
-            JournalError: If it cannot be opened or made, is another process's, or is no journal of this version.
+            JournalError: If it cannot be opened or created, belongs to another process, or is no journal of this version.
         """
         with _readable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -243,25 +244,25 @@ class JournalFile:
         if not tables:
             self._connection.executescript(_MAKING)
             _sync_folder(self.path.parent)
-        # Not before it is known to be a journal: it changes the file.
+        # Only after it is known to be a journal: it changes the file.
         self._require_journal()
         self._connection.execute("PRAGMA journal_mode = WAL")
         self._take_from(self._reserved())
 
     def _reserved(self) -> Kept:
-        """Return what the reserve beside it has, if it belongs to this journal."""
+        """Return the content of the reserve beside it, if it belongs to this journal."""
         kept = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
         return kept if kept.began == began else Kept()
 
     def _take_from(self, kept: Kept) -> None:
-        """Write what an earlier run could not write any more."""
+        """Write the entries that an earlier run could not write."""
         if kept.facts or kept.end:
             known = {number for (number,) in self._connection.execute("SELECT number FROM fact")}
             self.write((), [fact for fact in kept.facts if fact.number not in known], kept.end)
 
     def _show(self, kept: Kept) -> None:
-        """Have the entries of its reserve read as if they were in the file."""
+        """Include the entries of its reserve in reads, as if they were in the file."""
         if kept.facts or kept.end:
             self._connection.executescript(_OVERLAY)
             self._connection.executemany("INSERT INTO kept VALUES (?, ?, ?, ?, ?, ?)", kept.facts)
@@ -269,10 +270,10 @@ class JournalFile:
                 self._connection.execute(_END_OF_RUN, _end_of_run(kept.end))
 
     def reserve(self) -> Reserve:
-        """Return its reserve, made if it is not there; from here on no other process' lock is waited for.
+        """Return its reserve, created if missing; from here on other processes' locks are not waited for.
 
         Raises:
-            JournalError: If it cannot be made.
+            JournalError: If it cannot be created.
         """
         with self._reading():
             reserve = Reserve(self.path)
@@ -283,19 +284,19 @@ class JournalFile:
 
     @classmethod
     def read(cls, path: Path) -> "JournalFile":
-        """Open a journal to read it, also while a run writes to it.
+        """Open a journal for reading, also while a run writes to it.
 
         Raises:
             JournalError: If it cannot be opened, or is no journal of this version.
         """
         with _readable(path):
-            # SQLite opens what lies beside it as well, and would wait for the writer of a pipe.
+            # SQLite opens the files beside it as well, and would wait for the writer of a pipe.
             for each in (f"{path}{suffix}" for suffix in _BESIDE):
                 if os.path.lexists(each):
                     require_regular(each)
             is_written = is_locked(path)
-            # Where nobody writes to it SQLite need not put anything beside it to read it; and what whoever does has put
-            # there is not touched: the file may get another name just now, and another one its place.
+            # Without a writer SQLite need not create a file beside it to read it. The files of a writer are not
+            # touched: the journal may just be renamed, and replaced by another one.
             passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
             with released_pipes(path, f"{path}-shm"):
@@ -315,7 +316,7 @@ class JournalFile:
     @classmethod
     @contextmanager
     def reading(cls, path: Path) -> "Iterator[JournalFile]":
-        """Have a journal open to be read, as it is at one moment; see `read`."""
+        """Open a snapshot of a journal for reading; see `read`."""
         with closing(cls.read(path)) as file, file.snapshot():
             yield file
 
@@ -329,11 +330,11 @@ class JournalFile:
             for name in ("application_id", "user_version")
         )
         if known != _APPLICATION_ID:
-            return f"{self.path} is a database, but no journal of a mission"
+            return f"{self.path} is a database, but not the journal of a mission"
         if version != VERSION:
             return (
-                f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}: use the "
-                "sar_compiler that has written it, or move it away to begin anew"
+                f"{self.path} has version {version} of a journal, and this sar_compiler reads version {VERSION}. "
+                "Use the sar_compiler that wrote it, or move the file away to start over"
             )
         known = _parts()
         parts = self._connection.execute("SELECT type, name, sql FROM main.sqlite_master")
@@ -342,12 +343,12 @@ class JournalFile:
         ]
         if strange:
             kind, name = strange[0]
-            return f"{self.path} has what no journal has, the {kind} {name!r}: it is not read"
+            return f"{self.path} contains a part that no journal has, the {kind} {name!r}. It is not read"
         return ""
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Limit the work of a reading, and raise its errors in words.
+        """Limit the work of a read, and raise its errors in words.
 
         Raises:
             JournalError: If it cannot be read.
@@ -362,10 +363,10 @@ class JournalFile:
                     raise
                 if self._patience.was_disturbed:
                     raise KeyboardInterrupt from error
-                raise ValueError("to read it takes far more steps than its size is reason for") from error
+                raise ValueError("reading it takes far more steps than its size explains") from error
 
     def about(self) -> dict[str, Any]:
-        """Return what the mission is: `mission`, `tree`, `identity` and so on; empty before its first run."""
+        """Return the mission's description: `mission`, `tree`, `identity` and so on; empty before its first run."""
         with self._reading():
             rows = self._connection.execute("SELECT key, value FROM about").fetchall()
             return {key: json_value(value) for key, value in rows}
@@ -392,11 +393,11 @@ class JournalFile:
             return runs
 
     def facts(self) -> Iterator[JournalEntry]:
-        """Yield all facts, in their order."""
+        """Yield all events in order."""
         return self._read("fact")
 
     def watched(self, *kinds: str) -> Iterator[JournalEntry]:
-        """Yield what was watched, in its order: entries of some kinds; of all, if none is named."""
+        """Yield observations in order: entries of the given kinds, or of all kinds by default."""
         return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
@@ -407,7 +408,7 @@ class JournalFile:
                 yield JournalEntry(number, *entry[1:])
 
     def stream_behind(self, after: StreamPlace, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries behind a place in their order, one by one, with the numbers that places have; without those of some watched kinds."""
+        """Yield all entries after a position in order, with their stream numbers, without some observed kinds."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
@@ -442,7 +443,7 @@ class JournalFile:
         for entry in entries:
             latest = max(latest, entry.time)
             yield entry
-        # What is left out may be later still.
+        # The entries left out may be even later.
         if (end := self._end_of(run, self._last_time(run.number) if without else latest)) is not None:
             yield end
 
@@ -455,7 +456,7 @@ class JournalFile:
         after: int = 0,
         is_condensed: bool = False,
     ) -> Iterator[JournalEntry]:
-        """Yield the facts of a run in their order, one by one.
+        """Yield the events of a run in order, one by one.
 
         Args:
             run: The number of the run.
@@ -489,10 +490,10 @@ class JournalFile:
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
     def news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
-        """Return the entries since a mark in their order, and the next mark.
+        """Return the entries since a read position in order, and the next position.
 
         Args:
-            mark: How far the stream was read.
+            mark: The read position.
         """
         with self.snapshot():
             return self._news(mark)
@@ -522,7 +523,7 @@ class JournalFile:
                 entries.append(self._begin_of(run, about))
             if run.number not in mark.ended and (end := self._end_of(run)) is not None:
                 entries.append(end)
-        # The system's clock may be set; the order of runs, and of their beginnings and ends, may not.
+        # The system's clock may be changed, but runs and their starts and ends keep their order.
         rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
         entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.number))
         following = StreamMark(
@@ -567,13 +568,13 @@ class JournalFile:
         return self._place().link.hex()
 
     def chain(self) -> JournalChain:
-        """Follow its chain.
+        """Check its chain.
 
         Raises:
             JournalError: If it is damaged.
         """
         with self._reading():
-            # What is found by an index is not what the chain has if the two are not the same.
+            # If an index and its table differ, a query by the index does not match the chain.
             (flaw,) = self._connection.execute("PRAGMA integrity_check(1)").fetchone()
             if flaw != "ok":
                 raise ValueError(flaw)
@@ -584,20 +585,20 @@ class JournalFile:
                 self._connection.text_factory = str
 
     def waiting(self) -> int:
-        """Return how many facts are beside it, and not yet in the chain."""
+        """Return how many events are in the reserve beside it, and not yet in the chain."""
         with self._reading():
             counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
             return int(self._connection.execute(counts).fetchone()[0])
 
     def _place(self) -> LinkPlace:
-        """Return the place behind the last entry."""
+        """Return the position after the last entry."""
         if self._end is None:
             with self._reading():
                 self._end = last_place(self._connection)
         return self._end
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
-        """Add a run, and say what the mission is if it is the first one; return the run's number."""
+        """Add a run, and the mission's description if it is the first one; return the run's number."""
         place, text = self._place(), json_text(run_about)
         with self._transaction():
             (number,) = self._connection.execute("SELECT 1 + ifnull(max(number), 0) FROM run").fetchone()
@@ -612,9 +613,9 @@ class JournalFile:
         return int(number)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Write watched entries, facts and ends of runs; facts and ends are on the disk when this returns.
+        """Write observations, events and ends of runs; events and ends are on disk when this returns.
 
-        Nothing is waited for: if somebody else has locked the file, or it cannot be written, nothing of it is.
+        It does not wait: if another process has locked the file, or it cannot be written, no row is written.
         """
         link, number = self._place()
         added: dict[bytes, list[tuple[object, ...]]] = {FACT: [], WATCHED: []}
@@ -630,7 +631,7 @@ class JournalFile:
         self._end = place
 
     def _end_run(self, end: RunEnd, place: LinkPlace) -> LinkPlace:
-        """Write how a run has ended; return the place behind that."""
+        """Write the end of a run; return the position after it."""
         self._connection.execute(_END_OF_RUN, _end_of_run(end))
         link = ended_link(place, end.run, end.wall, end.ending.value, end.status, end.reason)
         closing = "UPDATE run SET closed = ?, ended_behind = ? WHERE number = ?"
@@ -639,8 +640,8 @@ class JournalFile:
 
     @contextmanager
     def _transaction(self, *, durable: bool = True) -> Iterator[None]:
-        # With NORMAL a commit survives the process but not the machine, and SQLite syncs when it has to for the file
-        # to stay whole.
+        # With NORMAL a commit survives the process but not the machine. SQLite itself syncs when the file's integrity
+        # needs it.
         if durable is not self._durable:
             self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
             self._durable = durable
@@ -654,15 +655,15 @@ class JournalFile:
             raise
 
     def move(self, path: Path) -> None:
-        """Close it and give it another name, with what SQLite may have left beside it.
+        """Close it and rename it, with any files of SQLite beside it.
 
         Raises:
-            JournalError: If there is something of that name, or it cannot be moved.
+            JournalError: If the name exists, or the file cannot be moved.
         """
         with _readable(path):
             if path.exists():
                 raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
-            # SQLite's last word is in the file itself once it is closed, unless somebody reads it just now.
+            # SQLite's last state is in the file itself after closing, unless another process is reading it.
             self._connection.close()
             for ending in ("", *_SIDECARS):
                 with suppress(FileNotFoundError):
@@ -679,17 +680,17 @@ class JournalFile:
             self.close()
 
     def close(self) -> None:
-        """Close it, and give up the lock."""
+        """Close it, and release the lock."""
         with suppress(sqlite3.Error):
             self._connection.close()
-        # Not before: to close any descriptor of the file takes SQLite's own locks away.
+        # Not before: closing any descriptor of the file releases SQLite's own locks.
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
 
 
 def is_locked(path: Path) -> bool:
-    """Return whether another process writes to a journal just now; not for a process that does so itself."""
+    """Return whether another process is writing to a journal; not for the writing process itself."""
     import fcntl
 
     try:
@@ -706,7 +707,7 @@ def is_locked(path: Path) -> bool:
 
 
 def _is_used(path: Path) -> bool:
-    """Return whether a process writes the journal: it holds the lock, and a moment later also a write-ahead log."""
+    """Return whether a process writes the journal: it holds the lock, and soon also a write-ahead log."""
     for _ in range(_ATTEMPTS):
         if Path(f"{path}-wal").exists():
             return True
@@ -717,7 +718,7 @@ def _is_used(path: Path) -> bool:
 
 
 def _locked(path: Path) -> int:
-    """Open or make a file, and lock it; the lock ends with the process, however that ends."""
+    """Open or create a file, and lock it; the lock ends with the process, however that ends."""
     # Not blocking: a pipe without a reader would keep the command for good.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
     try:
@@ -725,7 +726,9 @@ def _locked(path: Path) -> int:
         _lock(descriptor)
     except BlockingIOError:
         os.close(descriptor)
-        message = f"{path} is the journal of a mission that runs just now, in another process: wait for its end, or stop it"
+        message = (
+            f"{path} is the journal of a mission that runs in another process. Wait for its end, or stop it"
+        )
         raise JournalError(message) from None
     except BaseException:
         os.close(descriptor)
@@ -734,7 +737,7 @@ def _locked(path: Path) -> int:
 
 
 def _lock(descriptor: int) -> None:
-    """Lock a file; retry, as a process that only tests the lock has it for a moment."""
+    """Lock a file; retry, because a process that only tests the lock holds it for a moment."""
     import fcntl
 
     for left in reversed(range(_ATTEMPTS)):
@@ -750,7 +753,7 @@ def _lock(descriptor: int) -> None:
 
 @functools.cache
 def _parts() -> frozenset[str]:
-    """Return what a file says of its own parts: in these texts, and no others."""
+    """Return the SQL definitions of a file's parts; only the project's own are accepted."""
     with closing(sqlite3.connect(":memory:")) as empty:
         empty.executescript(_MAKING)
         return frozenset(text for (text,) in empty.execute("SELECT sql FROM sqlite_master"))
@@ -761,12 +764,12 @@ def _end_of_run(end: RunEnd) -> tuple[object, ...]:
 
 
 def _is_sqlites(name: object, text: object) -> bool:
-    """Return whether SQLite makes a part of a database by itself: the index of a key, or the results of ANALYZE."""
+    """Return whether SQLite creates a part of a database by itself: a key's index, or results of ANALYZE."""
     return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
 
 
 def _places(values: Sequence[str]) -> str:
-    """Return places for values in a statement."""
+    """Return placeholders for values in a statement."""
     return ", ".join("?" * len(values))
 
 
@@ -777,7 +780,7 @@ def _size(path: str | Path) -> int:
 
 
 def _start(run: JournalRun) -> float:
-    """Return the mission's time at the beginning of a run; 0 if that is not known."""
+    """Return the mission's time at the start of a run; 0 if unknown."""
     began = run.about.get("time")
     return float(began) if isinstance(began, (int, float)) else 0.0
 
@@ -785,18 +788,18 @@ def _start(run: JournalRun) -> float:
 def _mapping(text: str) -> dict[str, Any]:
     data = json_value(text)
     if not isinstance(data, dict):
-        raise TypeError(f"{text} is where names with values belong")
+        raise TypeError(f"{text} must be names with values")
     return data
 
 
 def _finite(number: Any) -> float:
     if not math.isfinite(value := float(number)):
-        raise ValueError(f"{number} is no time")
+        raise ValueError(f"{number} is not a time")
     return value
 
 
 def _sync_folder(folder: Path) -> None:
-    """Flush a folder to the disk: the names of its files, beside their contents."""
+    """Flush a folder to disk: the names of its files, in addition to their contents."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -805,10 +808,10 @@ def _sync_folder(folder: Path) -> None:
 
 
 class _Patience:
-    """Limits the work of SQLite for one reading, since a malicious file can keep it busy for ever.
+    """Limits the work of SQLite for one read, since a malicious file can keep it busy forever.
 
     Args:
-        steps: How many of SQLite's steps.
+        steps: The number of SQLite's steps.
     """
 
     STRIDE = 10_000
@@ -817,11 +820,11 @@ class _Patience:
         self._steps = self._left = steps
 
     def begin(self) -> None:
-        """Begin a reading."""
+        """Start a read."""
         self._left = self._steps
 
     def is_over(self) -> bool:
-        """Return whether SQLite must give up; its progress handler, called every so many steps."""
+        """Return whether SQLite must give up; its progress handler, called after some steps."""
         self._left -= self.STRIDE
         return self._left < 0
 
@@ -832,7 +835,7 @@ class _Patience:
 
 
 def _connected(target: str | Path, **options: Any) -> sqlite3.Connection:
-    # Transactions are begun and ended by statements alone; nobody but a reader can keep the file for a moment.
+    # Statements alone start and end transactions. Only a reader can block the file for a moment.
     connection: sqlite3.Connection = sqlite3.connect(target, timeout=5.0, isolation_level=None, **options)
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")
@@ -850,5 +853,5 @@ def _readable(path: Path) -> Iterator[None]:
     except OSError as error:
         raise JournalPlaceError(f"the journal {path} cannot be used: {error.strerror or error}") from error
     except (sqlite3.Error, sqlite3.Warning, ValueError, TypeError, OverflowError, RecursionError) as error:
-        message = f"the journal {path} cannot be used: {error}; is it a journal, and whole?"
+        message = f"the journal {path} cannot be used: {error}. It may be damaged, or not a journal"
         raise JournalError(message) from error

@@ -1,4 +1,4 @@
-"""Following of the journal that a mission in another process writes."""
+"""Follow the journal of a mission in another process."""
 
 from pathlib import Path
 
@@ -6,15 +6,16 @@ from sar_compiler.journal.database import JournalFile, StreamMark
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import JournalEntry
 
-# While a mission begins or ends a file may be none for a moment: so often in a row it cannot be read before that is said.
+# While a mission starts or ends, the file may be unreadable for a moment. An error is raised after this many failures
+# in a row.
 _TRIES = 4
 
 
 class JournalFollower:
-    """Reads what is new in a journal at each call; the file need not exist yet.
+    """Reads the new entries of a journal at each call; the file need not exist yet.
 
     Args:
-        path: Where it is, or will be.
+        path: Its present or future path.
     """
 
     def __init__(self, path: Path) -> None:
@@ -24,10 +25,10 @@ class JournalFollower:
         self._failed = 0
 
     def news(self) -> list[JournalEntry]:
-        """Return what has come since the last call; everything, if another mission has begun in the file.
+        """Return the entries since the last call; all of them, if another mission has started in the file.
 
         Raises:
-            JournalError: If it is no journal, or cannot be read, and that has not changed for some calls.
+            JournalError: If it is no journal or is unreadable, in several calls in a row.
         """
         try:
             entries = self._news()
@@ -41,7 +42,7 @@ class JournalFollower:
 
     def _news(self) -> list[JournalEntry]:
         try:
-            # A file that is being made is empty for a moment.
+            # A file that is being created is empty for a moment.
             if not self.path.stat().st_size:
                 return []
         except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Where the frame `map` lies on the earth."""
+"""The position of the frame `map` on the earth."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -6,17 +6,17 @@ from typing import Any, NamedTuple
 
 GEOREFERENCE = "georeference"
 """The parameter, with `lat`, `lon` and `heading`."""
-# How far each of its numbers may be from 0, degrees.
+# Limits for the absolute value of its numbers, degrees.
 _MOST = (90, 180, 360)
 
 
 class Georeference(NamedTuple):
-    """The place of the frame `map` on the earth.
+    """The position of the frame `map` on the earth.
 
     Attributes:
         lat: Latitude of its origin, degrees north, WGS 84.
         lon: Longitude of its origin, degrees east, WGS 84.
-        heading: Where its x axis points, degrees clockwise from true north: 90 if x is east and y north.
+        heading: The direction of its x axis, degrees clockwise from true north: 90 if x is east and y north.
     """
 
     lat: float
@@ -25,7 +25,7 @@ class Georeference(NamedTuple):
 
     @classmethod
     def among(cls, parameters: Mapping[str, Any]) -> "Georeference | None":
-        """Return that of a run by its parameters' flat names; None if it has none, or one that is nowhere."""
+        """Return the georeference in a run's parameters (flat names); None if missing or out of range."""
         try:
             place = cls(*(float(parameters[f"{GEOREFERENCE}.{name}"]) for name in cls._fields))
         except (ArithmeticError, LookupError, TypeError, ValueError):
@@ -33,10 +33,10 @@ class Georeference(NamedTuple):
         return None if any(place.mistakes()) else place
 
     def mistakes(self) -> Iterator[tuple[str, str]]:
-        """Yield the name of each number that is out of its range, with what is wrong with it in words."""
+        """Yield the name of each number that is out of its range, with the problem in words."""
         for name, value, most in zip(self._fields, self, _MOST, strict=True):
-            if not abs(value) <= most:  # so that NaN is a mistake
-                yield name, f"must be degrees between -{most} and {most}, is {value:g}"
+            if not abs(value) <= most:  # NaN is an error, too
+                yield name, f"must be degrees between -{most} and {most}, not {value:g}"
 
     def located(self, x: float, y: float) -> tuple[float, float]:
         """Return latitude and longitude of a position in the frame `map` (metres), along the ellipsoid.

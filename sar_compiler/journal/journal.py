@@ -1,4 +1,4 @@
-"""The journal of the mission that is running."""
+"""The journal of the running mission."""
 
 import os
 import re
@@ -33,35 +33,35 @@ if TYPE_CHECKING:
 
 Listener = Callable[[JournalEntry], object]
 
-# What is watched is written so often, in seconds of the steady clock: what a process that is killed may lose.
+# Interval between writes of observations, in seconds of the steady clock: a process that is killed may lose this much.
 _BATCH_SEC = 1.0
 
-# So much waits in memory while the file cannot be written: of each, the later ones are only counted.
+# Limits of the memory that waits while the file cannot be written. Later entries are only counted.
 _MOST_FACTS, _MOST_WATCHED = 10_000, 20_000
 
 
 class FactState(Protocol):
-    """A state made of facts: what a mission remembers, and what it shows of that."""
+    """A state folded from events: the memory of a mission and its display."""
 
     def apply(self, fact: JournalEntry) -> None:
-        """Apply a fact to the state: the same code in the run that writes it and in a later run that resumes.
+        """Apply an event to the state, by the same code in the run that writes it and in a later run that resumes.
 
         Raises:
-            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event is impossible now.
         """
         ...
 
     def display(self) -> Display:
-        """Return what is shown of it."""
+        """Return its display."""
         ...
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return a fact as a sentence; empty for the usual words."""
+        """Return an event as a sentence; empty for the default words."""
         ...
 
 
 class SentGoal(NamedTuple):
-    """A goal that a run has sent and not seen the end of.
+    """A goal that a run has sent and whose end it has not seen.
 
     Attributes:
         action: The action's full name.
@@ -78,37 +78,38 @@ def _sent_goal(fact: JournalEntry) -> SentGoal:
         re.fullmatch(r"(/[A-Za-z_]\w*)+", goal.action, re.ASCII)
         and re.fullmatch("[0-9a-f]{32}", goal.goal_id)
     ):
-        message = f"fact {fact.number} of the journal, {fact.kind} {dict(fact.data)}, is no goal of an action"
+        message = (
+            f"fact {fact.number} of the journal, {fact.kind} {dict(fact.data)}, is not a goal of an action"
+        )
         raise JournalError(message)
     return goal
 
 
 @mission_context
 class Journal:
-    """The journal of the running mission: its facts, and beside them what was watched.
+    """The journal of the running mission: its events and observations.
 
-    A leaf is handed the journal of its run if its constructor has a parameter of this type; as `Journal | None = None`
-    it also works where no journal is kept. Everything belongs in the thread of the node's executor.
+    A leaf receives the journal of its run if its constructor has a parameter of this type. With `Journal | None = None`
+    it also works without a journal. All calls belong in the thread of the node's executor.
 
-    While the file cannot be written, because the disk is full or somebody has locked it, the mission goes on: what is to be written waits in
-    memory, facts also in the journal's `Reserve`, and writing is tried again with each fact and each second. It is said in `on_failure` when that
-    begins, and in `on_recovery` when it ends.
+    While the file cannot be written, because the disk is full or another process has locked it, the mission continues.
+    Entries wait in memory, events also in the journal's `Reserve`, and writing is tried again with each event and each
+    second. The start is reported by `on_failure`, the end by `on_recovery`.
 
     Args:
-        file: The file, open and locked; None for a journal that keeps nothing, such as the one to begin with in a
-            mission's state.
-        aside: The name that the file is given, because it is another mission's, before a new one is made in its place;
-            None to go on with the file.
-        apply: Changes a state by each fact, where no mission is attached.
+        file: The file, open and locked; None for a journal without a file, such as the initial one of a mission's state.
+        aside: The backup name of the file if it is another mission's, before a new one is created at its path; None to
+            continue the file.
+        apply: Applies each event to a state, if no mission is attached.
 
     Attributes:
         aside: The name that the file has or will have, because it is another mission's.
-        is_resumed: Whether the mission was begun by an earlier run.
+        is_resumed: Whether an earlier run started the mission.
         clock: The mission's clock.
         head: The head of the file's chain, as hexadecimal digits; empty before the run has ended.
         on_failure: Called with a sentence when the file cannot be written, or a listener has raised.
         on_recovery: Called with a sentence when the file can be written again.
-        leaf_in_hand: Returns which `leaf` notes a fact just now, in which `tick`; nothing between two ticks.
+        leaf_in_hand: Returns which `leaf` records an event now, in which `tick`; nothing between two ticks.
     """
 
     def __init__(
@@ -123,12 +124,12 @@ class Journal:
         self._state: FactState | None = None
         self._kinds: tuple[LandmarkKind, ...] = ()
         self._shown = Display()
-        # Those that are no mission's own.
+        # Kinds that do not belong to a mission.
         self._alarms: list[Alarm] = []
         self.on_failure: Callable[[str], object] = lambda _: None
         self.on_recovery: Callable[[str], object] = lambda _: None
         self.leaf_in_hand: Callable[[], Mapping[str, int]] = dict
-        # By whom what is noted was ordered, and the kinds that were noted so.
+        # The author of the present command, and the kinds recorded under it.
         self._author, self._led_to = CommandAuthor(), list[str]()
         self._file = file
         self.aside = aside
@@ -138,14 +139,15 @@ class Journal:
         self._facts = [*known.facts()] if known is not None else []
         self._about = known.about() if known is not None else {}
         self._has_begun = self.is_resumed
-        # The last entry's, of facts and of what is watched; the system's clock may be set, and orders nothing.
+        # The time of the last entry, of events and observations. The system's clock may be changed, and does not order
+        # entries.
         self._number = known.last_number() if known is not None else 0
-        # The number of the run, also where no file is written.
+        # The number of the run, also without a file.
         self._run = 1
         self._is_written = False
         self._reserve: Reserve | None = None
         self._numbers: dict[str, int] = {}
-        # What is to be written, and since when the oldest of what was watched waits, or when it was tried last.
+        # Pending entries, and since when the oldest observation waits, or the time of the last attempt.
         self._watched: list[Row] = []
         self._pending: list[Row] = []
         self._end: RunEnd | None = None
@@ -163,58 +165,58 @@ class Journal:
 
     @property
     def is_wanted(self) -> bool:
-        """Whether anybody has a use for entries: a file, or a listener."""
+        """Whether entries are used: there is a file or a listener."""
         return self.is_kept or bool(self._listeners)
 
     def listen(self, listener: Listener) -> None:
-        """Call a function with each entry once it is written; also where there is no file.
+        """Call a function with each entry after it is written, also without a file.
 
-        It is called in the thread of the mission, and must return at once; one that raises is told no more. Beside facts and what is watched it is told of
-        the run's beginning and end; `JournalFile.stream` yields the same of a file.
+        It is called in the thread of the mission, and must return at once. One that raises is not called again. In addition to
+        events and observations it receives the run's start and end; `JournalFile.stream` yields the same from a file.
         """
         self._listeners.append(listener)
 
     @property
     def place(self) -> Path:
-        """Where it is."""
+        """Its path."""
         return self._file.path if self._file is not None else Path()
 
     @property
     def about(self) -> Mapping[str, object]:
-        """What the mission is, as the run said that began it; empty before."""
+        """The mission's description, as written by its first run; empty before."""
         return self._about
 
     def earlier(self) -> list[JournalEntry]:
-        """Return the entries of earlier runs in their order, with which `listen` does not call."""
+        """Return the entries of earlier runs in order, which `listen` does not deliver."""
         return [*self._file.stream()] if self._file is not None and self.is_resumed else []
 
     def facts(self) -> list[JournalEntry]:
-        """Return the facts of earlier runs, in their order."""
+        """Return the events of earlier runs in order."""
         return list(self._facts)
 
     def goals_left(self) -> list[SentGoal]:
         """Return the goals of earlier runs that may still be active.
 
         Raises:
-            JournalError: If there is one in it that could not be sent.
+            JournalError: If it contains an impossible goal.
         """
         if self._file is None or not self._facts:
             return []
-        # One that was taken for lost, and then was accepted, is in it twice.
+        # A goal that was considered lost and then accepted is in it twice.
         ends = Counter(entry.data.get("goal") for entry in self._file.watched(GOAL_ENDED))
         sent = [_sent_goal(fact) for fact in self._facts if fact.kind == GOAL_SENT]
         times = Counter(goal.goal_id for goal in sent)
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
 
     def attach(self, state: FactState, kinds: Iterable[LandmarkKind] = ()) -> None:
-        """Apply the facts to a state: those of earlier runs now, each new one as it is noted.
+        """Apply events to a state: those of earlier runs now, and each new one when it is recorded.
 
         Args:
-            state: The state of a mission that has just begun.
+            state: The state of a mission that has just started.
             kinds: The kinds of its landmarks.
 
         Raises:
-            JournalError: If the facts are not those of such a mission.
+            JournalError: If the events do not belong to such a mission.
         """
         for fact in self.facts():
             try:
@@ -232,14 +234,14 @@ class Journal:
         self._state, self._apply, self._kinds = state, state.apply, tuple(kinds)
 
     def begin(self, about: Mapping[str, object], run_about: Mapping[str, object]) -> None:
-        """Begin the run: from here on it can be resumed.
+        """Start the run: from here on it can be resumed.
 
         Args:
-            about: What the mission is, by key; what an earlier run has said stays.
-            run_about: What this run has of its own, by key.
+            about: The mission's description, by key; the values of an earlier run are kept.
+            run_about: The description of this run, by key.
 
         Raises:
-            JournalError: If the file cannot be made or written.
+            JournalError: If the file cannot be created or written.
         """
         of_run = {"pid": os.getpid(), "time": self.clock.now(), **run_about}
         self._about, self._has_begun = self._about or dict(about), True
@@ -270,11 +272,11 @@ class Journal:
         self._reserve.keep(Kept(self._began), {})
 
     def note(self, kind: str, /, **data: object) -> None:
-        """Write a fact; it is on the disk when this returns, and only then may anything act on it.
+        """Write an event; it is on disk when this returns, and only then may anything act on it.
 
         Args:
-            kind: What it is, such as `photo_taken`.
-            **data: What belongs to it, as JSON values.
+            kind: Its kind, such as `photo_taken`.
+            **data: Its data, as JSON values.
 
         Raises:
             TypeError: If a value is no JSON value.
@@ -282,10 +284,10 @@ class Journal:
         self._note(self._entry(kind, data))
 
     def raise_alarm(self, text: str, kind: str, /, **data: object) -> None:
-        """Write a fact that is no mission's own, and an alarm, which is shown beside those of the mission from then on.
+        """Write an event that is not the mission's own, and an alarm that is shown with the mission's from then on.
 
         Args:
-            text: The alarm, which is the fact's sentence as well.
+            text: The alarm, which is also the sentence of the event.
             kind: As for `note`.
             **data: As for `note`.
 
@@ -311,7 +313,7 @@ class Journal:
         return JournalEntry(self._number + 1, self._run, time.time(), self.clock.now(), kind, data)
 
     def _changed(self, fact: JournalEntry, sentence: str = "") -> dict[str, object]:
-        """Return what a fact has changed of what is shown, with the fact as a sentence."""
+        """Return the changes of the display by an event, with the event as a sentence."""
         if self._state is None and not self._alarms:
             return {}
         before, self._shown = self._shown, self._display()
@@ -325,7 +327,7 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Carry out an order within it: what is noted says by whom it was given, and why. Yields a list of the kinds, as they are noted."""
+        """Record a command's author and reason with the events written in this block. Yields the list of their kinds."""
         self._author, self._led_to = author, []
         try:
             yield self._led_to
@@ -334,7 +336,7 @@ class Journal:
 
     @property
     def author(self) -> CommandAuthor:
-        """Who has given the command that is being carried out; without a name if none is, or it is not known."""
+        """The author of the present command; without a name if there is none, or it is unknown."""
         return self._author
 
     def _order(self, kind: str) -> Mapping[str, str]:
@@ -345,20 +347,20 @@ class Journal:
         return {"by": by, "reason": reason} if reason else {"by": by}
 
     def keep_number(self, kind: str, number: int) -> None:
-        """Remember the highest number in use, such as in names: the next run goes on above it even where facts are lost.
+        """Record the highest number in use, such as in names: the next run continues above it even if events are lost.
 
         Args:
-            kind: What is numbered.
+            kind: The numbered kind.
             number: The number.
         """
         self._numbers[kind] = max(number, self._numbers.get(kind, 0))
 
     def watch(self, kind: str, /, **data: object) -> None:
-        """Queue an entry of what was watched for the next write; it may be lost when the process is killed.
+        """Queue an observation for the next write; it may be lost when the process is killed.
 
         Args:
-            kind: What it is, such as `pose`.
-            **data: What belongs to it, as JSON values.
+            kind: Its kind, such as `pose`.
+            **data: Its data, as JSON values.
 
         Raises:
             TypeError: If a value is no JSON value.
@@ -376,15 +378,15 @@ class Journal:
         self._tell(entry)
 
     def write_when_due(self) -> None:
-        """Write what is queued if the oldest of it is a second old, or the last attempt has failed a second ago."""
+        """Write the queue if its oldest entry is a second old, or the last attempt failed a second ago."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
     def end(self, ending: Ending, status: int, reason: str = "") -> None:
-        """Record how the run has ended.
+        """Record the end of the run.
 
         Args:
-            ending: How.
+            ending: The kind of end.
             status: The exit status.
             reason: The reason in a sentence.
         """
@@ -398,10 +400,12 @@ class Journal:
         self._tell(entry._replace(data=end_data(ending, status, reason, self.head)))
 
     def close(self) -> None:
-        """Write what is queued, and close the file; remove one in which nothing has begun."""
+        """Write the queue, and close the file; remove a file in which no run has started."""
         self._write()
         if self._is_failing:
-            self.on_failure(f"What the journal {self.place} lacks is beside it, and belongs to it.")
+            self.on_failure(
+                f"The missing entries of the journal {self.place} are in the reserve beside it. Keep both files together."
+            )
         if self._reserve is not None:
             self._reserve.close(is_needed=self._is_failing)
         if self._file is not None and (self._has_begun or self.aside is not None):
@@ -411,9 +415,9 @@ class Journal:
         self._file, self._reserve, self._is_written = None, None, False
 
     def _tell(self, entry: JournalEntry) -> None:
-        """Give the listeners an entry, with its number among those that they were given."""
+        """Pass an entry to the listeners, with its number in their stream."""
         if self._listeners:
-            # What is no JSON value is the caller's mistake where nothing is written, too.
+            # A value that is not JSON is the caller's error even without a file.
             if not self._is_written:
                 json_text(entry.data)
             self._told += 1
@@ -423,10 +427,10 @@ class Journal:
                     listener(entry)
                 except Exception as error:  # noqa: BLE001, PERF203 - who only watches must not end a mission
                     self._listeners.remove(listener)
-                    self.on_failure(f"One who watches the mission has failed and watches no more: {error!r}.")
+                    self.on_failure(f"A listener of the journal has failed and was removed: {error!r}.")
 
     def _row(self, entry: JournalEntry) -> Row:
-        """Return an entry as it is written, with the next number."""
+        """Return an entry to write, with the next number."""
         self._number += 1
         _, run, wall, now, kind, data = entry
         return Row(self._number, run, wall, now, kind, json_text(data))
@@ -443,13 +447,13 @@ class Journal:
             self._wait(error)
         else:
             if self._end is not None:
-                # Nothing comes behind the end of the run, which closes the chain.
+                # Nothing may follow the end of the run, which closes the chain.
                 self.head, self._is_written = file.head, False
             self._watched, self._pending, self._end = [], [], None
             self._recover()
 
     def _wait(self, error: Exception) -> None:
-        # A full disk is no reason to leave people unsearched.
+        # A full disk must not stop a search for people.
         self._pending_since = time.monotonic()
         if len(self._pending) > _MOST_FACTS:
             self._pending[_MOST_FACTS - 1 :] = [lost(self._pending[_MOST_FACTS - 1 :], self._numbers)]
@@ -464,12 +468,12 @@ class Journal:
             else "until then the mission cannot be resumed from here"
         )
         self.on_failure(
-            f"The journal {self.place} cannot be written ({error}): the mission goes on, writing is tried again each "
+            f"The journal {self.place} cannot be written ({error}). The mission continues, writing is retried each "
             f"second, and {beside}."
         )
 
     def _keep(self, kept: Kept) -> None:
-        """Put facts into the reserve; give that up if it cannot be done, either."""
+        """Put events into the reserve; give up if that is impossible as well."""
         if self._reserve is not None:
             try:
                 self._reserve.keep(kept, self._numbers)
@@ -482,8 +486,8 @@ class Journal:
             return
         self._is_failing = False
         self._keep(Kept(self._began))
-        without = f", without {self._left_out} entries of what was watched" if self._left_out else ""
+        without = f", without {self._left_out} observations" if self._left_out else ""
         self._left_out = 0
         self.on_recovery(
-            f"The journal {self.place} is written again, and has what has happened meanwhile{without}."
+            f"The journal {self.place} is written again and has the events of the meantime{without}."
         )

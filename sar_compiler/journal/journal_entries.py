@@ -6,20 +6,21 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
-"""Kinds that belong to the leaves that send goals; a mission has others."""
+"""Kinds of the leaves that send goals. A mission has others."""
 
 FACTS_LOST = "facts_lost"
-"""The kind of a fact that stands for others, which could not be written: their `count`, and the `numbers` given until then."""
+"""The kind of an event that replaces others which could not be written: their `count`, and the `numbers` given until then."""
 
 RUN_BEGAN = "run_began"
-"""The kind of a run's first entry: what the mission is, with `run`, what the run has of its own."""
+"""The kind of a run's first entry: the mission's description, with `run`, the run's own description."""
 
 RUN_ENDED = "run_ended"
-"""The kind of its last: `ending`, `status`, `reason`, and the `head` of the journal's chain, where there is one."""
+"""The kind of its last entry: `ending`, `status`, `reason`, and the `head` of the journal's chain, if any."""
 
 ORDERED = "ordered"
-"""The kind of an order by a service of the mission: its `verb`, its `label`, `by` whom, as far as that is known, the `reason` and the `refusal`,
-empty if there is none, and `is_told`: whether facts tell of it already."""
+"""The kind of a command by a service of the mission: its `verb`, its `label`, its author `by` if known, the "
+"`reason` and the `refusal`,
+empty if there is none, and `is_told`: whether events already show it."""
 
 PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
 """Kinds of what a run is watched for: once, the `file` and its `properties`, each with its `name` and what is done `if_broken`, and the names `left_out`;
@@ -30,16 +31,17 @@ PROPERTY_BROKEN, ASSUMPTION_FAILED = "property_broken", "assumption_failed"
 Each with the `tick`, the `node` (the leaf's number, null for none) and the `run` that led there: time in seconds, tick, node and deed of the last events."""
 
 LEAF_RAISED = "leaf_raised"
-"""The kind of an entry about a leaf that has raised an exception, which ends the run: its number `node`, null if it is not known, and the `text`."""
+"""The kind of an entry about a leaf that has raised an exception, which ends the run: its number `node`, null if "
+"unknown, and the `text`."""
 
 CHANGED = "changed"
-"""The kind of an entry behind a fact: the fact as a sentence, and the changes of the mission's display."""
+"""The kind of an entry after an event: the event as a sentence, and the changes of the mission's display."""
 
 STATUS, LACKS, BREAKPOINT = "status", "lacks", "breakpoint"
-"""Kinds that are recorded of the run: a node's status, why the robot cannot drive, where a breakpoint holds the tree."""
+"""Kinds that are recorded of the run: a node's status, why the robot cannot drive, the breakpoint that pauses the tree."""
 
 PROGRESS = "progress"
-"""The kind of an entry that says how far a drive is."""
+"""The kind of an entry with the progress of a drive."""
 
 POSE, PLAN, MAP, LOG = "pose", "plan", "map", "log"
 """Kinds that are recorded from the robot's topics, one by one."""
@@ -81,7 +83,7 @@ def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
 
 
 def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
-    """Return seconds since 1970 as the local date and time; as they are if there is no such day."""
+    """Return seconds since 1970 as the local date and time, or unchanged if there is no such day."""
     try:
         return time.strftime(form, time.localtime(wall))
     except (OSError, OverflowError, ValueError):
@@ -89,11 +91,11 @@ def day_and_time(wall: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
 
 
 class CommandAuthor(NamedTuple):
-    """By whom a command is given, and why.
+    """The author of a command, and the reason.
 
     Attributes:
-        name: A person, a program or a property, in words: `Ann (page, 127.0.0.1)`; empty if it is not known.
-        reason: The reason that they have stated; empty for none.
+        name: A person, a program or a property, in words: `Ann (page, 127.0.0.1)`; empty if unknown.
+        reason: The stated reason; empty for none.
     """
 
     name: str = ""
@@ -109,15 +111,15 @@ class CommandAuthor(NamedTuple):
 
 
 class JournalEntry(NamedTuple):
-    """A fact, or something that was watched.
+    """An event or an observation.
 
     Attributes:
-        number: Its number in the journal, in the order in which things happened; in a stream, among all of the stream.
-        run: The number of the run that has written it, from 1.
-        wall: When it was written, in seconds since 1970.
+        number: Its number in the journal, in chronological order; in a stream, its number in the stream.
+        run: The number of the run that wrote it, from 1.
+        wall: The time of writing, in seconds since 1970.
         time: The time of the mission's clock, in seconds.
-        kind: What it is, such as `photo_taken`.
-        data: What belongs to it, as JSON values.
+        kind: Its kind, such as `photo_taken`.
+        data: Its data, as JSON values.
     """
 
     number: int
@@ -129,7 +131,7 @@ class JournalEntry(NamedTuple):
 
 
 class Row(NamedTuple):
-    """An entry that is to be written; its number is the next one after those of facts and of what was watched."""
+    """An entry to be written; its number follows those of events and observations."""
 
     number: int
     run: int
@@ -140,14 +142,14 @@ class Row(NamedTuple):
 
 
 class Ending(str, Enum):
-    """How a run has ended."""
+    """The kind of a run's end."""
 
     OVER = "over"
     """By its end condition: the mission is over, complete or not."""
     STOPPED = "stopped"
-    """By a signal: whoever stopped it may go on with it."""
+    """By a signal: the run may be resumed."""
     FAILED = "failed"
-    """By a leaf that raised, or what it ran on."""
+    """By an exception of a leaf or the engine."""
 
 
 class JournalRun(NamedTuple):
@@ -155,10 +157,10 @@ class JournalRun(NamedTuple):
 
     Attributes:
         number: Its number, from 1.
-        began: When its first tick was due, in seconds since 1970.
-        about: What it ran with: `version`, `pid`, `parameters`, the mission's `time` at the beginning, and so on.
-        ended: When it ended, in seconds since 1970; None if it broke off, or still runs.
-        ending: How it ended; None if it broke off, or still runs.
+        began: The time of the first tick, in seconds since 1970.
+        about: Its description: `version`, `pid`, `parameters`, the mission's `time` at the start, and so on.
+        ended: Its end, in seconds since 1970; None if it crashed, or still runs.
+        ending: The kind of end; None if it crashed, or still runs.
         status: The exit status.
         reason: A sentence with the reason of the end; may be empty.
         head: The head of the journal's chain after the run's end, as hexadecimal digits; empty if there is none.
@@ -175,11 +177,11 @@ class JournalRun(NamedTuple):
 
     @property
     def is_over(self) -> bool:
-        """Whether the mission was over with this run."""
+        """Whether the mission ended with this run."""
         return self.ending is Ending.OVER
 
 
 def end_data(ending: Ending, status: int | None, reason: str, head: str) -> dict[str, object]:
-    """Return what belongs to the end of a run in a stream."""
+    """Return the data of the run's end in a stream."""
     data: dict[str, object] = {"ending": ending.value, "status": status, "reason": reason}
     return {**data, "head": head} if head else data

@@ -1,7 +1,7 @@
-"""The state of a mission, folded from the entries of its journal: what a page, a report and a terminal show.
+"""The state of a mission, folded from the entries of its journal, for the page, reports and the terminal.
 
-The entries come one by one while the mission runs (`Journal.listen`), or all at once from a file (`JournalFile.stream`);
-the state is the same. Entries of other kinds, or without what belongs to their kind, are facts of the mission.
+The entries arrive one by one while the mission runs (`Journal.listen`), or all at once from a file (`JournalFile.stream`); the
+state is the same. Entries of other kinds, or without the data of their kind, are events of the mission.
 """
 
 import math
@@ -39,11 +39,11 @@ _OF_PHASE = (
 
 
 class RunProcess(NamedTuple):
-    """What is known of the process that runs a mission, beside what it has written.
+    """The state of the process that runs a mission, in addition to its entries.
 
     Attributes:
-        is_gone: Whether it is there no more.
-        silent_sec: For how long nothing has been heard of it, in seconds.
+        is_gone: Whether it no longer exists.
+        silent_sec: The time since its last sign of life, in seconds.
     """
 
     is_gone: bool = False
@@ -51,7 +51,7 @@ class RunProcess(NamedTuple):
 
 
 class RobotPose(NamedTuple):
-    """Where the robot was: the moment, x and y in metres and yaw in radians, frame `map`."""
+    """A pose of the robot: the time, x and y in metres and yaw in radians, frame `map`."""
 
     at: EventTime
     x: float
@@ -60,12 +60,12 @@ class RobotPose(NamedTuple):
 
 
 class DriveLeft(NamedTuple):
-    """What is left of a drive.
+    """The remaining part of a drive.
 
     Attributes:
-        target: Where to.
+        target: The destination.
         distance: Metres.
-        time_left: Seconds, as the navigation estimates them; None if it does not.
+        time_left: Seconds, estimated by the navigation; None without an estimate.
     """
 
     target: str
@@ -74,7 +74,7 @@ class DriveLeft(NamedTuple):
 
 
 class Told(NamedTuple):
-    """A line of the log: when, from whom, and the text."""
+    """A line of the log: time, logger, and text."""
 
     at: EventTime
     text: str
@@ -83,13 +83,13 @@ class Told(NamedTuple):
 
 
 class KnownFact(NamedTuple):
-    """A fact of the mission.
+    """An event of the mission.
 
     Attributes:
-        at: When it was written.
-        kind: What it is, such as `photo_taken`.
-        data: What belongs to it, as JSON values.
-        text: The fact as a sentence.
+        at: The time of writing.
+        kind: Its kind, such as `photo_taken`.
+        data: Its data, as JSON values.
+        text: The event as a sentence.
     """
 
     at: EventTime
@@ -99,14 +99,14 @@ class KnownFact(NamedTuple):
 
 
 class WatchedProperty(NamedTuple):
-    """A property for which a run is watched.
+    """A property that is monitored during a run.
 
     Attributes:
         name: Its name.
-        if_broken: What is done where it is broken: `tell`, `hold` or `abort`.
-        is_owed: Whether something still has to come by it.
-        broken: When it was broken; None if it is not.
-        event: What has broken it: `Drive aborted`; empty for the end of the run.
+        if_broken: The reaction to a violation: `tell`, `hold` or `abort`.
+        is_owed: Whether the property still requires an event.
+        broken: When it was violated; None if it is not.
+        event: The violating event: `Drive aborted`; empty for the end of the run.
     """
 
     name: str
@@ -117,11 +117,11 @@ class WatchedProperty(NamedTuple):
 
 
 def answer_words(status: str, label: str | None) -> str:
-    """Return an answer in words: `FAILURE (aborted)`.
+    """Return a status with its label: `FAILURE (aborted)`.
 
     Args:
         status: The status.
-        label: What it means; empty if it is not known which of several answers it was, None if there is nothing to know.
+        label: The label of the answer; empty if several are possible, None if the leaf declares none.
     """
     if label is None or not status:
         return status
@@ -129,20 +129,20 @@ def answer_words(status: str, label: str | None) -> str:
 
 
 class LastStatus(NamedTuple):
-    """The last status of a node that was no reset, and what it came to before.
+    """The last status of a node other than a reset, and the results before it.
 
     Attributes:
         status: As in the entries.
-        since: When it got that status, in seconds since the run's beginning, as all times.
-        entered: The tick in which its activation began.
-        time: When anything of it has changed last.
-        tick: In which tick that was.
-        message: What it says.
-        failed: When it has failed last; None if it has not.
-        failure: What it has said then.
-        label: Which answer its status is; empty if that is not known.
-        ends: How often each end was noted: SUCCESS, FAILURE, HALTED. One that is the same tick after tick is noted once.
-        ran: How many seconds it was running until the ends of that.
+        since: The start of that status, in seconds since the run's start, like all times.
+        entered: The tick in which its activation started.
+        time: The time of its last change.
+        tick: The tick of that change.
+        message: Its message.
+        failed: The time of its last failure; None if there was none.
+        failure: The message of that failure.
+        label: The label of its answer; empty if unknown.
+        ends: The counts of each recorded end: SUCCESS, FAILURE, HALTED. An end repeated on consecutive ticks is recorded once.
+        ran: The total running time before those ends, in seconds.
         longest: The longest of these times.
     """
 
@@ -162,7 +162,7 @@ class LastStatus(NamedTuple):
     def followed_by(
         self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
     ) -> "LastStatus":
-        """Return what it is after another status, with which a new activation begins if the node was reset before."""
+        """Return the record after another status, which starts a new activation if the node was reset before."""
         is_same = self.status == status and not was_reset
         has_failed = status == FAILURE
         took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
@@ -170,7 +170,7 @@ class LastStatus(NamedTuple):
         return LastStatus(
             status,
             self.since if is_same else now,
-            # An activation goes on while the node is running, and ends with what comes after that.
+            # An activation lasts while the node is running, and ends with its next status.
             self.entered if self.status == RUNNING else tick,
             now,
             tick,
@@ -192,19 +192,19 @@ class NodeState:
         number: Its number in pre-order, from 0.
         name: Its name.
         kind: Its class.
-        file: The file that it is written in.
+        file: The file that contains it.
         line: The line there.
         depth: The number of its ancestors.
         parent: The number of its parent; None for the root.
         children: The numbers of its children.
         attributes: Its attributes, by name.
-        outline: All that the journal has of it.
-        status: As in the entries; empty if it was never ticked. IDLE and HALTED: it has no part in what is going on.
-        message: What it says; empty while it has no part in what is going on.
-        label: The label of its answer, of a leaf; empty if it has not said which of several, None if it has declared none.
-        since: The moment of its last change of status.
-        tick: The number of the tick in which it has changed last.
-        last: Its last status that was no reset.
+        outline: All data of it in the journal.
+        status: As in the entries; empty if it was never ticked. IDLE and HALTED: it is currently inactive.
+        message: Its message; empty while it is inactive.
+        label: The label of a leaf's answer; empty if several are possible, None if it declares none.
+        since: The time of its last change of status.
+        tick: The number of the tick of its last change.
+        last: Its last status other than a reset.
     """
 
     number: int
@@ -226,12 +226,12 @@ class NodeState:
 
     @property
     def words(self) -> str:
-        """Its status with what it means and what it says, in words."""
+        """Its status with label and message, in words."""
         return f"{answer_words(self.status, self.label)}{f', {self.message}' if self.message else ''}"
 
     @property
     def place(self) -> str:
-        """Where it is written, `file:line`; empty if that is not known."""
+        """Its source location, `file:line`; empty if unknown."""
         return f"{self.file}:{self.line}" if self.file else ""
 
     @property
@@ -246,10 +246,10 @@ class RunState:
 
     Attributes:
         number: From 1.
-        began: When.
-        about: What it ran with.
-        ended: When it ended; None if it still runs, or broke off.
-        ending: How: `over`, `stopped` or `failed`; empty if it has not.
+        began: The start.
+        about: The description of the run.
+        ended: The end; None if it still runs, or crashed.
+        ending: The kind of end: `over`, `stopped` or `failed`; empty without an end.
         status: The exit status.
         reason: The reason in a sentence.
         head: The head of the journal's chain after it, as hexadecimal digits; empty if there is none.
@@ -266,36 +266,36 @@ class RunState:
 
 
 class MissionState:
-    """What is known of a mission after some of its entries.
+    """The state of a mission after some of its entries.
 
     Attributes:
-        about: What the mission is, as its first run has said.
+        about: The description of the mission by its first run.
         runs: Its runs, the latest last.
         nodes: The nodes of the tree, in pre-order.
-        situation: What the mission shows of itself.
-        is_told: Whether the mission itself has said what it shows; one without a display has facts alone.
-        since: Since when each alarm is there, by what it says.
-        courses: What each figure in percent was when, by its name: the moments at which it has changed.
-        facts: What has happened, with the operator's orders, in its order; of goals of actions, `goals` tells.
-        pose: Where the robot was last; None before anything is known of it.
-        trail: Where it has been.
-        plan: The way that it is about to drive, as x and y in the frame `map`, metres.
-        drive: What is left of the drive that is under way; None if none is.
-        lacks: Why the robot cannot drive, in words; empty if it can.
-        breakpoint: Where the tree is held by a breakpoint, in words; empty if it is not.
-        battery: What is left in the battery, as the robot says; None if it does not.
+        situation: The display state of the mission.
+        is_told: Whether the mission itself has reported a display state; without one there are only events.
+        since: The start of each alarm, by its text.
+        courses: The history of each figure in percent, by its name: the times of its changes.
+        facts: The events with the operator's commands, in order; without goals of actions, see `goals`.
+        pose: The last pose of the robot; None before the first one.
+        trail: The previous poses.
+        plan: The planned path, as x and y in the frame `map`, metres.
+        drive: The rest of the present drive; None without a drive.
+        lacks: The reason why the robot cannot drive, in words; empty if it can.
+        breakpoint: The breakpoint that pauses the tree, in words; empty for none.
+        battery: The charge of the battery, as reported by the robot; None without a report.
         map: The map: `x` and `y` of its lower left corner and the edge `resolution` of a cell in metres, `width` and
             `height` in cells, and the image `png`; empty if there is none.
         warnings: Warnings and errors of the log.
         goals: The goals that may be active: their actions, by id.
-        tick: The number of the last tick in which anything has changed.
-        now: The moment of the last entry.
-        since_phase: When the present phase began.
-        finished: When each landmark was done or given up in the last run, by kind and name.
-        process: The process that runs it; by default, that it is there and tells what happens.
-        properties: The properties for which the last run is watched, by name; empty if it is not.
-        doubted: Since when the last run contradicts what proofs assume; None if it does not.
-        place: Where the map lies on the earth, if somebody says so afterwards; else the parameters may.
+        tick: The number of the last tick with a change.
+        now: The time of the last entry.
+        since_phase: The start of the present phase.
+        finished: When each landmark was finished or given up in the last run, by kind and name.
+        process: The state of the process that runs it; by default, it exists and reports.
+        properties: The monitored properties of the last run, by name; empty if there are none.
+        doubted: The first time that the last run contradicted an assumption of the verification; None if it did not.
+        place: A georeference that is supplied afterwards; else the parameters may have one.
     """
 
     def __init__(self) -> None:
@@ -325,7 +325,7 @@ class MissionState:
         self.properties: dict[str, WatchedProperty] = {}
         self.doubted: EventTime | None = None
         self._phase, self._told_drive = "", 0.0
-        # Why the phase is so, as the mission says it, and by whom that was ordered.
+        # The reason of the phase, as reported by the mission, and the author of the command that led to it.
         self._why_ordered = "", CommandAuthor()
 
     @classmethod
@@ -346,12 +346,12 @@ class MissionState:
             try:
                 handle(self, **entry.data)
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-                pass  # somebody else's entry of that kind
+                pass  # an entry of that kind from another program
             else:
                 if entry.kind in _OF_PHASE:
                     self._look_at_phase(anew=entry.kind == events.RUN_BEGAN)
                 return
-        # Kinds without a handler are the mission's own, or a newer version's: they are shown by their words.
+        # Kinds without a handler belong to the mission, or to a newer version. They are shown by their words.
         self._know(entry.kind, entry.data)
 
     def _know(self, kind: str, data: Mapping[str, Any]) -> None:
@@ -363,23 +363,23 @@ class MissionState:
             self._phase, self.since_phase = name, self.now
 
     def look_at_process(self, *, is_gone: bool) -> None:
-        """Take what the system says of the process that runs the mission: whether it is there, and how long it is silent by now."""
+        """Update the state of the process: whether it exists, and how long it has been silent."""
         self.process = RunProcess(is_gone, max(0.0, time.time() - self.now.wall))
 
     @property
     def title(self) -> str:
-        """What it is called: the mission, or the root of the tree."""
+        """The title: the mission, or the root of the tree."""
         return str(self.about.get("mission") or (self.nodes[0].name if self.nodes else "mission"))
 
     @property
     def robot(self) -> str:
-        """What the robot is called in a team: the namespace of its node, `robot1`; empty if it has none."""
+        """The robot's name in a team: the namespace of its node, `robot1`; empty without one."""
         node = str(self.runs[-1].about.get("node") or "") if self.runs else ""
         return node.rpartition("/")[0].strip("/")
 
     @property
     def phase(self) -> MissionPhase:
-        """The phase, as long as its run has not ended: what it says itself, what holds it up, or whether it drives."""
+        """The phase while its run has not ended: the mission's own, an obstacle, or whether it drives."""
         told = self.situation.phase
         told = told._replace(reason=self.order or told.reason)
         if self.breakpoint:
@@ -392,19 +392,19 @@ class MissionState:
 
     @property
     def order(self) -> str:
-        """Why the phase is so, with who has ordered that; empty where nobody has, or it is not known who."""
+        """The reason of the phase, with the author of the command; empty if unknown."""
         reason, author = self._why_ordered
         return with_author(reason, author) if author.name and reason else ""
 
     @property
     def gauges(self) -> list[Gauge]:
-        """What runs out: the battery, as the mission says it or else the robot, and the mission's other gauges."""
+        """The gauges: the battery, as reported by the mission or else the robot, and the mission's other gauges."""
         told = self.situation.gauges
         own = [self.battery] if self.battery is not None and self.battery.name not in told else []
         return [*own, *told.values()]
 
     def word_of(self, watched: WatchedProperty) -> str:
-        """Return what is known of a property, in a word: `broken`, `owed`, or else `watched`, `kept` where the run has ended."""
+        """Return the state of a property in a word: `broken`, `owed`, or else `watched`, `kept` after the run's end."""
         if watched.broken is not None:
             return "broken"
         if watched.is_owed:
@@ -413,9 +413,9 @@ class MissionState:
 
     @property
     def likely_end(self) -> float | None:
-        """About when the mission is complete, by what is left of this drive and the mean of what was done; None without a mean.
+        """The estimated end of the mission from the present drive and the mean of finished visits; None without a mean.
 
-        Seconds of the mission's clock since the run's beginning.
+        Seconds of the mission's clock since the run's start.
         """
         places = [each for each in self.situation.landmarks.values() if not each.corners]
         to_come = sum(
@@ -430,13 +430,13 @@ class MissionState:
 
     @property
     def time_limit_sec(self) -> float | None:
-        """How long the run may take; None for no limit."""
+        """The time limit of the run; None for no limit."""
         limit = self.parameters.get("time_limit_sec")
         return float(limit) if isinstance(limit, int | float) and limit > 0 else None
 
     @property
     def head(self) -> str:
-        """The head of the journal's chain, as hexadecimal digits; empty where the last run has none."""
+        """The head of the journal's chain, as hexadecimal digits; empty if the last run has none."""
         return self.runs[-1].head if self.runs else ""
 
     @property
@@ -498,7 +498,7 @@ class MissionState:
         self.breakpoint = str(text)
 
     def _on_battery(self, share: float, at_least: float | None = None) -> None:
-        """A mission that has a gauge of this name says it itself; who knows its limit says that once."""
+        """A mission with a gauge of this name reports it itself; a battery report with a limit applies once."""
         if not math.isfinite(share):
             raise ValueError(share)
         known = None if self.battery is None else self.battery.least
@@ -594,7 +594,7 @@ class MissionState:
     def _finish(self, landmarks: Iterable[Mapping[str, Any]]) -> None:
         for kind, name in ((each["kind"], each["name"]) for each in landmarks):
             landmark = self.situation.landmarks[kind, name]
-            # What was so when the run began was done before.
+            # The initial state was reached before the run.
             if (
                 landmark.level >= Level.DONE
                 and not self.situation.kind_of(landmark).is_found
@@ -604,7 +604,7 @@ class MissionState:
 
 
 def tree_nodes(tree: Any) -> Iterator[NodeState]:
-    """Yield the nodes of a tree of a journal in pre-order; anything else in it is left out."""
+    """Yield the nodes of a journal's tree in pre-order; anything else in it is ignored."""
     waiting: list[tuple[Any, NodeState | None]] = [(tree, None)] if isinstance(tree, Mapping) else []
     number = 0
     while waiting:

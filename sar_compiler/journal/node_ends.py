@@ -1,7 +1,8 @@
-"""What has explained the ends of a tree's nodes, found out tick by tick from the statuses that a journal has of them.
+"""Explanations of the ends of a tree's nodes, derived tick by tick from the statuses in a journal.
 
-A node's end is explained by those of its children that have the same status; under one child, also by the other status, because a decorator may
-turn it. Where nothing below explains it, the node itself has decided: a leaf, a time limit, a condition by script, a loop over nothing.
+A node's end is explained by those of its children that have the same status. A single child explains it with the other
+status, too, because a decorator may invert it. If no child explains it, the node itself has decided: a leaf, a time
+limit, a scripted condition, a loop over nothing.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,23 +11,23 @@ from typing import Any
 from sar_compiler.journal.mission_state import FAILURE, RUNNING, SUCCESS, NodeState
 
 OTHER_END = {FAILURE: SUCCESS, SUCCESS: FAILURE}
-"""The two statuses with which a node ends, each with the other one."""
+"""The two final statuses of a node, each with its opposite."""
 
 _AT_REST = ("IDLE", "HALTED")
 
 
 class NodeEnds:
-    """The last ends of nodes, and what has explained each.
+    """The last ends of nodes, and the explanation of each.
 
-    An explanation is looked for in the tick in which the node ended: afterwards what is below it may be reset.
+    An explanation is determined in the tick in which the node ended: its descendants may be reset afterwards.
 
     Args:
         nodes: The nodes of the tree, in pre-order.
 
     Attributes:
         tick: The number of the tick whose entries are received.
-        status: What each node has come to last, by its number.
-        causes: Of each node that has ended, the numbers of the children that explain it; empty if it has decided itself.
+        status: The last result of each node, by its number.
+        causes: For each node that has ended, the numbers of the children that explain it; empty if it decided itself.
         halted: The nodes that were stopped in the last finished tick while they were running.
     """
 
@@ -39,14 +40,14 @@ class NodeEnds:
         self._began: dict[int, int] = {}
         self._began_sec: dict[int, float] = {}
         self._gone: dict[int, int] = {}
-        # Of the tick that is being received: the nodes that were ticked, those above them, those stopped or reset at its end.
+        # In the tick that is being received: the ticked nodes, their ancestors, and the nodes stopped or reset at its end.
         self._visited: dict[int, None] = {}
         self._above: dict[int, None] = {}
         self._going: dict[int, int] = {}
         self._halting: list[int] = []
 
     def is_next(self, tick: int) -> bool:
-        """Return whether a tick is another one than that of the entries before."""
+        """Return whether a tick differs from that of the previous entries."""
         return tick != self.tick
 
     def receive(self, data: Mapping[str, Any], time_sec: float) -> None:
@@ -54,7 +55,7 @@ class NodeEnds:
 
         Args:
             data: The data of its entry.
-            time_sec: When it was, seconds.
+            time_sec: Its time, seconds.
         """
         number, status = data["node"], str(data["status"])
         self.tick = int(data["tick"])
@@ -72,14 +73,14 @@ class NodeEnds:
         self._above[number if parent is None else parent] = None
 
     def end_tick(self) -> list[int]:
-        """End a tick; return the numbers of the nodes that have ended in it, in the order in which they did."""
+        """End a tick; return the numbers of the nodes that ended in it, in order."""
         self._gone.update(self._going)
         self.halted, self._halting = self._halting, []
         ended = []
         for number in (*self._visited, *self._above):
             if self.status.get(number) in OTHER_END:
                 if number not in self._visited:
-                    # It has come to the same as before, in an activation of its own.
+                    # It has returned the same as before, in a new activation.
                     self._began[number] = self.tick
                 self.causes[number] = list(self._explaining(number))
                 if number not in ended:
@@ -89,7 +90,7 @@ class NodeEnds:
 
     @property
     def has_failed(self) -> bool:
-        """Whether the root has failed in the last finished tick, or had failed and was not reset."""
+        """Whether the root failed in the last finished tick, or failed earlier and was not reset."""
         return self.status.get(0) == FAILURE and 0 not in self._gone
 
     def is_running(self, number: int) -> bool:
@@ -97,7 +98,7 @@ class NodeEnds:
         return self.status.get(number) == RUNNING and number not in self._gone
 
     def began_sec(self, number: int) -> float:
-        """Return when the last activation of a node began, seconds."""
+        """Return the start of a node's last activation, seconds."""
         return self._began_sec.get(number, 0.0)
 
     def is_part(self, number: int) -> bool:
@@ -107,7 +108,7 @@ class NodeEnds:
         return self._gone.get(number, began) >= began
 
     def failed_before(self, number: int) -> Iterator[int]:
-        """Yield the siblings in front of a node that have failed in the present activation of their parent: it was ticked because of that."""
+        """Yield the earlier siblings of a node that failed in their parent's present activation, so that it was ticked."""
         parent = self._nodes[number].parent
         if parent is None:
             return
@@ -120,9 +121,9 @@ class NodeEnds:
     def _explaining(self, number: int) -> Iterator[int]:
         """Yield the children that explain the end of a node."""
         children, status = self._nodes[number].children, self.status[number]
-        # One that was reset, and was ticked last before the node began, had no part in it.
+        # A child that was reset, and last ticked before the node started, had no part in it.
         part = [each for each in children if self._gone.get(each, self._began[number]) >= self._began[number]]
         same = [each for each in part if self.status.get(each) == status]
-        # A decorator may turn what its child says; a control passes on what it has.
+        # A decorator may invert its child's status. A control passes on one of its children's.
         turned = [each for each in part if self.status.get(each) == OTHER_END[status]]
         yield from same or (turned if len(children) == 1 else [])

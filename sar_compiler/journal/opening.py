@@ -1,4 +1,4 @@
-"""Opening the journal of a run: which file, and whether a mission begins in it or goes on."""
+"""Open the journal of a run: select the file, and start or resume its mission."""
 
 import glob
 import os
@@ -19,11 +19,11 @@ _KEPT_SIMULATED = 10
 
 
 def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where the journal of a node is kept, unless a file is named.
+    """Return the default path of a node's journal.
 
     Args:
         node: The node's full name.
-        environment: The environment; of another ROS domain than 0 it is another file.
+        environment: The environment; a ROS domain other than 0 has another file.
     """
     domain = environment.get("ROS_DOMAIN_ID") or "0"
     ending = f".domain_{domain}" if domain != "0" else ""
@@ -31,11 +31,11 @@ def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Pat
 
 
 def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return where the journal of a simulated run of a node is kept, apart from those of robots.
+    """Return the path of the journal for a simulated run of a node, apart from those of robots.
 
     Args:
         node: The node's full name.
-        resume: Whether it is that of the last run, to go on with it; else a new one.
+        resume: Whether to return the journal of the last run, to resume it; else a new one.
         environment: The environment, as of `default_place`.
     """
     usual = default_place(node, environment)
@@ -48,18 +48,18 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
 
 
 def forget_simulated(place: Path) -> None:
-    """Delete journals of simulated runs beside one that is about to begin, so that the last ten are kept; never one that is written to."""
+    """Delete old journals of simulated runs before a new one, except the last ten and those that are written to."""
     others = [path for path in _by_age(place.parent) if path != place]
     for path in others[: 1 - _KEPT_SIMULATED]:
         if not is_locked(path):
             for each in place.parent.glob(
                 f"{glob.escape(path.name)}*"
-            ):  # with what SQLite and its reserve put beside it
+            ):  # with the files of SQLite and its reserve beside it
                 each.unlink(missing_ok=True)
 
 
 def _by_age(folder: Path) -> list[Path]:
-    """Return the journals in a folder, the one that was written to last at the end."""
+    """Return the journals in a folder, the most recently written one last."""
     found = []
     for path in folder.glob(f"*{_SUFFIX}"):
         with suppress(OSError):  # another process has just deleted it
@@ -68,21 +68,21 @@ def _by_age(folder: Path) -> list[Path]:
 
 
 def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_named: bool = True) -> Journal:
-    """Open the journal of a run; an earlier mission in the file is put aside only when the run begins.
+    """Open the journal of a run; an earlier mission in the file is rotated only when the run starts.
 
     Args:
-        place: The file.
-        resume: Whether to go on with the mission that is in it.
-        anew: Whether to begin a mission whatever is in it.
-        is_named: Whether the user has named the file: what is in it is then not put aside unasked, though the mission
-            was stopped by its operator.
+        place: The path of the file.
+        resume: Whether to resume the mission in it.
+        anew: Whether to start a mission regardless of the file's content.
+        is_named: Whether the user has named the file: its content is then not rotated without a request, even if the
+            mission was stopped by its operator.
 
     Raises:
-        JournalError: If there is no such mission to go on with, or one is in it that is not over; if a run in another
-            process writes to it, or it is no journal.
+        JournalError: If there is no mission to resume, or an unfinished one; if a run in another process writes to it,
+        or it is no journal.
     """
     if resume and not os.path.exists(place):  # noqa: PTH110 - which raises nothing
-        raise JournalError(f"there is no journal {place}, so nothing to resume: leave --resume out")
+        raise JournalError(f"there is no journal {place}to resume. Omit --resume")
     file = JournalFile.open(place)
     try:
         return _judged(file, resume=resume, anew=anew, is_named=is_named)
@@ -97,20 +97,18 @@ def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> J
     if last is None:
         if not resume:
             return Journal(file)
-        raise JournalError(
-            f"nothing has begun in the journal {file.path}, so there is nothing to resume: leave --resume out"
-        )
+        raise JournalError(f"the journal {file.path} has no run to resume. Omit --resume")
     if resume:
         if last.is_over:
             raise JournalError(
-                f"the mission in the journal {file.path} is over ({last.reason}): there is nothing to resume; leave "
-                "--resume out to begin anew"
+                f"the mission in the journal {file.path} is over ({last.reason}). There is nothing to resume. Omit "
+                "--resume to start over"
             )
         return Journal(file)
     if not (anew or last.is_over or (last.ending is Ending.STOPPED and not is_named)):
         raise JournalError(
-            f"the mission in the journal {file.path} is not over: it {_told(last)}. Go on with it: --resume; or begin "
-            "anew, and keep that journal under another name: --new"
+            f"the mission in the journal {file.path} is not over: it {_told(last)}. Resume it with --resume, or "
+            "start over with --new, which keeps that journal under another name"
         )
     return Journal(file, _aside(file.path, runs[0].began))
 
@@ -118,12 +116,12 @@ def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> J
 def _told(run: JournalRun) -> str:
     day = day_and_time(run.ended or run.began)
     if run.ending is None:
-        return f"was begun on {day}, and broke off"
+        return f"was started on {day}, and crashed"
     return f"was stopped on {day}" if run.ending is Ending.STOPPED else f"failed on {day}"
 
 
 def _aside(place: Path, began: float) -> Path:
-    """Return a free name for a journal that is put aside: with the time when its mission began."""
+    """Return a free backup name for a journal, with the time when its mission started."""
     stamp = day_and_time(began, "%Y%m%d-%H%M%S")
     names = (
         f"{place.stem}.{stamp}{count}{place.suffix}" for count in ("", *(f"-{n}" for n in range(2, 1000)))

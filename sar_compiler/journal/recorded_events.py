@@ -1,7 +1,8 @@
-"""What the leaves of a recorded run did, and what other nodes have decided by themselves: the entries of its journal as events.
+"""Convert a recorded run's journal to events: results of leaves, and decisions of other nodes.
 
-A journal has an entry where a node comes to something else than in the tick before. So a leaf that gives the same answer in tick after tick
-has one event for them, and a tick in which nothing was written has none; those at the end of a run are not known.
+A journal has an entry when a node's result differs from the tick before. So a leaf that returns the same result tick
+after tick has one event for all of them, and a tick without entries has none. The ticks at the end of a run without
+entries are unknown.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,7 +23,7 @@ _GONE = {"HALTED": HALTED, "IDLE": RESET}
 
 
 def is_status(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry is the status of a node of a tree with so many nodes, as this project writes it."""
+    """Return whether an entry is a valid status of a node, for a tree with this many nodes."""
     node, tick, status = map(entry.data.get, ("node", "tick", "status"))
     if entry.kind != STATUS or not isinstance(node, int) or not isinstance(tick, int):
         return False
@@ -30,15 +31,16 @@ def is_status(entry: JournalEntry, count: int) -> bool:
 
 
 def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
-    """Yield what leaves did in recorded runs, tick by tick; the last event of each tick is its end.
+    """Yield the events of leaves in recorded runs, tick by tick; the last event of each tick is its end.
 
-    Before it are those of other nodes that have decided by themselves in the tick.
+    Before it are the events of other nodes that decided by themselves in the tick.
 
-    The path of a leaf has the nodes that attributes ask for, too. Facts that a leaf has noted are those of its next event in that tick. At the
-    tick's end are those of a leaf without one, whose tick was broken off. Facts that no leaf has noted are left out.
+    The path of a leaf also has the nodes that attributes query. Journal events that a leaf recorded belong to its next
+    event in that tick. The tick's end has those of a leaf without an event, whose tick was interrupted. Journal events
+    that no leaf recorded are left out.
 
     Args:
-        stream: The entries, as `JournalFile.stream` or `last_run` yields them; with each run, ticks and times begin anew.
+        stream: The entries, as `JournalFile.stream` or `last_run` yields them; ticks and times restart with each run.
     """
     run = _RecordedRun()
     for entry in stream:
@@ -54,8 +56,8 @@ class _RecordedRun:
     """A recorded run, entry by entry.
 
     Args:
-        tree: The tree, as the journal has it.
-        start: When it began, seconds of the mission's clock.
+        tree: The tree in the journal.
+        start: Its start, seconds of the mission's clock.
     """
 
     def __init__(self, tree: Any = None, start: float = 0.0) -> None:
@@ -67,7 +69,7 @@ class _RecordedRun:
         self._start = start
         self._tick, self._time, self._root = 0, 0.0, ""
         self._running: set[int] = set()
-        # Of the tick: the facts of leaves of which no event has come since.
+        # In the tick: the journal events of leaves without a later event of the leaf.
         self._facts: dict[int, list[tuple[str, object]]] = {}
         self._before: JournalEntry | None = None
         self._ends = NodeEnds(self._nodes)
@@ -75,7 +77,7 @@ class _RecordedRun:
         self._statuses: list[tuple[int, str]] = []
 
     def take(self, entry: JournalEntry) -> Iterator[Event]:
-        """Yield the events that an entry tells of."""
+        """Yield the events of an entry."""
         if is_status(entry, len(self._nodes)):
             yield from self._begin_tick(entry)
             self._ends.receive(entry.data, entry.time)
@@ -88,7 +90,7 @@ class _RecordedRun:
             yield from self._begin_tick(entry)
             self._facts.setdefault(entry.data["leaf"], []).append((self._before.kind, self._before.data))
         elif entry.kind == ASSUMPTION_FAILED and isinstance(entry.data.get("tick"), int):
-            # All may have been as before in it, and that is what is wrong.
+            # All nodes may be unchanged in it, which may itself be the error.
             yield from self._begin_tick(entry)
         self._before = entry
 
@@ -98,7 +100,7 @@ class _RecordedRun:
         self._tick, self._time = entry.data["tick"], entry.time - self._start
 
     def end_tick(self) -> Iterator[Event]:
-        """Yield the end of a tick, if one has begun."""
+        """Yield the end of a tick, if one has started."""
         if self._tick:
             facts = [fact for facts in self._facts.values() for fact in facts]
             self._facts.clear()
@@ -108,7 +110,7 @@ class _RecordedRun:
             self._statuses.clear()
 
     def _decisions(self) -> Iterator[Event]:
-        """Yield what nodes with children have decided by themselves in the tick."""
+        """Yield the decisions of inner nodes in the tick."""
         for node in self._ends.end_tick():
             if self._nodes[node].children and not self._ends.causes[node]:
                 ran_sec = max(0.0, self._time + self._start - self._ends.began_sec(node))
@@ -123,7 +125,7 @@ class _RecordedRun:
             return
         if what == ANSWERED and node not in self._running:
             yield self._event(node, STARTED)
-        # One that is skipped goes on if it was running.
+        # A skipped node continues if it was running.
         if status != "SKIPPED":
             (self._running.add if status == RUNNING else self._running.discard)(node)
         answer = (status, label) if what == ANSWERED else ("", "")

@@ -1,6 +1,7 @@
-"""The last start of a run that was refused, in a file beside the journal that the run would have written.
+"""Store the last refused start of a run in a file beside the journal that the run would have written.
 
-A run that never begins writes no journal: an empty one would count as a mission that can be resumed. `sar-journal why` reads this file instead.
+A run that never started writes no journal: an empty one would look like a mission that can be resumed. `sar-journal
+why` reads this file instead.
 """
 
 import json
@@ -18,10 +19,10 @@ SUFFIX = "-refused"
 
 
 class RefusedStart(NamedTuple):
-    """A start of a run that was refused.
+    """A refused start of a run.
 
     Attributes:
-        wall: When it was refused, in seconds since 1970.
+        wall: The time of the refusal, in seconds since 1970.
         status: The exit status.
         reason: The message.
     """
@@ -33,11 +34,11 @@ class RefusedStart(NamedTuple):
     @property
     def text(self) -> str:
         """The refusal in words."""
-        return f"The run of {day_and_time(self.wall)} did not begin (status {self.status}): {self.reason}"
+        return f"The run of {day_and_time(self.wall)} did not start (status {self.status}): {self.reason}"
 
 
 def record_refusal(journal: Path, status: int, reason: str) -> None:
-    """Write down that the start of a run was refused; where that cannot be written, only the terminal has said it."""
+    """Record that the start of a run was refused; if that is impossible, the terminal alone has the reason."""
     with suppress(OSError, ValueError):
         place = _beside(journal)
         written = place.with_name(f"{place.name}.{os.getpid()}")
@@ -47,13 +48,13 @@ def record_refusal(journal: Path, status: int, reason: str) -> None:
 
 
 def forget_refusal(journal: Path) -> None:
-    """Delete what is known of a refused start, because a run has begun."""
+    """Delete the record of a refused start, because a run has started."""
     with suppress(OSError, ValueError):
         _beside(journal).unlink(missing_ok=True)
 
 
 def read_refusal(journal: Path) -> RefusedStart | None:
-    """Return the start that was refused since the last run of a journal has begun; None if there is none, or it cannot be read."""
+    """Return the refused start since the last run of a journal; None if there is none, or it is unreadable."""
     with suppress(SarError, ValueError, TypeError, RecursionError):
         place = _beside(journal)
         wall, status, reason = json.loads(

@@ -1,8 +1,9 @@
-"""The reserve of a journal: a file of fixed size beside it, for facts that the journal's own file cannot take now.
+"""The reserve of a journal: a file of fixed size beside it, for events that cannot be written to the journal now.
 
-Its blocks are made when a run begins, and afterwards only overwritten: a full disk, a quota or a lock on the database does not
-keep facts from it. It has two slots, which are written in turn and have checksums, so that whoever dies in the middle of one
-leaves the other. A slot has all facts that wait; where they do not fit, how many more there were, and the numbers that were given.
+Its blocks are allocated when a run starts, and only overwritten afterwards: a full disk, a quota or a lock on the
+database does not affect them. It has two slots with checksums, which are written in turn. A process that dies while
+writing one leaves the other intact. A slot has all waiting events. If they do not fit, it has the number of the omitted
+ones, and the numbers that were assigned.
 """
 
 import json
@@ -20,12 +21,12 @@ from sar_compiler.opener import RESERVE, MissingFileError, NamedPath, read_file,
 SUFFIX = "-reserve"
 
 _SLOT_BYTES = 64 * 1024
-# Checksum, length, and number of the writing, in decimal digits.
+# Checksum, length, and sequence number of the write, in decimal digits.
 _HEAD_BYTES = 40
 
 
 class RunEnd(NamedTuple):
-    """How a run has ended: when, in seconds since 1970, how, with which exit status, and why."""
+    """The end of a run: time in seconds since 1970, kind, exit status, and reason."""
 
     run: int
     wall: float
@@ -38,9 +39,9 @@ class Kept(NamedTuple):
     """The content of a reserve.
 
     Attributes:
-        began: When the journal's first run began, in seconds since 1970: another journal's reserve has another one.
-        facts: The facts.
-        end: How the run has ended, if it has, and that could not be written either.
+        began: The start of the journal's first run, in seconds since 1970, which identifies the journal.
+        facts: The events.
+        end: The end of the run, if it could not be written to the journal either.
     """
 
     began: float = 0.0
@@ -49,19 +50,19 @@ class Kept(NamedTuple):
 
 
 def lost(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return the fact that stands for lost facts: how many there were, and the numbers given until then."""
+    """Return the event that replaces lost events: their count, and the numbers assigned until then."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 
 
 class Reserve:
-    """An open reserve; it is made, with all of its blocks, if it is not there.
+    """An open reserve; it is created with all of its blocks if missing.
 
     Args:
-        journal: Where the journal is.
+        journal: The path of the journal.
 
     Raises:
-        OSError: If it cannot be made.
+        OSError: If it cannot be created.
     """
 
     def __init__(self, journal: Path) -> None:
@@ -75,16 +76,16 @@ class Reserve:
             raise
 
     def _fill(self) -> None:
-        # What is only allocated may still need room when it is written first.
+        # Blocks that are only reserved may still need space when they are first written.
         size = os.fstat(self._descriptor).st_size
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
     def keep(self, kept: Kept, numbers: Mapping[str, int]) -> None:
-        """Write what is to be kept, in place of what it has; it is on the disk when this returns.
+        """Replace its content; the new content is on disk when this returns.
 
         Args:
-            kept: What is to be kept; of facts that do not fit, a fact says how many there are.
-            numbers: The numbers that were given, by what they are of.
+            kept: The new content. An event states the number of events that do not fit.
+            numbers: The numbers that were assigned, by their kind.
 
         Raises:
             OSError: If it cannot be written.
@@ -95,7 +96,7 @@ class Reserve:
         _write(self._descriptor, f"{zlib.crc32(body):10}".encode() + body, self._writing % 2 * _SLOT_BYTES)
 
     def close(self, *, is_needed: bool) -> None:
-        """Close it; one that is not needed is removed."""
+        """Close it; remove it if it is not needed."""
         os.close(self._descriptor)
         if not is_needed:
             with suppress(OSError):
@@ -103,7 +104,7 @@ class Reserve:
 
 
 def read_reserve(journal: Path) -> Kept:
-    """Return what the reserve of a journal has; nothing, if there is none.
+    """Return the content of a journal's reserve; empty if there is none.
 
     Raises:
         OSError: If it cannot be read.
@@ -111,17 +112,17 @@ def read_reserve(journal: Path) -> Kept:
     """
     path = Path(f"{journal}{SUFFIX}")
     try:
-        # No link to elsewhere: what is wrong with its content is shown.
+        # Do not follow links: errors would show the target's content.
         content = read_file(NamedPath.within(path, [path.parent.resolve()]), RESERVE).data
     except MissingFileError:
         return Kept()
     slots = _slots(content[: 2 * _SLOT_BYTES])
     try:
         if not slots:
-            raise ValueError("no part of it is whole")  # noqa: TRY301 - the words are below, for all that can be wrong
+            raise ValueError("no slot of it is intact")  # noqa: TRY301 - the words are below, for all that can be wrong
         return _kept(max(slots)[1])
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        message = f"{path} is damaged ({error}): it has the last facts of the journal beside it; move it away to go without them"
+        message = f"{path} is damaged ({error}). It has the last events of the journal beside it. Move it away to continue without them"
         raise JournalError(message) from error
 
 
@@ -147,7 +148,7 @@ def _write(descriptor: int, content: bytes, offset: int) -> None:
 
 
 def _slots(content: bytes) -> list[tuple[int, bytes]]:
-    """Return the slots that are whole, also those with nothing yet: the number of the writing, and what was written."""
+    """Return the intact slots, including empty ones: the sequence number, and the text."""
     found = []
     for slot in (content[:_SLOT_BYTES], content[_SLOT_BYTES:]):
         if not slot.strip(b"\0"):
@@ -160,7 +161,7 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
 
 
 def _fitting(kept: Kept, numbers: Mapping[str, int]) -> str:
-    """Return what is to be kept as text of a slot's size at most."""
+    """Return the content as text of a slot's size at most."""
     count = len(kept.facts)
     while True:
         facts = [*kept.facts[:count], *([lost(kept.facts[count:], numbers)] if kept.facts[count:] else [])]

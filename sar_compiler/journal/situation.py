@@ -1,7 +1,7 @@
-"""What a mission shows of itself: landmarks, figures, gauges, alarms, its phase. No ROS is needed for it.
+"""The display state of a mission: landmarks, figures, gauges, alarms, and its phase. It needs no ROS.
 
-A mission has its state change by its facts, and says after each what is so (`Display`). The difference is written behind the fact as an entry
-of the kind `changed`, so that whoever reads a journal shows a mission without knowing it.
+Events change the state of a mission, and its `Display` is computed after each of them. The difference is written after
+the event as an entry of the kind `changed`. So a reader of a journal can show a mission without knowing it.
 """
 
 import itertools
@@ -16,7 +16,7 @@ from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_ENDE
 from sar_compiler.tree.json_values import json_text
 
 _OPERATOR = "the operator"
-# A cell is as full as its letter says in tenths, rounded up; none is empty.
+# A letter is a cell's value in tenths, rounded up; no letter means 0.
 _TENTHS = "-abcdefghij"
 _RUNS = re.compile(r"(?:(?:[1-9][0-9]{0,5})?[-a-j])+")
 _RUN = re.compile(r"([0-9]*)[-a-j]")
@@ -24,25 +24,26 @@ _MOST_CELLS = 100_000
 
 
 class Level(IntEnum):
-    """How far a landmark is, by which it is coloured."""
+    """The progress of a landmark, which determines its colour."""
 
     TO_COME = 0
     IN_HAND = 1
     DONE = 2
     GIVEN_UP = 3
-    """Given up, or wrong."""
+    """Given up, or an error."""
 
 
 class LandmarkKind(NamedTuple):
     """A kind of landmarks.
 
     Attributes:
-        name: What one is, in a word: `point`. Markers of a kind have a namespace of their own in RViz.
-        plural: What several are: `points`.
-        shape: How one is drawn: `circle`, `triangle`, `house` or `square`; one with corners as a polygon.
-        is_found: Whether the robot finds them, and somebody must go there unless they are given up: `people` in a report's forms for emergency services.
-        event: What such a find is, in words, for those services.
-        shaded_by: What their outlines are shaded by, in words: `probability now`; empty for none that are.
+        name: The singular, in a word: `point`. Markers of a kind have a namespace of their own in RViz.
+        plural: The plural: `points`.
+        shape: The shape: `circle`, `triangle`, `house` or `square`; one with corners as a polygon.
+        is_found: Whether the robot detects them and a person must go there unless they are given up: `people` in a
+            report's forms for emergency services.
+        event: The description of such a detection, for those services.
+        shaded_by: The meaning of the outlines' shading: `probability now`; empty for no shading.
     """
 
     name: str
@@ -54,11 +55,11 @@ class LandmarkKind(NamedTuple):
 
 
 class EventTime(NamedTuple):
-    """When something happened.
+    """A time of an event.
 
     Attributes:
         run: The number of the run, from 1.
-        time: Seconds of the mission's clock: in a journal as it is, in a mission's state since the run's beginning.
+        time: Seconds of the mission's clock: in a journal unchanged, in a mission's state since the run's start.
         wall: Seconds since 1970.
     """
 
@@ -76,7 +77,7 @@ class EventTime(NamedTuple):
 
 
 class Landmark(NamedTuple):
-    """A place that a mission shows on the map.
+    """A position that a mission shows on the map.
 
     Attributes:
         kind: The name of its kind.
@@ -84,13 +85,13 @@ class Landmark(NamedTuple):
         x: Position in the frame `map`, metres.
         y: Position in the frame `map`, metres.
         state: Its state in a word or two; empty for none.
-        level: How far it is.
-        reason: Why it is in that state, in words; empty if nobody asks.
-        within: The name of the landmark that it lies in, or empty.
+        level: Its progress.
+        reason: The reason of that state, in words; may be empty.
+        within: The name of the landmark that contains it, or empty.
         is_certain: Whether a person has confirmed it.
-        details: What else is known of it, by a name in words: numbers, texts, moments.
+        details: Further data, by a name in words: numbers, texts, times.
         corners: Its outline, as positions in the frame `map`, metres; empty for a point.
-        shade: How strongly the outline is shaded, 0 to 1, by what its kind says; None if it is not.
+        shade: The shading of the outline, 0 to 1, with the meaning in its kind; None for none.
     """
 
     kind: str
@@ -108,15 +109,15 @@ class Landmark(NamedTuple):
 
 
 class RasterLayer(NamedTuple):
-    """Ground that a mission shows by colour, cell by cell.
+    """A raster layer on the map, coloured cell by cell.
 
     Attributes:
         name: Its name.
-        meaning: What a cell says in per cent, in words: `seen`.
+        meaning: The meaning of a cell's percentage, in words: `seen`.
         x: Its left edge, metres in the frame `map`.
         y: Its lower edge, metres.
         cell_m: The side of a cell, metres.
-        columns: How many cells a row has.
+        columns: The number of cells in a row.
         cells: The cells from the left, row after row from below: `a` for one above 0 to 10 %, up to `j` for one above 90 %, `-` for one with nothing; in
             front of it how many in that row are so, where they are several.
     """
@@ -133,7 +134,7 @@ class RasterLayer(NamedTuple):
     def of(
         cls, name: str, meaning: str, x: float, y: float, cell_m: float, rows: Sequence[Sequence[float]]
     ) -> "RasterLayer":
-        """Return a layer of shares from 0 to 1, row after row from below, each from the left."""
+        """Return a layer from shares of 0 to 1, row after row from below, each from the left."""
         runs = (
             f"{count if count > 1 else ''}{_TENTHS[tenths]}"
             for row in rows
@@ -144,12 +145,12 @@ class RasterLayer(NamedTuple):
 
 
 class Figure(NamedTuple):
-    """A number that tells how far a mission is.
+    """A number that shows the progress of a mission.
 
     Attributes:
-        name: What is counted or measured: `points visited`.
-        value: How many, or how much.
-        of: Out of how many; None if that is not known.
+        name: The counted or measured quantity: `points visited`.
+        value: The count or amount.
+        of: The total; None if unknown.
         unit: The unit; empty for none.
     """
 
@@ -169,10 +170,10 @@ class Gauge(NamedTuple):
     """A quantity that runs out: battery, link, time.
 
     Attributes:
-        name: What it is: `battery`.
-        value: How much is left, in the unit.
+        name: Its name: `battery`.
+        value: The remaining amount, in the unit.
         unit: The unit: `%`, `s`.
-        least: Where it becomes an alarm; None if nobody says that.
+        least: The limit for an alarm; None without a limit.
     """
 
     name: str
@@ -187,12 +188,12 @@ class Gauge(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """Something that a person must know.
+    """A message that a person must see.
 
     Attributes:
-        text: What, in words; an alarm is another one if it says something else.
+        text: The message. An alarm with another text is another alarm.
         level: As of a log line: 30 for a warning, 40 for an error.
-        is_over: Whether the reason is gone. It is shown until somebody has seen it all the same.
+        is_over: Whether the reason has disappeared. The alarm is shown until a person has seen it.
     """
 
     text: str
@@ -201,12 +202,12 @@ class Alarm(NamedTuple):
 
 
 class MissionPhase(NamedTuple):
-    """What a mission is at, as far as the mission alone knows.
+    """The present phase, as far as the mission itself knows it.
 
     Attributes:
-        name: `held`, `aborted`, `working`, or what else it is, in a word; empty for what the run says (driving, waiting, over).
-        reason: Why, in words.
-        place: Where it is at work: the name of a landmark; empty for nowhere.
+        name: `held`, `aborted`, `working`, or another word; empty if the run determines it (driving, waiting, over).
+        reason: The reason, in words.
+        place: The present location: the name of a landmark; empty for none.
     """
 
     name: str = ""
@@ -215,7 +216,7 @@ class MissionPhase(NamedTuple):
 
 
 class Display(NamedTuple):
-    """All that a mission shows of itself at a moment."""
+    """The complete display of a mission at one time."""
 
     landmarks: Sequence[Landmark] = ()
     figures: Sequence[Figure] = ()
@@ -242,7 +243,7 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
 
 
 def with_author(text: str, author: CommandAuthor) -> str:
-    """Return a sentence about a command with its author, in place of `the operator` or before it, and with the reason at its end."""
+    """Return a sentence about a command with its author instead of `the operator` or in front, and the reason at its end."""
     by, reason = author
     if by and by not in text:
         text = text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"
@@ -250,9 +251,9 @@ def with_author(text: str, author: CommandAuthor) -> str:
 
 
 def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
-    """Return what a fact has changed, with the fact as a sentence: the data of its `changed` entry; empty for nothing.
+    """Return the changes by an event, with the event as a sentence: the data of its `changed` entry; may be empty.
 
-    Of goals, and of the end of a run, other entries tell.
+    Goals, and the end of a run, have other entries.
     """
     changed = changes(before, after)
     if fact.kind in (GOAL_SENT, GOAL_ENDED, RUN_ENDED):
@@ -261,19 +262,19 @@ def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Displa
 
 
 def _raised(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
-    """Yield the alarms that are otherwise than before; those that are gone as over."""
+    """Yield the alarms that have changed; disappeared ones are marked as over."""
     yield from (each for each in after if each not in before)
     there = {each.text for each in after}
     yield from (each._replace(is_over=True) for each in before if each.text not in there and not each.is_over)
 
 
 def beginning(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
-    """Return the whole display as a run begins, as JSON values: the data of the run's first `changed` entry."""
+    """Return the whole display at a run's start as JSON values: the data of the run's first `changed` entry."""
     return {"kinds": [_plain(each) for each in kinds], **changes(Display(), shown)}
 
 
 def _plain(value: Any) -> dict[str, Any]:
-    """Return a tuple of this module as JSON values, without what is as usual."""
+    """Return a tuple of this module as JSON values, without default values."""
     usual = value._field_defaults
     fields = {key: each for key, each in value._asdict().items() if key not in usual or each != usual[key]}
     if details := fields.get("details"):
@@ -286,19 +287,19 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 class Situation:
-    """What a mission shows, folded from the `changed` entries of its journal.
+    """The display state of a mission, folded from the `changed` entries of its journal.
 
     Args:
-        starts: When each run began, by its number, in seconds of the mission's clock; the times of details are since then.
+        starts: The start of each run, by its number, in seconds of the mission's clock. Times of details are relative to it.
 
     Attributes:
         kinds: The kinds of its landmarks, by name.
-        landmarks: Its landmarks by kind and name, in the order in which they came.
+        landmarks: Its landmarks by kind and name, in order of appearance.
         figures: Its figures by name.
         gauges: Its gauges by name.
         rasters: Its raster layers by name.
-        alarms: Its alarms by what they say, with the entry's number of each.
-        phase: What it is at.
+        alarms: Its alarms by text, with the entry's number of each.
+        phase: Its phase.
     """
 
     def __init__(self, starts: Mapping[int, float] | None = None) -> None:
@@ -329,10 +330,10 @@ class Situation:
         phase: Mapping[str, Any] | None = None,
         **_more: object,
     ) -> None:
-        """Take the data of an entry.
+        """Apply the data of an entry.
 
         Raises:
-            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If it is not one of ours.
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the entry is invalid.
         """
         for each in kinds:
             kind = LandmarkKind(**each)
@@ -364,11 +365,11 @@ class Situation:
         return [each for each in self.landmarks.values() if each.kind == name]
 
     def found(self) -> list[Landmark]:
-        """Return the landmarks that the robot has found, with those to which nobody need go."""
+        """Return the landmarks that the robot has detected, including those that need no visit."""
         return [each for each in self.landmarks.values() if self.kind_of(each).is_found]
 
     def kind_of(self, landmark: Landmark) -> LandmarkKind:
-        """Return the kind of a landmark; a plain one if none was declared."""
+        """Return the kind of a landmark; a default one if none was declared."""
         return self.kinds.get(landmark.kind) or LandmarkKind(landmark.kind, f"{landmark.kind}s")
 
 
@@ -384,7 +385,7 @@ def _landmark(
     **more: Any,
 ) -> Landmark:
     if shade is not None and not 0.0 <= shade <= 1.0:
-        raise ValueError(f"{shade!r} is no shade from 0 to 1")
+        raise ValueError(f"{shade!r} is not a shade from 0 to 1")
     return Landmark(
         kind,
         name,
@@ -400,24 +401,24 @@ def _landmark(
 def _raster_layer(x: float, y: float, cell_m: float, columns: int, cells: str, **more: Any) -> RasterLayer:
     _check_numbers(cell_m, columns)
     if not _RUNS.fullmatch(cells):
-        raise ValueError(f"{cells!r:.60} is no row of cells")
+        raise ValueError(f"{cells!r:.60} is not a row of cells")
     count = sum(int(each or 1) for each in _RUN.findall(cells))
     if count > _MOST_CELLS or columns < 1 or count % columns or not 0.0 < cell_m < math.inf:
-        raise ValueError(f"{count} cells of {cell_m} m in rows of {columns} are no raster")
+        raise ValueError(f"{count} cells of {cell_m} m in rows of {columns} are not a raster")
     return RasterLayer(
         x=position(x, y)[0], y=position(x, y)[1], cell_m=cell_m, columns=columns, cells=cells, **more
     )
 
 
 def _check_numbers(*values: object) -> None:
-    """Raise a TypeError if what should be a number is another thing."""
+    """Raise a TypeError if a value is not a number."""
     for value in values:
         if not isinstance(value, int | float | None):
-            raise TypeError(f"{value!r} is no number")
+            raise TypeError(f"{value!r} is not a number")
 
 
 def fact_words(kind: str, data: Mapping[str, Any]) -> str:
-    """Return the words of a fact without a sentence of its own: `photo taken: photo: photo_1`."""
+    """Return the default sentence of an event: `photo taken: photo: photo_1`."""
     values = (
         f"{name}: {value if isinstance(value, str) else json_text(value, ensure_ascii=False)}"
         for name, value in data.items()
@@ -430,7 +431,7 @@ def position(x: Any, y: Any) -> tuple[float, float]:
     """Return a position in the frame `map`, metres.
 
     Raises:
-        ValueError: If it is none: a number is not finite.
+        ValueError: If a number is not finite.
     """
     place = float(x), float(y)
     if not all(map(math.isfinite, place)):

@@ -1,4 +1,4 @@
-"""The statuses of a tree's nodes, tick by tick, in the journal."""
+"""Record the statuses of a tree's nodes, tick by tick, in the journal."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -19,21 +19,22 @@ _STANDING = {Status.RUNNING.value, Status.SUCCESS.value, Status.FAILURE.value}
 
 
 class StatusWatch(VisitorBase):
-    """Watches every node that is ticked: kind `status`, with `node` (its number), `tick`, `status`, `message`.
+    """Records every ticked node: kind `status`, with `node` (its number), `tick`, `status`, `message`.
 
-    A node has an entry where its status, its message or its answer is another one than in its last, or it was not ticked in the tick before.
-    Nodes are numbered from 0 in pre-order, as in the journal's tree. A leaf that has declared its answers has the `label` of the one it has given, which is
-    empty if it has not said which. HALTED is the status of one that was stopped while it was running; IDLE of one that
-    had ended, and was reset because what is above it began anew or was stopped; `last` is then the tick in which it was ticked last.
+    A node has an entry when its status, message or answer differs from its last entry, or when it was not ticked in the
+    tick before. Nodes are numbered from 0 in pre-order, as in the journal's tree. A leaf with declared answers has the
+    `label` of its answer, which is empty if several are possible. HALTED is the status of a node that was stopped while
+    running. IDLE is that of one that had ended and was reset because an ancestor started over or was stopped; `last` is
+    then the tick in which it was last ticked.
 
-    The journal asks it which leaf notes a fact. What that leaf has answered then is written whether it is another answer or not, so that
-    each fact of a tick has the answer by which it came.
+    The journal asks it which leaf records an event. That leaf's next answer is written even if it is unchanged, so that
+    each event of a tick has the answer that led to it.
 
     Args:
         root: The tree.
-        journal: Where it is written.
+        journal: The journal to write to.
         answers: The declared answers of leaves, by the ids of their behaviours.
-        warn: Called once with what is wrong with an `answer_label`.
+        warn: Called once with the problem of an `answer_label`.
     """
 
     def __init__(
@@ -49,12 +50,12 @@ class StatusWatch(VisitorBase):
         self._warn, self._warned = warn, set[str]()
         self._behaviours = list(pre_order(root))
         self._numbers = {id(behaviour): number for number, behaviour in enumerate(self._behaviours)}
-        # Of each node: what it has come to last, and the tick in which that was.
+        # For each node: its last result, and the tick of that.
         self._last: list[tuple[str, str, str | None]] = [("", "", None)] * len(self._behaviours)
         self._ticked = [0] * len(self._behaviours)
-        # The nodes that are not at rest, and whether they run: one that is skipped stays as it is.
+        # The active nodes, and whether they run. A skipped node stays unchanged.
         self._standing: dict[int, bool] = {}
-        # Only what is above a node brings it to rest: so these are asked that are below the nodes that were ticked, or that came to rest, and the root.
+        # Only an ancestor can reset a node. So only descendants of nodes that were ticked or reset, and the root, are checked.
         self._below = [
             [self._numbers[id(child)] for child in behaviour.children] for behaviour in self._behaviours
         ]
@@ -65,10 +66,10 @@ class StatusWatch(VisitorBase):
         journal.leaf_in_hand = self._leaf_in_hand
 
     def _leaf_in_hand(self) -> Mapping[str, int]:
-        """Return the leaf of which a method is being run, and the tick; nothing where no leaf is ticked.
+        """Return the leaf whose method is running, and the tick; nothing if no leaf is ticked.
 
-        Facts are rare, and ticks are not: so Python's stack is searched for each fact, and ticks say nothing. That finds a leaf of
-        any class, and in any engine.
+        Events are rare, and ticks are frequent. So Python's stack is searched for each event, and ticks do no work.
+        This finds a leaf of any class, in any engine.
         """
         frame: FrameType | None = sys._getframe(1) if self._is_ticking else None  # noqa: SLF001
         while frame is not None:
@@ -80,14 +81,14 @@ class StatusWatch(VisitorBase):
         return {}
 
     def initialise(self) -> None:
-        """Begin a tick."""
+        """Start a tick."""
         self._tick += 1
         self._is_ticking = True
         self._noted.clear()
         self._asked = [0]
 
     def run(self, behaviour: Behaviour) -> None:
-        """Watch a node that was ticked."""
+        """Record a node that was ticked."""
         number = self._numbers.get(id(behaviour))
         if number is not None:
             status = "SKIPPED" if was_skipped(behaviour) else behaviour.status.value
@@ -98,9 +99,9 @@ class StatusWatch(VisitorBase):
                 self._write(number, *now)
 
     def finalise(self) -> None:
-        """Watch the nodes that were stopped or reset, and end the tick."""
+        """Record the nodes that were stopped or reset, and end the tick."""
         gone = set[int]()
-        for number in self._asked:  # which grows by that
+        for number in self._asked:  # this loop extends it
             if number in self._standing and self._behaviours[number].status is Status.INVALID:
                 gone.add(number)
                 self._asked += self._below[number]
@@ -111,7 +112,7 @@ class StatusWatch(VisitorBase):
         self._journal.write_when_due()
 
     def _label(self, behaviour: Behaviour, status: str) -> str | None:
-        """Return the label of a leaf's answer; empty if it has not said which, None if it has declared none."""
+        """Return the label of a leaf's answer; empty if several are possible, None if it declares none."""
         declared = self._answers.get(behaviour.id)
         if declared is None:
             return None

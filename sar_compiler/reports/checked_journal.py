@@ -1,4 +1,4 @@
-"""Whether a journal is as it was written, by the chain of its entries."""
+"""Check by the chain of a journal's entries that it was not altered."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,19 +11,21 @@ if TYPE_CHECKING:
     from sar_compiler.journal.chain import Chained, JournalChain
     from sar_compiler.journal.database import JournalFile
 
-_NOT_KNOWN = "Not known is whether the chain was computed anew, or cut off at its end: --head HEX, from the summary or a report, tells"
+_NOT_KNOWN = (
+    "Without --head HEX, from the summary or a report, a recomputed or truncated chain cannot be detected"
+)
 _UNTOLD = ("what", "data", "link")
 
 
 class CheckedJournal(NamedTuple):
-    """What was found out about a journal.
+    """The result of checking a journal.
 
     Attributes:
-        file: Where it is.
+        file: Its path.
         state: `whole`, `open` (whole, and without an end), `altered` or `other head`.
-        words: The same in words.
-        chain: What its chain has; None if there is none.
-        notes: What is not known of it, in sentences.
+        words: The state in words.
+        chain: The result for its chain; None if there is none.
+        notes: The limits of the check, in sentences.
     """
 
     file: Path
@@ -34,11 +36,11 @@ class CheckedJournal(NamedTuple):
 
     @classmethod
     def of(cls, place: Path, expected: str | None) -> "CheckedJournal":
-        """Return what is found out about a journal.
+        """Check a journal, and return the result.
 
         Args:
             place: Where it is.
-            expected: The head that it must have; None if that is not known.
+            expected: The required head; None if unknown.
 
         Raises:
             JournalError: If it cannot be read.
@@ -54,17 +56,17 @@ class CheckedJournal(NamedTuple):
 
     @property
     def is_good(self) -> bool:
-        """Whether nothing was found."""
+        """Whether no problem was found."""
         return self.state in ("whole", "open")
 
     def text(self) -> str:
-        """Return it in words."""
+        """Return the result in words."""
         shown = [f"head {self.chain.head}"] if self.chain is not None and self.chain.head else []
         lines = [f"{self.file} {self.words}", *(f"  {line}" for line in (*shown, *self.notes))]
         return "\n".join(map(in_one_line, lines))
 
     def data(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the result as JSON values."""
         chain = self.chain
         return {
             "file": str(self.file),
@@ -79,7 +81,7 @@ class CheckedJournal(NamedTuple):
 
 
 def _notes(file: "JournalFile") -> "list[str]":
-    """Return what the chain says nothing of."""
+    """Return the facts that the chain does not cover."""
     notes = []
     if count := file.waiting():
         notes.append(
@@ -89,28 +91,28 @@ def _notes(file: "JournalFile") -> "list[str]":
 
 
 def _judged(chain: "JournalChain", expected: str | None, *, is_written: bool) -> tuple[str, str]:
-    """Return the state of a chain, with the same in words."""
+    """Return the state of a chain, with its description."""
     has = f"{chain.entries:,} entries in {count_text(chain.runs, 'run')}"
     if chain.wrong is not None:
         why = "it was changed, or entries before it were removed, moved or put in"
         return (
             "altered",
-            f"was altered: {_wrong_text(chain.wrong)} does not follow from what is before it: {why}",
+            f"was altered: {_wrong_text(chain.wrong)} does not match the entries before it: {why}",
         )
     if expected is not None and expected != chain.head:
         return "other head", f"has another head: {_other_head(chain, expected)}"
     if chain.is_closed:
         with_head = ", with the head that was given" if expected else ""
-        return "whole", f"is as it was written: {has}, closed by the run's end{with_head}"
-    last = "the run goes on" if is_written else "the run was broken off" if chain.runs else "none has begun"
-    return "open", f"is as it was written, as far as it goes: {has}, and not closed: {last}"
+        return "whole", f"is unaltered: {has}, closed by the run's end{with_head}"
+    last = "the run is still active" if is_written else "the run crashed" if chain.runs else "none has begun"
+    return "open", f"is unaltered so far: {has}, and not closed: {last}"
 
 
 def _other_head(chain: "JournalChain", expected: str) -> str:
     run = next((number for number, each in chain.heads.items() if each == expected), None)
     if run is None:
-        return "it fits together, so its end was cut off, or the chain was computed anew, or the head is another journal's"
-    return f"the one that was given is that of run {run}, and says nothing of what came after it"
+        return "it is consistent, so it was truncated or recomputed, or the head belongs to another journal"
+    return f"the given head is that of run {run}, and does not cover later entries"
 
 
 def _wrong_text(wrong: "Chained") -> str:

@@ -1,4 +1,4 @@
-"""What flights had in common with the runs of their tree, as text and as JSON."""
+"""The comparison of recorded runs with the possible runs of their tree, as text and as JSON."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -19,20 +19,20 @@ from sar_compiler.tree.plain import as_json, count_text
 from sar_compiler.tree.showing import in_one_line
 
 _WRONG = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
-# How the words of a journal are told: of one that is still written nobody knows the end.
+# Words for the end of a run. The end of a journal that is still written is unknown.
 _GOING_ON = {"running": "running, judged so far"}
 
 
 class Flight(NamedTuple):
-    """The last run of a journal, and what was found out about it.
+    """The last run of a journal, and the result of its comparison.
 
     Attributes:
         journal: The journal.
         run: The number of the run, from 1; 0 if there is none.
-        end: How it has ended, in a word: `over`, `stopped`, `failed`, `broken off`, `running`.
-        found: What was found out; None if that could not be.
-        problem: Why it could not, in words.
-        changed: What is otherwise in the tree now than when it was flown, in words; empty for nothing.
+        end: Its end, in a word: `over`, `stopped`, `failed`, `broken off`, `running`.
+        found: The result; None if it could not be determined.
+        problem: The reason for that, in words.
+        changed: The changes of the tree since the run, in words; empty for none.
     """
 
     journal: Path
@@ -44,17 +44,17 @@ class Flight(NamedTuple):
 
     @property
     def is_fine(self) -> bool:
-        """Whether it was a run of its tree and has broken nothing."""
+        """Whether it was a possible run of its tree and violated no property."""
         return self.found is not None and self.found.is_fine
 
     @property
     def wrong(self) -> list[FlownProperty]:
-        """The properties that are broken, or may be."""
+        """The properties that are violated, or may be."""
         return [each for each in self.found.properties if each.fate in _WRONG] if self.found else []
 
 
 def flights_as_text(flights: Sequence[Flight]) -> str:
-    """Return one flight with all that is known of it; several as a table, with what was wrong below."""
+    """Return one run with all details; several runs as a table, with their problems below."""
     if len(flights) == 1:
         return "\n".join(map(in_one_line, _flight_lines(flights[0])))
     lines = [table_text([*map(_row, flights)], 4)]
@@ -85,14 +85,14 @@ def _doubt(each: FlownProperty) -> str:
 def _flight_lines(flight: Flight) -> Iterator[str]:
     found = flight.found
     if found is None:
-        yield f"{flight.journal}: not judged: {flight.problem}"
+        yield f"{flight.journal}: not compared: {flight.problem}"
         return
     end = _GOING_ON.get(flight.end, flight.end)
     yield f"{flight.journal}: run {flight.run}, {end}, {count_text(found.ticks, 'tick')}"
     if flight.changed:
-        yield f"the tree has changed since: {flight.changed}"
+        yield f"the tree has changed since the run: {flight.changed}"
     if found.misfit is None:
-        yield "conforms: it is one of the possible runs of the tree"
+        yield "conforms: it is a possible run of the tree"
     else:
         yield from _misfit_lines(found.misfit)
     yield from _property_lines(found)
@@ -113,7 +113,7 @@ def _property_lines(found: Conformance) -> Iterator[str]:
         told = ", ".join(f"{counts[fate]} {fate.value}" for fate in PropertyFate if counts[fate])
         yield f"{'1 property' if len(found.properties) == 1 else f'{len(found.properties)} properties'}: {told}"
     if found.misfit is not None and found.properties:
-        yield f"  from tick {found.misfit.tick} on they are judged by the events of the leaves alone"
+        yield f"  from tick {found.misfit.tick} on they are compared by the events of the leaves alone"
     width = max((len(each.name) for each in found.properties), default=0) + 1
     yield from (f"  {each.name + ':':{width}} {each.fate.value}" for each in found.properties)
     for each in found.left_out:
@@ -129,7 +129,7 @@ def _broken_lines(broken: FlownProperty) -> Iterator[str]:
     place = f"  ({broken.place})" if broken.place else ""
     yield f"{broken.name}: {broken.fate.value} {said} tick {broken.tick}, {clock_text(broken.time_sec)}{place}"
     if broken.fate is PropertyFate.IN_DOUBT:
-        yield "  the record fits runs that break it and runs that do not"
+        yield "  the record matches runs that violate it and runs that do not"
     yield from _run_lines(broken.run)
 
 
@@ -141,7 +141,7 @@ def _run_lines(run: Sequence[Event]) -> Iterator[str]:
 
 
 def flights_as_json(flights: Sequence[Flight]) -> str:
-    """Return flights as a JSON object; see `flights_as_text`."""
+    """Return recorded runs as a JSON object; see `flights_as_text`."""
     return as_json({"fine": all(each.is_fine for each in flights), "flights": [*map(_flight_data, flights)]})
 
 
@@ -167,7 +167,7 @@ def _flight_data(flight: Flight) -> dict[str, object]:
 
 
 def _with_run(data: dict[str, object]) -> dict[str, object]:
-    """Return data with the events of a run as these stand in journals: time, tick, node, deed."""
+    """Return data with the events of a run as in journals: time, tick, node, deed."""
     run = data["run"]
     assert isinstance(run, tuple)  # noqa: S101 - of events
     return {**data, "run": [[each.time_sec, each.tick, each.number, each.deed] for each in run]}

@@ -1,4 +1,4 @@
-"""Why the last run of a mission has failed, and what would have succeeded in its place."""
+"""The cause of a failed run, and the changes with which it would have succeeded."""
 
 import itertools
 import shlex
@@ -29,15 +29,15 @@ R = TypeVar("R")
 
 
 class GoneTreeError(SarError):
-    """The tree that ran is not to be found."""
+    """The tree of the run cannot be found."""
 
 
 class Otherwise(NamedTuple):
-    """What would have succeeded.
+    """The result of a search for changes with which the run would have succeeded.
 
     Attributes:
-        found: The change that does it; None if none was found.
-        reason: Why none was, in words.
+        found: The change with that effect; None if none was found.
+        reason: The reason why none was found, in words.
     """
 
     found: "Counterfactual | None" = None
@@ -45,12 +45,12 @@ class Otherwise(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """What was found out about the last run of a mission.
+    """The explanation of the last run of a mission.
 
     Attributes:
-        reasons: Why it has failed.
+        reasons: The causes of its failure.
         nodes: The nodes of its tree.
-        otherwise: What would have succeeded, if that was asked.
+        otherwise: The changes with which it would have succeeded, if requested.
     """
 
     reasons: "Why"
@@ -67,14 +67,14 @@ class Explanation(NamedTuple):
         is_gone: bool = True,
         budget: Budget | None = None,
     ) -> "Explanation":
-        """Return what is found out by a journal, which is read entry by entry.
+        """Return the explanation of a journal's last run, which is read entry by entry.
 
         Args:
             file: The journal, in a snapshot.
-            projects: Loads the tree, if what would have succeeded is asked.
-            tree_file: Its file; by default the one that the run had.
-            is_gone: Whether the process that writes it is there no more.
-            budget: What the search for what would have succeeded may take.
+            projects: Loads the tree, if changes for a success are requested.
+            tree_file: Its file; by default the file of the run.
+            is_gone: Whether the process that wrote it no longer exists.
+            budget: The limits of the search for changes.
 
         Raises:
             JournalError: If the journal cannot be read.
@@ -90,7 +90,7 @@ class Explanation(NamedTuple):
             return cls(reasons, inquiry.state.nodes)
 
         def record() -> "Iterator[Event]":
-            # It is read in the thread of the search, and SQLite serves no other than the one that has opened a file.
+            # The search reads it in its own thread, and SQLite allows only the thread that opened a file.
             with JournalFile.reading(file.path) as own:
                 events = recorded_events(tree_entries(own))
                 yield from itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
@@ -103,17 +103,19 @@ class Explanation(NamedTuple):
         return cls(reasons, inquiry.state.nodes, change)
 
     def text(self) -> str:
-        """Return it in words."""
+        """Return the explanation in words."""
         from sar_compiler.reports.why import counterfactual_text, why_text
 
         change, reason = self.otherwise
         if change is not None:
             return why_text(self.reasons, counterfactual_text(change, self.nodes))
-        unknown = in_one_line(f"What would have succeeded is not known: {reason}") if reason else ""
+        unknown = (
+            in_one_line(f"It is unknown which changes would have led to success: {reason}") if reason else ""
+        )
         return why_text(self.reasons, unknown)
 
     def data(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the explanation as JSON values."""
         from sar_compiler.reports.why import counterfactual_data, why_data
 
         change, reason = self.otherwise
@@ -125,7 +127,7 @@ class Explanation(NamedTuple):
 
 
 def tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
-    """Yield the entries of the last run without those of the robot alone."""
+    """Yield the entries of the last run, without those of the robot alone."""
     return file.last_run(without=OF_ROBOT)
 
 
@@ -135,13 +137,13 @@ def what_would_have_succeeded(
     projects: "Workspace",
     tree_file: Path | None = None,
 ) -> Otherwise:
-    """Return what would have succeeded in place of the last run of a mission, whose root has failed.
+    """Return the changes with which the last run of a mission, whose root failed, would have succeeded.
 
     Args:
         state: The state of the mission after that run.
-        record: Returns what its leaves did.
+        record: Returns the results of its leaves.
         projects: Loads the tree.
-        tree_file: Its file; by default the one that the run had.
+        tree_file: Its file; by default the file of the run.
     """
     from sar_compiler.analysis.verify.counterfactual import counterfactual
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
@@ -152,33 +154,34 @@ def what_would_have_succeeded(
         trees = trees_that_ran(state, projects, tree_file)
         found = first_that_fits(trees, lambda tree: counterfactual(tree, record(), names))
     except GoneTreeError as error:
-        return Otherwise(reason=f"{error}; say --tree-file TREE")
+        return Otherwise(reason=f"{error}. Add --tree-file TREE")
     except OtherTreeError:
         path = tree_file or state.runs[-1].about.get("tree_file")
-        return Otherwise(reason=f"{path} has another tree now; say --tree-file TREE")
+        return Otherwise(reason=f"{path} now contains another tree. Add --tree-file TREE")
     except TreeError as error:
         path = tree_file or state.runs[-1].about.get("tree_file")
         missing = _options_left_out(state, projects)
         if missing:
             return Otherwise(
-                reason=f"{path} cannot be read without options of that run: {error.findings[0].message}; "
-                f"give them as well: {shlex.join(missing)}"
+                reason=f"{path} cannot be loaded without options of that run: {error.findings[0].message}. Add them: {shlex.join(missing)}"
             )
-        return Otherwise(reason=f"{path} has mistakes now: {error.findings[0].message}")
+        return Otherwise(reason=f"{path} now has errors: {error.findings[0].message}")
     except SarError as error:
         return Otherwise(reason=str(error))
-    return Otherwise(found, "" if found is not None else "no change of a few answers was found that does it")
+    return Otherwise(
+        found, "" if found is not None else "no small change of leaf outcomes makes the mission succeed"
+    )
 
 
 def _options_of(state: "MissionState") -> list[tuple[str, str]]:
-    """Return the options of the last run that decide which nodes its tree can have; a journal may say anything."""
+    """Return the options of the last run that select the tree's nodes; a journal may contain anything."""
     said = state.runs[-1].about.get("options")
     pairs = said if isinstance(said, list) else []
     return [(str(pair[0]), str(pair[1])) for pair in pairs if isinstance(pair, list) and len(pair) > 1]
 
 
 def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]:
-    """Return those options of the last run that this command was not given and cannot take from the journal."""
+    """Return those options of the last run that this command lacks and cannot read from the journal."""
     added = projects.additions
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
@@ -190,7 +193,7 @@ def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]
 
 
 def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace":
-    """Return what loads trees with the installed palettes of the last run; a journal chooses no module and no file."""
+    """Return a loader for trees with the last run's installed palettes; a journal selects no modules or files."""
     added = projects.additions
     named = (
         Path(value) for option, value in _options_of(state) if option == "--model" and is_palette_name(value)
@@ -202,11 +205,11 @@ def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspac
 def trees_that_ran(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
-    """Yield the tree of the last run of a mission as it is now, with stub leaves; then without limits that are only assumed.
+    """Yield the present tree of the last run with stub leaves; then without limits that are only assumed.
 
     Raises:
-        GoneTreeError: If its file is not known, or not there.
-        TreeError: If it has mistakes.
+        GoneTreeError: If its file is unknown or missing.
+        TreeError: If it has errors.
     """
     from sar_compiler.analysis.assumptions import StartValues
     from sar_compiler.analysis.tree_analysis import stage_of
@@ -218,7 +221,7 @@ def trees_that_ran(
         raise GoneTreeError("the journal does not say in which file the tree is")
     path = Path(str(file))
     if not is_file(path):
-        raise GoneTreeError(f"{path} is not there")
+        raise GoneTreeError(f"{path} does not exist")
     values = StartValues(state.parameters, about.get("facts") or {})
     loaded = _with_palettes_of(state, projects).load_file(path)
     yield stage_of(loaded, about.get("tree_id"), values).play().simulated
@@ -228,7 +231,7 @@ def trees_that_ran(
 
 
 def first_that_fits(trees: Iterable[T], ask: Callable[[T], R]) -> R:
-    """Return what is answered about the first of some trees that has a run as it was recorded.
+    """Return the answer for the first tree that can reproduce the recorded run.
 
     Raises:
         NotReplayedError: If none has.

@@ -12,17 +12,17 @@ from sar_compiler.runtime.clock import clock_text
 from sar_compiler.tree.plain import as_json
 from sar_compiler.tree.showing import in_one_line, shortened
 
-# How the JSON of an object ends that is in several lines.
+# The end of a JSON object with several lines.
 _END = "\n}"
 
 
 def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool = False) -> Iterator[str]:
-    """Yield a journal as the lines of a JSON object, with a line for each fact and each watched entry.
+    """Yield a journal as the lines of a JSON object, with a line for each event and each observation.
 
     Args:
         file: The journal.
         state: The state of the mission.
-        with_watched: Whether what was watched is part of it.
+        with_watched: Whether to include observations.
     """
     with file.snapshot():
         data = {
@@ -55,13 +55,13 @@ def _json_items(entries: Iterable[JournalEntry]) -> Iterator[str]:
 def journal_lines(
     file: JournalFile, state: MissionState, why: str = "", *, with_watched: bool = False
 ) -> Iterator[str]:
-    """Yield a journal as text: the mission and its condition, its runs, and the facts of each, with the time since its beginning.
+    """Yield a journal as text: the mission with its status, and its runs with their events and times.
 
     Args:
         file: The journal.
         state: The state of the mission.
-        why: The first to look at, if it is not complete.
-        with_watched: Whether what was watched is told as well.
+        why: The likeliest cause, if it is not complete.
+        with_watched: Whether to include observations.
     """
     runs, about = file.runs(), file.about()
     mission = about.get("mission") or "a tree of no mission"
@@ -80,7 +80,7 @@ def journal_lines(
 
 
 def journal_word(state: MissionState) -> str:
-    """Return what the journal itself is, for scripts: `running`, `broken off`, `empty`, or how its last run has ended."""
+    """Return the state of the journal for scripts: `running`, `broken off`, `empty`, or its last run's end."""
     if ending := state.runs[-1].ending if state.runs else "":
         return ending
     if not state.process.is_gone:
@@ -91,12 +91,12 @@ def journal_word(state: MissionState) -> str:
 def _headline(run: JournalRun) -> str:
     death = run.about.get("after")
     began = day_and_time(run.began) + (
-        f" by its supervisor (the one before has died: {death})" if death else ""
+        f" by its supervisor (the previous process has died: {death})" if death else ""
     )
     if run.ended is None:
-        return f"run {run.number}, begun {began}:"
+        return f"run {run.number}, started {began}:"
     reason = f", {run.reason}" if run.reason else ""
-    return f"run {run.number}, begun {began}, {run.ending and run.ending.value} with status {run.status}{reason}:"
+    return f"run {run.number}, started {began}, {run.ending and run.ending.value} with status {run.status}{reason}:"
 
 
 def _table(
@@ -119,7 +119,7 @@ def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[
 
 
 _MOST_LISTED = 12
-"""How many values of an entry are listed: more are counted."""
+"""The number of an entry's values that are listed. The rest are counted."""
 
 
 def _value(value: object) -> str:

@@ -1,4 +1,7 @@
-"""What leaves have answered in recorded runs, and what other nodes have decided: how often, after which time; also as assumptions about other runs."""
+"""Counts and times of leaf results in recorded runs, and of other nodes' decisions.
+
+They can also be written as assumptions about other runs.
+"""
 
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,20 +18,20 @@ from sar_compiler.tree.plain import as_json, count_text
 from sar_compiler.tree.showing import in_one_line
 
 FEWEST = 10
-"""Of a leaf that has given fewer answers nothing is assumed."""
+"""With fewer results of a leaf, nothing is assumed about it."""
 
-# What a leaf can always come to of which nothing is known.
+# The possible results of a leaf without a declaration.
 _USUAL = "SUCCESS", "FAILURE"
 
 
 @dataclass
 class AnswerTimes:
-    """An answer of a leaf that has ended what it had begun.
+    """A result that ended an activation of a leaf.
 
     Attributes:
         status: Its status.
         label: Its label; empty for none.
-        times: How long the leaf had run each time, in seconds.
+        times: The running time of the leaf in each case, in seconds.
     """
 
     status: str
@@ -43,15 +46,15 @@ class AnswerTimes:
 
 @dataclass
 class LeafStatistics:
-    """What a leaf has done in some runs; of leaves with one path, what all have.
+    """The results of a leaf in some runs; leaves with the same path are combined.
 
     Attributes:
         path: The names of the nodes around it, from the root down, and its own.
-        answers: Its answers that have ended what it had begun, by status and label.
-        retries: How many of these came after a failure of the leaf in the same run.
-        halted: How often it was stopped while it was running.
+        answers: The results that ended an activation, by status and label.
+        retries: The number of results that followed a failure of the leaf in the same run.
+        halted: The number of times it was stopped while running.
         has_run: Whether it was running at the end of a tick.
-        is_declared: Whether it has declared which answers it can give.
+        is_declared: Whether it has declared its possible answers.
     """
 
     path: tuple[str, ...]
@@ -63,27 +66,27 @@ class LeafStatistics:
 
     @property
     def key(self) -> str:
-        """What names it in a file."""
+        """Its name in a file."""
         return self.path[-1] if any("/" in part for part in self.path) else "/".join(self.path)
 
     @property
     def count(self) -> int:
-        """How often it has come to an end."""
+        """The number of its results."""
         return sum(len(each.times) for each in self.answers.values())
 
     def interval(self, answer: AnswerTimes, confidence: float) -> Interval:
-        """Return Wilson's interval of the share that an answer has."""
+        """Return Wilson's interval of the share of a result."""
         return wilson(len(answer.times), self.count, confidence)
 
 
 @dataclass
 class RunStatistics:
-    """What the leaves of a tree have done in some runs.
+    """The results of a tree's leaves in some runs.
 
     Attributes:
-        runs: How many.
-        leaves: The leaves that have come to anything, in the order in which they did.
-        decisions: What other nodes have decided by themselves, such as time limits, by the node's path, the status and its message.
+        runs: The number of runs.
+        leaves: The leaves that have returned a result, in order of their first one.
+        decisions: The decisions of other nodes, such as time limits, by the node's path, the status and its message.
     """
 
     runs: int = 0
@@ -117,7 +120,7 @@ class RunStatistics:
 
 
 def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
-    """Yield entries; note the leaves of which one says the label."""
+    """Yield entries; record the leaves whose answers have labels."""
     for entry in entries:
         if entry.kind == STATUS and "label" in entry.data:
             declared.add(entry.data["node"])
@@ -125,14 +128,14 @@ def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[Jou
 
 
 class _BegunWork:
-    """What the leaves of a run have begun, by their numbers."""
+    """The present activations of a run's leaves, by their numbers."""
 
     def __init__(self) -> None:
         self._begun: dict[int, float] = {}
         self._failed: set[int] = set()
 
     def take(self, event: Event, leaf: LeafStatistics) -> None:
-        """Take what a leaf did."""
+        """Add an event of a leaf."""
         number, now = event.number, event.time_sec or 0.0
         if event.what == STARTED:
             self._begun[number] = now
@@ -158,8 +161,8 @@ def statistics_as_text(found: RunStatistics, confidence: float) -> str:
         for place, answer in enumerate(leaf.answers.values() or [None])
     ]
     said = (
-        f"{count_text(found.runs, 'run')}. Shares are of the answers that have ended what a leaf had begun, their intervals are Wilson's; "
-        "what a leaf answers in tick after tick counts once."
+        f"{count_text(found.runs, 'run')}. Shares refer to results that ended an activation of a leaf, with "
+        "Wilson's intervals. A result repeated on consecutive ticks is counted once."
     )
     if not lines:
         return f"{count_text(found.runs, 'run')}; no leaf has answered."
@@ -236,16 +239,16 @@ def _times_data(answer: AnswerTimes) -> Mapping[str, float]:
 
 
 def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
-    """Return what can be assumed of other runs, as a file of properties or a scenario has it: `answers:`, each with `p` and `sec`.
+    """Return assumptions about other runs for a file of properties or a scenario: `answers:`, with `p` and `sec`.
 
-    A leaf that has given few answers, or none, is only named, in a comment.
+    A leaf with few results, or none, is only named, in a comment.
     """
     known = [leaf for leaf in found.leaves.values() if leaf.count >= FEWEST]
     lines = [
-        f"# What leaves have answered in {count_text(found.runs, 'run')}, by sar-journal stats.",
+        f"# Results of leaves in {count_text(found.runs, 'run')}, by sar-journal stats.",
         f"# p: the {100 * confidence:g} % interval (Wilson's) of an answer's share. sec: from the 5th to the 95th percentile of its times.",
         *(
-            f"# Fewer than {FEWEST} answers, so nothing is said of it: {leaf.key} ({leaf.count})"
+            f"# Fewer than {FEWEST} results, so nothing is assumed: {leaf.key} ({leaf.count})"
             for leaf in found.leaves.values()
             if leaf not in known
         ),
@@ -258,11 +261,11 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
 
 
 def _assumed(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
-    """Return the answers of a leaf with their chances and times."""
+    """Return the answers of a leaf with their probabilities and times."""
     said: list[object] = []
     answers = [*leaf.answers.values()]
     if not leaf.is_declared:
-        # These are all that it can answer.
+        # These are all its possible answers.
         seen = {answer.status for answer in answers}
         answers += [AnswerTimes(status, "") for status in _USUAL if status not in seen]
     for answer in answers:

@@ -1,4 +1,4 @@
-"""The report of a mission: as plain data, which its forms have in common, and as text by the ending of the file."""
+"""The report of a mission as plain data, shared by all its forms, and its text in the form of a file's ending."""
 
 import os
 import re
@@ -21,21 +21,21 @@ from sar_compiler.tree.plain import as_json
 
 
 class ReportError(SarError):
-    """A report cannot be written like this."""
+    """A report cannot be written in this form."""
 
 
 def georeference(state: MissionState) -> Georeference | None:
-    """Return where the map of a mission lies on the earth; None if that is not known."""
+    """Return the georeference of a mission's map; None if it is unknown."""
     return state.place or Georeference.among(state.parameters)
 
 
 def to_visit(state: MissionState) -> list[Landmark]:
-    """Return the finds to which somebody must go: those that nobody has given up."""
+    """Return the detections to which a person must go: those that were not given up."""
     return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
 
 
 def not_done(state: MissionState) -> dict[str, list[str]]:
-    """Return the places that a mission has not done, by their state: each with its reason, if it has one."""
+    """Return the locations that a mission has not finished, by state, each with its reason if it has one."""
     places: dict[str, list[str]] = {}
     for each in state.situation.landmarks.values():
         if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found:
@@ -45,13 +45,13 @@ def not_done(state: MissionState) -> dict[str, list[str]]:
 
 
 def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
-    """Return the report of a mission, and why it has failed, as JSON values.
+    """Return the report of a mission, and the cause of a failure, as JSON values.
 
-    Positions are metres in the frame `map`, with `lat` and `lon` in degrees where the map's place on the earth is known;
-    times are `utc`, and `time`, the seconds of the mission's clock since the beginning of the run.
+    Positions are metres in the frame `map`, with `lat` and `lon` in degrees if the map has a georeference. Times are
+    `utc`, and `time`, the seconds of the mission's clock since the start of the run.
 
     Raises:
-        ImportError: If pyproj is not installed, and the map's place on the earth is known.
+        ImportError: If pyproj is not installed, and the map has a georeference.
     """
     reference, situation, now = georeference(state), state.situation, condition(state)
     return {
@@ -109,7 +109,7 @@ def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
 
 
 def _place(reference: Georeference | None, x: float, y: float) -> dict[str, float]:
-    """Return a place on the map, with that on the earth where it is known."""
+    """Return a position on the map, with coordinates on the earth if they are known."""
     if reference is None:
         return {"x": x, "y": y}
     lat, lon = reference.located(x, y)
@@ -160,24 +160,24 @@ def json_report(state: MissionState, why: Why | None = None) -> str:
 
 
 def require_form(file: Path, place: Georeference | None) -> None:
-    """Check that a report can be written, before there is anything to report.
+    """Check that a report can be written, before the run.
 
     Args:
-        file: Where it is to be written.
-        place: Where the map lies on the earth, if that is known.
+        file: The path to write to.
+        place: The georeference of the map, if known.
 
     Raises:
-        ReportError: If it cannot.
-        ImportError: If a library that it takes is not installed.
+        ReportError: If it cannot be written.
+        ImportError: If a required library is not installed.
     """
     form = FORMS.get(file.suffix.lower())
     if form is None:
-        raise ReportError(f"a report ends in {', '.join(FORMS)}, and {file} does not")
+        raise ReportError(f"the name of a report ends in {', '.join(FORMS)}, and {file} does not")
     if form.is_of_the_world and place is None:
         raise ReportError(
-            f"{file} has coordinates of the world, which takes {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} in the "
-            "parameter file: where the origin of the frame map lies, in degrees, and where its x axis points, clockwise from "
-            "north. Of a journal, sar-journal report --georeference LAT,LON,HEADING makes it afterwards"
+            f"{file} contains world coordinates. Add {GEOREFERENCE}: {{lat: …, lon: …, heading: …}} to the parameter "
+            "file: the origin of the frame map, and the direction of its x axis clockwise from north, in degrees. "
+            "Or create the report after the run: sar-journal report --georeference LAT,LON,HEADING"
         )
     for library in (*(() if place is None else ("pyproj",)), *form.libraries):
         import_module(library)
@@ -187,33 +187,33 @@ def require_form(file: Path, place: Georeference | None) -> None:
 
 
 def _obstacle(file: Path) -> str:
-    """Return why a file cannot be written, as far as that is known before; empty if nothing is known."""
+    """Return why a file cannot be written, if that is already known; else empty."""
     if not file.parent.is_dir():
         return f"there is no folder {file.parent}"
     if file.is_dir():
         return "it is a folder"
-    # A device is written to; a file is put in the place of the one that is there.
+    # A device is written to directly; an existing file is replaced.
     written = file if file.exists() and not file.is_file() else real_path(file).parent
     return "" if os.access(written, os.W_OK) else f"{written} may not be written to"
 
 
 def report_text(state: MissionState, file: Path | str, why: Why | None = None) -> str:
-    """Return the report of a mission in the form of a file, with why it has failed where that form has it."""
+    """Return the report of a mission in the form of a file, with the cause of a failure if the form has it."""
     form = FORMS[Path(file).suffix.lower()]
     write = load(form.function)
     text: str = write(state) if form.is_of_the_world else write(state, why)
     return text
 
 
-# What has no paths, and much else.
+# Values without paths, and many others.
 _WITHOUT_PATHS = {*OF_ROBOT} - {LOG}
 
 
 class ShortPaths:
     """Shortens the paths in the entries of a journal.
 
-    A path is told from the folder that the files of the tree share, from the journal's or from the current one, whichever is
-    the nearest above it; else from the user's, `~`.
+    A path becomes relative to the common folder of the tree's files, the journal's folder or the current one, whichever
+    is the nearest parent; else to the user's, `~`.
 
     Args:
         folder: The journal's folder.
@@ -259,6 +259,6 @@ class ShortPaths:
 
 
 def _common_folder(tree: object) -> str:
-    """Return the folder that the files of a tree share; empty if there is none."""
+    """Return the common folder of a tree's files; empty if there is none."""
     folders = {os.path.dirname(node.file) for node in tree_nodes(tree) if os.path.isabs(node.file)}  # noqa: PTH117, PTH120 - of another machine
     return os.path.commonpath(folders) if folders else ""

@@ -1,4 +1,4 @@
-"""The report of a mission in the forms that maps and emergency services read, in coordinates of the world.
+"""Reports in world coordinates for map programs and emergency services.
 
 GeoJSON by RFC 7946, KML 2.2 by the OGC, Cursor on Target 2.0 as TAK reads it, the Common Alerting Protocol 1.2.
 """
@@ -22,22 +22,22 @@ from sar_compiler.style import TAK_CERTAIN, TAK_LIKELY, colour_of, rgb
 from sar_compiler.tree.plain import as_json, speakable
 from sar_compiler.tree.showing import in_one_line
 
-# How near to where it is told a find is, metres: what is drawn around it.
+# The radius of the circle that is drawn around a detection, metres.
 _RADIUS_M = 2.0
 _STALE = timedelta(days=1)
-# What Cursor on Target writes for a number that is not known.
+# The value of an unknown number in Cursor on Target.
 _UNKNOWN = "9999999.0"
-# A spot on the map.
+# The type of a point on the map.
 _SPOT = "b-m-p-s-m"
-# A moment in an identifier, which has no colons.
+# The format of a time in an identifier, without colons.
 _STAMP = "%Y%m%dT%H%M%SZ"
 
 
 def geojson_report(state: MissionState) -> str:
-    """Return a mission as a FeatureCollection: its landmarks, and the path; longitude stands before latitude.
+    """Return a mission as a FeatureCollection: its landmarks, and the path; longitude precedes latitude.
 
     Raises:
-        ReportError: If the map's place on the earth is not known.
+        ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
     import geojson
@@ -51,7 +51,7 @@ def geojson_report(state: MissionState) -> str:
 
     def area(corners: Any) -> Any:
         ring = [(each["lon"], each["lat"]) for each in (*corners, corners[0])]
-        # Its outside lies to the right of who walks along it.
+        # Walking along the line, its outside is on the right.
         return geojson.Polygon([ring if _is_counterclockwise(ring) else ring[::-1]], precision=8)
 
     features = [
@@ -75,15 +75,15 @@ def geojson_report(state: MissionState) -> str:
 
 _KML = "http://www.opengis.net/kml/2.2"
 _E = ElementMaker(namespace=_KML, nsmap={None: _KML})
-# The icon of somebody who is certainly there is so many times as large.
+# The icon of a confirmed person is this many times as large.
 _CERTAIN_SCALE = "1.4"
 
 
 def kml_report(state: MissionState) -> str:
-    """Return a mission as a KML document: its landmarks in the colours of the page, and the way driven in each run.
+    """Return a mission as a KML document: landmarks in the page's colours, and the driven path of each run.
 
     Raises:
-        ReportError: If the map's place on the earth is not known.
+        ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
     reference, situation = _reference(state), state.situation
@@ -122,7 +122,7 @@ def _ways(state: MissionState, reference: Georeference) -> Iterator[Any]:
         way = [(pose.x, pose.y) for pose in state.trail if pose.at.run == run.number]
         if len(way) > 1:
             line = _E.LineString(_E.tessellate("1"), _coordinates(way, reference))
-            told = _description(state, "the way that the robot has driven")
+            told = _description(state, "the driven path of the robot")
             yield _E.Placemark(_E.name(_text(_name(state, f"run {run.number}"))), told, _style("trail"), line)
 
 
@@ -132,12 +132,12 @@ def _style(name: str, *, is_certain: bool = False) -> Any:
     return _E.Style(
         _E.IconStyle(_E.color(f"ff{colour}"), *([_E.scale(_CERTAIN_SCALE)] if is_certain else [])),
         _E.LineStyle(_E.color(f"ff{colour}"), _E.width("3")),
-        _E.PolyStyle(_E.color(f"40{colour}")),  # so that what lies below an area is seen
+        _E.PolyStyle(_E.color(f"40{colour}")),  # objects below an area stay visible
     )
 
 
 def _description(state: MissionState, text: str) -> Any:
-    """Return a description, which programs show as HTML: nothing in it is a mark."""
+    """Return a description that programs show as HTML, with all markup escaped."""
     simulated = "SIMULATED. " if state.about.get("simulated") else ""
     return _E.description(html.escape(_text(f"{simulated}{text}"), quote=False))
 
@@ -149,19 +149,19 @@ def _coordinates(places: Iterable[tuple[float, float]], reference: Georeference)
 
 
 def cot_report(state: MissionState, now: datetime | None = None) -> str:
-    """Return an event for each find to which somebody must go, one in a line: what a TAK server takes as a stream.
+    """Return an event for each detection that needs a visit, one a line, as a stream for a TAK server.
 
     Args:
         state: The mission.
-        now: When the events are made; now, by default.
+        now: The time of the events; now, by default.
 
     Raises:
-        ReportError: If the map's place on the earth is not known.
+        ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
     reference, listed = _reference(state), to_visit(state)
     made = now or datetime.now(timezone.utc)
-    # By its place among all of them: what the operator says, and a name, make nothing else of a find.
+    # By its index among all of them: neither a review by the operator nor a name makes it another detection.
     events = (
         _event(state, each, number, reference, made)
         for number, each in enumerate(state.situation.found(), 1)
@@ -171,10 +171,10 @@ def cot_report(state: MissionState, now: datetime | None = None) -> str:
 
 
 def cap_report(state: MissionState) -> str:
-    """Return an alert for those who go to what was found, with an info for each find.
+    """Return an alert for the people who go to the detections, with an info for each of them.
 
     Raises:
-        ReportError: If the map's place on the earth is not known.
+        ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
     from cap_tools.models import Alert, MsgType, Scope, Status
@@ -196,7 +196,7 @@ def cap_report(state: MissionState) -> str:
         infos=list(_infos(state, reference)),
     )
     written = XmlSerializer(config=SerializerConfig(indent="  ")).render(alert, ns_map={None: _CAP})
-    # The norm forbids the letter.
+    # The standard forbids the letter.
     return str(written).replace("Z</sent>", "-00:00</sent>")
 
 
@@ -257,12 +257,12 @@ def _event(state: MissionState, find: Landmark, number: int, reference: Georefer
 
 
 def _name(state: MissionState, name: str) -> str:
-    """Return the name of a landmark, which is the only one where several robots are on one map: `robot1/find_1`."""
+    """Return a landmark's name, which is unique if several robots share a map: `robot1/find_1`."""
     return f"{state.robot}/{name}" if state.robot else name
 
 
 def _state_of(landmark: Landmark) -> str:
-    """Return the state and the reason, and what is known of an outline."""
+    """Return the state and the reason, and the known data of an outline."""
     state = ", ".join(filter(None, (landmark.state, landmark.reason)))
     return "; ".join(filter(None, (state, *(_details(landmark) if landmark.corners else ()))))
 
@@ -285,12 +285,12 @@ def _remarks(find: Landmark) -> str:
 def _reference(state: MissionState) -> Georeference:
     reference = georeference(state)
     if reference is None:
-        raise ReportError("where the map lies on the earth is not known")
+        raise ReportError("the georeference of the map is unknown")
     return reference
 
 
 def _mission_id(state: MissionState) -> str:
-    """Return what no other mission has: the node, and when the first run began."""
+    """Return the identity of the mission: the node, and the start of the first run."""
     node = str((state.runs[0].about.get("node") if state.runs else None) or "mission").strip("/")
     began = _moment(state.runs[0].began if state.runs else None)
     return f"{re.sub(r'[^a-zA-Z0-9_-]', '.', node)}.{began:{_STAMP}}"
@@ -303,12 +303,12 @@ def _moment(instant: EventTime | None) -> datetime:
 
 
 def _text(text: str) -> str:
-    """Return a text in one line, with nothing that XML cannot have."""
+    """Return a text in one line, without characters that XML does not allow."""
     return speakable(in_one_line(text))
 
 
 def _flat(data: dict[str, Any]) -> dict[str, Any]:
-    """Return properties of which each is a plain value: times as they are by the system's clock."""
+    """Return properties with plain values: times by the system's clock."""
     return {
         key: value["utc"] if isinstance(value, dict) else value
         for key, value in data.items()

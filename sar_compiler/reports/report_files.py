@@ -1,4 +1,4 @@
-"""Writing the reports of a mission, as its journal has it."""
+"""Write the reports of a mission from its journal."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,26 +20,26 @@ from sar_compiler.writing import write_text
 
 
 def try_to_write(state: MissionState, file: Path, why: Why | None) -> str:
-    """Write a report; return why that is not possible, or an empty text. The next one is tried in any case."""
+    """Write a report; return the reason if that fails, or an empty string. The next one is tried in any case."""
     try:
         write_text(file, report_text(state, file, why))
     except SarError as error:
         return str(error)
     except Exception as error:  # noqa: BLE001 - nor does it change what the mission has come to
-        return f"the report {file} could not be made: {error!r}"
+        return f"the report {file} could not be created: {error!r}"
     return ""
 
 
 def report_journal(journal: Path, files: Sequence[Path], place: Georeference | None = None) -> int:
-    """Write those reports of the mission in a journal that can be written, and tell why the others cannot.
+    """Write the reports of a journal's mission, and print why any of them cannot be written.
 
     Args:
         journal: The journal.
-        files: Where to.
-        place: Where the map lies on the earth; by default what the journal says.
+        files: The paths of the reports.
+        place: The georeference of the map; by default the journal's.
 
     Returns:
-        The exit status: 1 if there are others.
+        The exit status: 1 if a report could not be written.
 
     Raises:
         SarError: If the journal cannot be read.
@@ -47,7 +47,7 @@ def report_journal(journal: Path, files: Sequence[Path], place: Georeference | N
     state, why = _mission(journal)
     known, state.place = georeference(state), place
     if place and known and place != known:
-        told = f"--georeference {_words(place)} counts; the journal has {_words(known)}"
+        told = f"--georeference {_words(place)} is used. The journal has {_words(known)}"
         print_error(f"sar-journal: note: {told}")
     obstacles = [_prohibition(state, file) or try_to_write(state, file, why) for file in files]
     for obstacle in filter(None, obstacles):
@@ -84,7 +84,7 @@ def _words(place: Georeference) -> str:
 
 
 def _prohibition(state: MissionState, file: Path) -> str:
-    """Return why a report cannot be asked for, or an empty text."""
+    """Return why a report cannot be requested, or an empty string."""
     try:
         require_form(file, georeference(state))
     except SarError as error:

@@ -1,4 +1,4 @@
-"""The forms of reports by the endings of their files, with nothing imported that makes one: the help of commands names them."""
+"""The forms of reports by the endings of their files, without imports of their modules, for the help of commands."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,10 +8,10 @@ class ReportForm(NamedTuple):
     """A form of a report.
 
     Attributes:
-        function: The import path of what returns the report of a mission, imported when one is written.
-        is_of_the_world: Whether it is in coordinates of the world.
-        libraries: What it takes besides.
-        use: What the help says that it is for.
+        function: The import path of the function that returns the report, imported when one is written.
+        is_of_the_world: Whether it is in world coordinates.
+        libraries: Further required libraries.
+        use: The purpose that the help states.
     """
 
     function: str
@@ -35,7 +35,7 @@ FORMS: Mapping[str, ReportForm] = {
 
 
 def forms_in_words() -> str:
-    """Return what the help of a command says of the forms."""
+    """Return the description of the forms for the help of a command."""
     here, world = (
         ", ".join(
             f"{ending} {form.use}".rstrip()
@@ -44,4 +44,4 @@ def forms_in_words() -> str:
         )
         for is_of_the_world in (False, True)
     )
-    return f"in the form of the file's ending: {here}, or in the world's coordinates {world}"
+    return f"in the form of the file's ending: {here}, or in world coordinates {world}"

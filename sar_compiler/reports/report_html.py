@@ -1,6 +1,6 @@
-"""The report of a mission as one page of HTML, with all that it needs, to be read, printed and handed on.
+"""The report of a mission as one self-contained page of HTML, to be read, printed and forwarded.
 
-Its map, in SVG, shows what the mission shows, and the way of the robot.
+Its map, in SVG, shows the mission's landmarks and the path of the robot.
 """
 
 import functools
@@ -22,7 +22,7 @@ from sar_compiler.style import FOUND, LEVELS, MARKS, sign_of, style
 from sar_compiler.tree.showing import visible
 from sar_compiler.views.mission_view import sign
 
-# Of a plot: the width and the height of its field, and what is left for the words left of it and below.
+# Of a plot: the width and the height of its field, and the space for the labels to the left and below.
 _PLOT = (640, 140, 60, 30)
 _SHARES = (0, 50, 100)
 _CLOCK = "%H:%M:%S"
@@ -50,16 +50,16 @@ def _macros() -> Any:
 
 
 def html_report(state: MissionState, why: Why | None = None) -> str:
-    """Return the report of a mission, and why it has failed, as an HTML page; all text from outside is escaped.
+    """Return the report of a mission, and the cause of a failure, as an HTML page; external text is escaped.
 
     Raises:
-        ImportError: If Jinja2 is not installed; or pyproj, and the map's place on the earth is known.
+        ImportError: If Jinja2 is not installed; or pyproj, and the map has a georeference.
     """
     from markupsafe import Markup
 
     now, drawing = condition(state), _drawing(state)
     seeks = any(kind.is_found for kind in state.situation.kinds.values())
-    simulated = f"Simulated{': nobody was searched for, nobody was found' if seeks else ''}"
+    simulated = f"Simulated{': no real people were involved' if seeks else ''}"
     about = state.runs[-1].about if state.runs else {}
     software = f"sar_compiler {about.get('version') or ''}, node {about.get('node') or _NONE}"
     if head := state.head:
@@ -89,7 +89,7 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
 
 
 def _head(state: MissionState) -> Iterator[tuple[str, str]]:
-    """Yield what stands at the top: a word, and what is so."""
+    """Yield the heading lines: a word, and its description."""
     for run in state.runs:
         yield (f"run {run.number}" if len(state.runs) > 1 else "time", _duration(run.began, run.ended))
     if state.runs and not state.runs[-1].ending:
@@ -115,7 +115,7 @@ def _robot(state: MissionState) -> str:
 
 
 def _landmarks(state: MissionState, *, is_found: bool) -> Iterator[Mapping[str, object]]:
-    """Yield a table for each kind of landmarks of which there is more to say than where they are."""
+    """Yield a table for each kind of landmarks that has more data than positions."""
     situation = state.situation
     for kind in situation.kinds.values():
         listed = situation.of_kind(kind.name)
@@ -154,21 +154,25 @@ def _detail(state: MissionState, value: Any) -> str:
 
 
 def next_steps(state: MissionState) -> Iterator[str]:
-    """Yield what a mission leaves to those who read its report: finds to go to, places to look at, what to ask for."""
+    """Yield the tasks for the readers of the report: detections to visit, locations to search, data to request."""
     finds = to_visit(state)
     for find in finds:
-        known = "confirmed" if find.is_certain else "nobody has confirmed it"
-        late = "" if find.level == Level.DONE else ". The mission was not done with it: pass it on yourself"
+        known = "confirmed" if find.is_certain else "not confirmed"
+        late = (
+            ""
+            if find.level == Level.DONE
+            else ". The mission did not finish reporting it: pass it on yourself"
+        )
         yield f"Go to {find.name} at {_position(state, find.x, find.y)[-1]} ({known}){late}"
     for word, places in not_done(state).items():
-        yield f"See to {', '.join(places)}: {word}"
+        yield f"Search again: {', '.join(places)}: {word}"
     if finds and georeference(state) is None:
         yield (
-            "Have the report made with coordinates of the world, which these are not: sar-journal report … --georeference "
+            "These are map coordinates. For latitude and longitude, run: sar-journal report … --georeference "
             "LAT,LON,HEADING"
         )
     if state.runs and not state.runs[-1].ending:
-        yield f"Ask for a later report: this one is of {_day(state.now)}"
+        yield f"Ask for a later report: this one is from {_day(state.now)}"
 
 
 def _is_number(text: str) -> bool:
@@ -185,7 +189,7 @@ def _position(state: MissionState, x: float, y: float) -> list[str]:
 
 
 def _when(state: MissionState, instant: EventTime | None) -> str:
-    """Return the local time, and the mission's clock; with the run if there are several, and another day than at the top."""
+    """Return the local time and the mission's clock, with the run if there are several and the day if it differs."""
     if instant is None:
         return _NONE
     run = f"run {instant.run}, " if len(state.runs) > 1 else ""
@@ -214,33 +218,33 @@ def _value(value: Any) -> str:
     return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-# A picture that is not as a journal has it is left out.
+# Omit a picture that does not have the form of a journal's.
 _BASE64 = re.compile(r"[A-Za-z0-9+/]+=*", re.ASCII)
 # Symbols are this part of the longer edge.
 _SYMBOL = 1 / 90
 _MARGIN = 1 / 20
-# Marks, which are some 24 wide, are this much of a symbol in each unit.
+# Scale of marks, which are about 24 wide, as a part of a symbol for each unit.
 _MARK = 0.12
-# The size of a label's letters in symbols, of a state's as a part of that, and the width of a letter as a part of its height.
+# The size of a label's letters in symbols, a state's as a part of that, and a letter's width as a part of its height.
 _LETTER, _SAID, _WIDE = 2.2, 0.7, 0.62
-# How far a label is from the middle of its mark, in symbols.
+# The distance of a label from the middle of its mark, in symbols.
 _BESIDE = 1.9
-# To be cut off hides more than to lie on something: by this factor.
+# Penalty of a cut-off label relative to one that covers something: this factor.
 _OUTSIDE = 4
-# A break of so many metres in the path is no way of a robot: it was carried, or the localisation has jumped.
+# A gap of this many metres in the path is not a movement of the robot: it was carried, or the localisation has jumped.
 _JUMP_M = 5.0
-# A map that is turned by less is drawn as if it were not.
+# A map with a smaller rotation is drawn without rotation.
 _TURNED_RAD = 1e-3
 
 
 class _Symbol(NamedTuple):
-    """The mark of a landmark, or of an area a part of its line.
+    """The mark of a landmark, or for an area a part of its line.
 
     Attributes:
         is_area: Whether it is that of an area.
         level: Its classes.
         path: Its outline as SVG, around the origin.
-        sign: What stands in it.
+        sign: The sign inside it.
     """
 
     is_area: bool
@@ -250,9 +254,9 @@ class _Symbol(NamedTuple):
 
 
 def _legend(state: MissionState) -> Sequence[tuple[_Symbol | None, str]]:
-    """Return each kind of symbol on the map once, with its words; None is the way of the robot."""
+    """Return each kind of symbol on the map once, with its words; None is the path of the robot."""
     drawn = {(_symbol(state, each), _words(state, each)): None for each in state.situation.landmarks.values()}
-    return [*drawn, *([(None, "way of the robot")] if len(state.trail) > 1 else [])]
+    return [*drawn, *([(None, "path of the robot")] if len(state.trail) > 1 else [])]
 
 
 def _symbol(state: MissionState, landmark: Landmark) -> _Symbol:
@@ -280,14 +284,14 @@ class MapBox(NamedTuple):
 def _course(
     state: MissionState, name: str, course: Sequence[tuple[EventTime, float]]
 ) -> Mapping[str, object]:
-    """Return the plot of a figure in percent: over the wall's time, from 0 to 100 %."""
+    """Return the plot of a figure in percent over the local time, from 0 to 100 %."""
     began, (width, height, left, low) = course[0][0].wall, _PLOT
     whole = max(state.now.wall - began, 1e-9)
 
     def at(wall: float, value: float) -> str:
         return f"{left + width * (wall - began) / whole:.1f},{5 + height * (1 - min(max(value, 0), 100) / 100):.1f}"
 
-    # What it was holds until it is something else.
+    # A value is kept until the next one.
     ends = [*(moment.wall for moment, _ in course[1:]), state.now.wall]
     steps = [
         at(wall, value)
@@ -322,7 +326,7 @@ def report_map(state: MissionState) -> str:
 
 
 def _drawing(state: MissionState) -> Mapping[str, object] | None:
-    """Return what is on the map; None if no position is known."""
+    """Return the content of the map; None if no position is known."""
     extent = _extent(state)
     if extent is None:
         return None
@@ -334,7 +338,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
     step = _grid_step(extent)
     return {
         "box": f"{left:.3f} {-high:.3f} {right - left:.3f} {high - low:.3f}",
-        "label": f"Map: the way of the robot{', ' if plurals else ''}{plurals}",
+        "label": f"Map: the path of the robot{', ' if plurals else ''}{plurals}",
         "stroke": f"{size / 4:.4f}",
         "letters": f"{size * _LETTER:.4f}",
         "image": _image(state),
@@ -361,7 +365,7 @@ def _extent(state: MissionState) -> MapBox | None:
     (left, low), (right, high) = (tuple(map(function, zip(*places, strict=True))) for function in (min, max))
     margin = max(right - left, high - low, 1.0) * _MARGIN
     extent = MapBox(left - margin, low - margin, right + margin, high + margin)
-    # So far away that the numbers have no metres is nowhere.
+    # Positions so far away that their numbers have no metres are left out.
     return extent if all(0.0 < extent[axis + 2] - extent[axis] < math.inf for axis in (0, 1)) else None
 
 
@@ -421,7 +425,7 @@ def _ways(trail: list[RobotPose]) -> Iterator[list[RobotPose]]:
 def _labels(
     state: MissionState, places: Sequence[Landmark], extent: MapBox, size: float
 ) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield the lines of the labels: text, class, by which end it is held, and where."""
+    """Yield the lines of the labels: text, class, anchor, and position."""
     taken = [_around(each.x, each.y, 1.5 * size, 1.5 * size) for each in places]
     for each in places:
         found = state.situation.kind_of(each).is_found
@@ -434,26 +438,26 @@ def _labels(
 
 
 class _Label(NamedTuple):
-    """The place of a label: its box, and where along x its lines are held (metres), by which of their ends."""
+    """The position of a label: its box, and the x position (metres) and anchor of its lines."""
 
     box: MapBox
     x: float
     anchor: str
 
     def line(self, text: str, kind: str, down: float) -> tuple[str, str, str, str, str]:
-        """Return a line of it, so far below its upper edge, metres."""
+        """Return row `y` of the box as an SVG text; y in metres from its upper edge."""
         return text, kind, self.anchor, f"{self.x:.3f}", f"{down - self.box.high:.3f}"
 
 
 def _label(landmark: Landmark, said: str, size: float, taken: Sequence[MapBox], extent: MapBox) -> _Label:
-    """Return where the label of a landmark hides least: on the right of it, the left, below or above.
+    """Return the label position of a landmark that hides least: to its right, left, below or above.
 
     Args:
         landmark: The landmark.
-        said: What stands below its name.
+        said: The text below its name.
         size: A symbol, metres.
-        taken: What must not be hidden.
-        extent: What is in sight.
+        taken: The boxes that must not be hidden.
+        extent: The visible part.
     """
     x, y, away = landmark.x, landmark.y, _BESIDE * size
     wide = max(len(landmark.name), len(said) * _SAID) * _WIDE * _LETTER * size / 2
@@ -477,7 +481,7 @@ def _around(x: float, y: float, wide: float, high: float) -> MapBox:
 
 
 def _overlap(one: MapBox, other: MapBox) -> float:
-    """Return how much two boxes share, square metres."""
+    """Return the common area of two boxes, square metres."""
     width = min(one.right, other.right) - max(one.left, other.left)
     height = min(one.high, other.high) - max(one.low, other.low)
     return max(0.0, width) * max(0.0, height)

@@ -1,4 +1,4 @@
-"""What reports bring to a run: the reports that are written when it has ended, and the cause of a failure."""
+"""Reports as an extension of a run: the reports written at its end, and the cause of a failure."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,17 +14,17 @@ from sar_compiler.ros.run_extension import RunExtension
 
 
 class RunReport(RunExtension):
-    """The reports of a run, which are written when it has ended.
+    """Writes the reports of a run at its end.
 
     Args:
-        files: Where to.
-        place: Where the map lies on the earth, if that is known.
+        files: The paths of the reports.
+        place: The georeference of the map, if known.
         earlier: The entries of earlier runs of the mission.
         folder: The journal's folder.
 
     Raises:
-        ReportError: If one of them could not be written then.
-        ImportError: If a library of theirs is not installed.
+        ReportError: If one of them cannot be written.
+        ImportError: If a required library is not installed.
     """
 
     def __init__(
@@ -36,19 +36,19 @@ class RunReport(RunExtension):
         self._state, self._inquiry = MissionState.of(self._paths.of(earlier)), Inquiry()
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Take an entry of the run's journal."""
+        """Process an entry of the run's journal."""
         told = self._paths.shorten(entry)
         self._state.take(told)
         self._inquiry.take(told)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Write them, if the run has begun; after this nobody else goes on with it."""
+        """Write the reports if the run has started; nothing continues the run afterwards."""
         if has_begun:
             self._state.process = RunProcess(is_gone=True)
             self._write()
 
     def _write(self) -> None:
-        """Write them; what cannot be written is said, because the mission is over."""
+        """Write the reports; print which ones cannot be written, because the mission is over."""
         why = self._inquiry.why()
         for file in self._files:
             obstacle = try_to_write(self._state, file, why)
@@ -57,15 +57,15 @@ class RunReport(RunExtension):
 
 
 class RunInquiry(RunExtension):
-    """Finds the likeliest cause of a run's failure while it goes on."""
+    """Finds the likeliest cause of a run's failure during the run."""
 
     def __init__(self) -> None:
         self._inquiry = Inquiry()
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Take an entry of the run's journal."""
+        """Process an entry of the run's journal."""
         self._inquiry.take(entry)
 
     def cause_of_failure(self) -> str:
-        """Return the likeliest cause of a failure in a line; empty where none is known."""
+        """Return the likeliest cause of a failure in a line; empty if unknown."""
         return first_to_look_at(self._inquiry.why())

@@ -1,4 +1,4 @@
-"""Why a mission has failed: the chain from the root's FAILURE down to the answers that caused it, and what ended the run."""
+"""The cause of a mission's failure: the chain from the root's FAILURE to the leaf results, and the run's end."""
 
 import itertools
 import signal
@@ -35,26 +35,26 @@ from sar_compiler.views.drawing import Shape
 if TYPE_CHECKING:
     from sar_compiler.analysis.verify.counterfactual import Counterfactual
 
-# Of a run that its time limit ended, a leaf is to blame that had run for so much of it at the end.
+# If a time limit ended the run, the leaf that ran for this share of it at the end is to blame.
 _MOST_OF_IT = 0.5
 _SIGNAL_STATUS = 128
-# So many of what had failed before are told.
+# The number of earlier failures that are listed.
 _MOST = 12
 _START = EventTime(1, 0.0, 0.0)
 
 
 class NodeStatus(NamedTuple):
-    """The status of a node, or what became of the run itself.
+    """The status of a node, or the end of the run itself.
 
     Attributes:
         node: Its number; None for the run.
         name: Its name.
         place: `file:line`; empty if unknown.
-        depth: How far it is below the first of its chain.
+        depth: Its depth below the first node of its chain.
         status: The status.
-        label: What it means: the label of a leaf's answer; empty if it has not said which, None if there is none to say.
-        message: What it has said.
-        since: When it got that status.
+        label: The label of a leaf's answer; empty if several are possible, None if it declares none.
+        message: Its message.
+        since: The start of that status.
     """
 
     node: int | None
@@ -68,16 +68,16 @@ class NodeStatus(NamedTuple):
 
 
 class FormerFailure(NamedTuple):
-    """The failures of a leaf, or of another node that decides by itself, during a run that were not its last outcome.
+    """The failures of a leaf, or of another node that decides itself, that did not determine the result.
 
     Attributes:
         first: The first of them.
-        in_hand: The place that the mission was at work at when the last of them came, or had been before; empty for none yet.
+        in_hand: The location where the mission worked when the last of them occurred, or earlier; empty for none yet.
         has_recovered: Whether the node has succeeded since.
-        is_of_second_way: Whether it was ticked only because another way had failed, each time.
-        has_led_elsewhere: Whether a control went on with another child because of it.
-        times: How many there were, those left out that followed each other without anything else between.
-        last: When the last one was.
+        is_of_second_way: Whether it was only ticked as an alternative after another branch had failed, each time.
+        has_led_elsewhere: Whether a control continued with another child because of it.
+        times: Their number, including repeated ones left out of the list.
+        last: The time of the last one.
     """
 
     first: NodeStatus
@@ -90,17 +90,17 @@ class FormerFailure(NamedTuple):
 
 
 class Why(NamedTuple):
-    """Why a mission has failed.
+    """The causes of a mission's failure.
 
     Attributes:
-        chain: The nodes from the root down to the answers, parents first; empty if the root has not failed.
-        answers: The answers that have caused it, the likeliest cause first.
-        before: What had failed before, by time.
-        outcome: What the mission has come to, in a word: the word of its condition.
+        chain: The nodes from the root down to the results, parents first; empty if the root has not failed.
+        answers: The results that caused it, the likeliest cause first.
+        before: The earlier failures, by time.
+        outcome: The result of the mission, in a word: the word of its condition.
         reason: The reason of that.
         said: Both in a line.
-        ended: When the root had failed.
-        went_on: Whether the root has come to something else since.
+        ended: The time of the root's failure.
+        went_on: Whether the root has returned another status since.
     """
 
     chain: tuple[NodeStatus, ...]
@@ -114,7 +114,7 @@ class Why(NamedTuple):
 
     @property
     def is_of_a_failure(self) -> bool:
-        """Whether there is something to be told: the mission is not complete, and something has failed."""
+        """Whether there is a cause to report: the mission is not complete, and a node has failed."""
         return self.first is not None and self.outcome != COMPLETE
 
     @property
@@ -124,16 +124,16 @@ class Why(NamedTuple):
 
 
 class Inquiry:
-    """Finds out why the last run of a mission has failed, from entries that come one by one; it keeps none of them.
+    """Finds the cause of a mission's failure in its last run, from entries one by one, without storing them.
 
-    Of each node those children have caused its status that have the same; under one that turns it, the other one. Where
-    nothing below explains a status, it is an answer: of a leaf, a time limit, a script, a loop over nothing. A condition only
-    tells what is so: if nothing else is to be blamed, what has failed before comes first, unless a response to the condition was
-    meant to fail.
+    A node's status is caused by those of its children that have the same status; below an inverting node, by the
+    opposite one. If no child explains a status, it is a result of the node itself: of a leaf, a time limit, a script, a
+    loop over nothing. A condition only reports a state. If nothing else is to blame, earlier failures come first,
+    unless a response to the condition was meant to fail.
 
     Attributes:
-        state: The state of the mission after the last run's entries, without what the robot's topics have said.
-        failed_tick: The number of the last tick in which the root had failed, once `why` was asked; 0 if it has never failed.
+        state: The state of the mission after the last run's entries, without the robot's topics.
+        failed_tick: The number of the last tick in which the root failed, after `why` was called; 0 if it has never failed.
     """
 
     def __init__(self) -> None:
@@ -156,7 +156,7 @@ class Inquiry:
         return inquiry
 
     def take(self, entry: JournalEntry) -> None:
-        """Take an entry; each new run starts the inquiry again."""
+        """Process an entry; each new run restarts the inquiry."""
         if entry.kind == RUN_BEGAN:
             self._begin()
             self.state.take(entry)
@@ -190,7 +190,7 @@ class Inquiry:
             self.failed_tick, self._history_then = self._explained.tick, self._history.copy()
 
     def why(self) -> Why:
-        """Return why the run has failed, once all of it was taken."""
+        """Return the causes of the run's failure after all its entries."""
         self._end_tick()
         explained = self._explained
         chain = explained.chain
@@ -211,13 +211,13 @@ class Inquiry:
         return Why(chain, tuple(answers), tuple(before), now.word, now.reason, said, since, explained.went_on)
 
     def _only_tells(self, answer: NodeStatus) -> bool:
-        """Return whether an answer only tells what is so: a condition's, or one that was always to be given where another way had failed."""
+        """Return whether a result only reports a state: a condition's, or a fixed one after another branch failed."""
         return answer.node in self._kinds.conditions or (
             answer.node in self._kinds.constant and answer.node in self._explained.second_ways
         )
 
     def _blame(self, answer: NodeStatus, history: "_History") -> tuple[object, ...]:
-        # Where there were several ways, those before were passed over, and the last one was what was left.
+        # Of several alternatives the earlier ones were passed over, and the last one remained.
         since = answer.since.time if answer.since else 0.0
         is_meant_so = answer.node in self._explained.responses
         tolerated, worked = answer.node in history.tolerated, answer.node in history.worked
@@ -226,9 +226,9 @@ class Inquiry:
         return is_meant_so, is_turned, self._only_tells(answer), tolerated, not worked, -since, -number
 
     def _may_be_cause(self, failure: FormerFailure, *, only_cost: bool) -> bool:
-        """Return whether a failure that was got over may be what a mission lacks something for.
+        """Return whether a handled failure may still be the reason for a missing item of the mission.
 
-        A condition may if another way was taken because of it, and the place that was in hand was given up.
+        A condition may, if another branch was taken because of it and the present location was given up.
         """
         if failure.first.node in self._kinds.conditions:
             return failure.has_led_elsewhere and _has_given_up(self.state, failure)
@@ -248,14 +248,14 @@ class Inquiry:
         )
 
     def _with_end(self, answers: Sequence[NodeStatus], *, has_failed: bool) -> list[NodeStatus]:
-        """Return the causes with what has ended the run itself, if it did not end by its root."""
+        """Return the causes, with the end of the run itself if it did not end by its root."""
         run = self.state.runs[-1] if self.state.runs else None
         if self._raised is not None:
             return [self._raised, *answers]
         if run is None or has_failed or not (run.ending or self.state.process.is_gone):
             return list(answers)
         if not run.ending:
-            killed = "the process of the run is gone without an end: it was killed, or has crashed"
+            killed = "the process of the run ended without a record: it was killed, or has crashed"
             return [_of_run("KILLED", killed, self.state.now), *answers]
         if run.ending == Ending.STOPPED.value:
             return [_of_run("STOPPED", f"by {_signal_name(run.status)}", run.ended), *answers]
@@ -265,9 +265,9 @@ class Inquiry:
         return [*self._held_up(), ended]
 
     def _held_up(self) -> list[NodeStatus]:
-        """Return the leaf that had run for most of the run at its end, after the answers because of which it ran."""
+        """Return the leaf that ran for most of the run at its end, after the results because of which it ran."""
         run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
-        # The end of a run has no time of the mission's clock in a journal.
+        # In a journal the end of a run has no time of the mission's clock.
         enough = _MOST_OF_IT * (now - run.began.wall)
         running = [node for node in self.state.nodes if not node.children and ends.is_running(node.number)]
         long = [node for node in running if node.since and now - node.since.wall > enough]
@@ -280,7 +280,7 @@ class Inquiry:
 
 
 def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
-    """Yield those entries of a run that tell of its tree and its mission, and can be understood."""
+    """Yield the valid entries of a run about its tree and its mission."""
     count = 0
     for entry in stream:
         if entry.kind == RUN_BEGAN:
@@ -290,7 +290,7 @@ def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
 
 
 def _is_of_tree(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry tells of the tree, which has so many nodes, or the mission, as those of this project do."""
+    """Return whether an entry is valid for the mission, or for the tree, which has this many nodes."""
     return (
         is_status(entry, count) and "message" in entry.data
         if entry.kind == STATUS
@@ -299,11 +299,11 @@ def _is_of_tree(entry: JournalEntry, count: int) -> bool:
 
 
 class _NodeKinds(NamedTuple):
-    """What the beginning of a run says of the nodes of its tree, each by its number.
+    """The properties of a tree's nodes in the start of a run, each by its number.
 
     Attributes:
-        conditions: The leaves that only tell what is so.
-        constant: The leaves that always come to the same status.
+        conditions: The leaves that only report a state.
+        constant: The leaves that always return the same status.
         parallel: The controls that tick their children together.
         limits: The time limits of nodes, in seconds.
     """
@@ -315,7 +315,7 @@ class _NodeKinds(NamedTuple):
 
     @classmethod
     def of(cls, began: JournalEntry) -> "_NodeKinds":
-        """Return what a run says when it begins; what cannot be understood is left out."""
+        """Return the properties in the start of a run; invalid data is ignored."""
         about = began.data.get("run")
 
         def value(name: str, kind: type) -> Any:
@@ -339,19 +339,19 @@ class _NodeKinds(NamedTuple):
 
 
 class _Explained:
-    """The last FAILURE of a root, explained.
+    """The last FAILURE of a root, with its explanation.
 
     Args:
-        state: The state of the mission, which has taken each entry before this does.
-        kinds: What the nodes are.
+        state: The state of the mission, which has processed each entry before.
+        kinds: The properties of the nodes.
 
     Attributes:
-        ends: What has explained each end.
+        ends: The explanation of each end.
         chain: The nodes from the root down; empty if it has never failed.
-        answers: Those of them that nothing below explains.
-        second_ways: The numbers of the answers that were given only because another way had failed.
-        responses: Those of them that always fail: what they end is meant to fail.
-        triggers: The answers that such a response was for.
+        answers: The results among them that no child explains.
+        second_ways: The numbers of the results that were only returned because another branch had failed.
+        responses: The results among them that always fail: the failure is intended.
+        triggers: The results to which such a response belongs.
     """
 
     def __init__(self, state: MissionState, kinds: _NodeKinds) -> None:
@@ -364,7 +364,7 @@ class _Explained:
 
     @property
     def tick(self) -> int:
-        """The number of the tick whose entries are taken."""
+        """The number of the tick whose entries are processed."""
         return self.ends.tick
 
     @property
@@ -377,14 +377,14 @@ class _Explained:
         return self.ends.is_next(int(entry.data["tick"]))
 
     def take(self, entry: JournalEntry) -> None:
-        """Take the status of a node."""
+        """Process the status of a node."""
         self.ends.receive(entry.data, entry.time)
         node = self._state.nodes[entry.data["node"]]
         if node.status in OTHER_END:
             self._last[node.number] = _answer(node)
 
     def end_tick(self) -> bool:
-        """End a tick; return whether the root has failed in it, or had failed and was not reset."""
+        """End a tick; return whether the root failed in it, or failed earlier and was not reset."""
         self.ended = self.ends.end_tick()
         for number in self.ended:
             if not self.ends.causes[number]:
@@ -398,7 +398,7 @@ class _Explained:
         return self._last[number]
 
     def _decided(self, number: int) -> NodeStatus:
-        """Return the end of a node that nothing below it explains, with the reason in words where the node does not say it."""
+        """Return the end of a node that no child explains, with the reason in words if the node has no message."""
         said, node = self._last[number], self._state.nodes[number]
         if node.children and number in self._kinds.limits and said.status == FAILURE:
             names = [
@@ -425,7 +425,7 @@ class _Explained:
         return above == ancestor
 
     def way_up(self, number: int) -> Iterator[int]:
-        """Yield a node that has ended, and those above it whose ends it explains, up to the first one that another has."""
+        """Yield a node that has ended, and its ancestors explained by it, up to one with another explanation."""
         above: int | None = number
         while above is not None:
             yield above
@@ -434,7 +434,7 @@ class _Explained:
             above = parent if is_cause and self.ends.status.get(parent or 0) == FAILURE else None
 
     def ways_before(self, number: int) -> list[int]:
-        """Return the nodes that had failed before the one that has ended was ticked, because of which it was."""
+        """Return the nodes whose earlier failure led to the tick of the one that has ended."""
         return [
             each
             for node in self.way_up(number)
@@ -443,7 +443,7 @@ class _Explained:
         ]
 
     def leading_to(self, number: int) -> list[int]:
-        """Return the answers because of which a node that still runs was ticked in place of another."""
+        """Return the results because of which a running node was ticked instead of another."""
         found: list[int] = []
         above: int | None = number
         while above is not None:
@@ -455,7 +455,7 @@ class _Explained:
         return found
 
     def answers_below(self, number: int) -> list[int]:
-        """Return the answers that explain the end of a node."""
+        """Return the results that explain the end of a node."""
         waiting, found = [number], []
         while waiting:
             node = waiting.pop()
@@ -493,12 +493,12 @@ def _answer(node: NodeState) -> NodeStatus:
 
 
 def _of_run(status: str, message: str, since: EventTime | None) -> NodeStatus:
-    """Return what has become of a run."""
+    """Return the end of a run as an outcome."""
     return NodeStatus(None, "run", "", 0, status, None, message, since)
 
 
 def _signal_name(status: int | None) -> str:
-    """Return the signal that the exit status of a run tells of, in words."""
+    """Return the signal in the exit status of a run, in words."""
     try:
         name = signal.Signals((status or 0) - _SIGNAL_STATUS).name
     except ValueError:
@@ -507,13 +507,13 @@ def _signal_name(status: int | None) -> str:
 
 
 class _History:
-    """The outcomes of nodes during a run.
+    """The results of nodes during a run.
 
     Args:
-        kinds: What the nodes are.
+        kinds: The properties of the nodes.
 
     Attributes:
-        worked: The leaves that have succeeded at some time.
+        worked: The leaves that have succeeded at least once.
         tolerated: The nodes that had failed when their parent did not.
     """
 
@@ -527,14 +527,14 @@ class _History:
         self._in_hand = self._in_hand_then = ""
 
     def copy(self) -> "_History":
-        """Return a copy that later entries do not change."""
+        """Return a copy that is independent of later entries."""
         copied = _History(self._kinds)
         vars(copied).update({name: copy(each) for name, each in vars(self).items()})
         return copied
 
     def take(self, entry: JournalEntry, state: MissionState) -> None:
-        """Take an entry of the run, after which the mission has a state."""
-        # What a tick has come to is told after the facts of it, by which the place may be left already.
+        """Process an entry of the run, after which the mission has a state."""
+        # The result of a tick is written after its events, which may already have left the location.
         if entry.kind == CHANGED:
             landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
             if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
@@ -556,7 +556,7 @@ class _History:
                 self.worked.add(number)
 
     def end_tick(self, explained: _Explained, state: MissionState) -> None:
-        """Note what explains the failures of a tick, each where it did not make the node above fail."""
+        """Record the explanation of each failure of a tick that did not make its parent fail."""
         ends = explained.ends
         for top in explained.ended:
             if ends.status[top] != FAILURE:
@@ -576,7 +576,7 @@ class _History:
         answer = explained.last_end(number)
         if answer.status != FAILURE:
             return
-        # A condition in front of an action is no other way: it only asks whether the action is needed.
+        # A condition before an action is not an alternative: it only checks whether the action is needed.
         is_of_second_way = not self._kinds.conditions.issuperset(explained.ways_before(number))
         known = self._failures.get(number) or FormerFailure(
             answer,
@@ -596,7 +596,7 @@ class _History:
         )
 
     def former(self) -> list[FormerFailure]:
-        """Return the failures that were not the last outcome of their node, by the time of the first."""
+        """Return the failures that did not determine their node's last result, by the time of the first."""
         former = [
             each._replace(has_recovered=node in self._recovered) for node, each in self._failures.items()
         ]
@@ -604,13 +604,13 @@ class _History:
 
 
 def _has_given_up(state: MissionState, failure: FormerFailure) -> bool:
-    """Return whether the place that was in hand at a failure was given up."""
+    """Return whether the location of a failure was given up."""
     landmarks = state.situation.landmarks.values()
     return any(each.name == failure.in_hand and each.level == Level.GIVEN_UP for each in landmarks)
 
 
 def _cost(state: MissionState, failure: FormerFailure) -> bool:
-    """Return whether a mission lacks something that has to do with a failure: the place in hand, a find there, or what was to come."""
+    """Return whether a missing item of the mission relates to a failure: its location, a detection, or a next step."""
     landmarks = state.situation.landmarks.values()
     place = [each for each in landmarks if each.name == failure.in_hand]
     if not place:
@@ -630,9 +630,9 @@ class RunDifference(NamedTuple):
     """The first difference of two runs.
 
     Attributes:
-        step: How many changes of status they have in common.
-        here: What this run came to next; None if it had ended.
-        there: The same of the other run.
+        step: The number of changes of status that they have in common.
+        here: The next result of this run; None if it had ended.
+        there: The next result of the other run.
     """
 
     step: int
@@ -643,7 +643,7 @@ class RunDifference(NamedTuple):
 def first_difference(stream: Iterable[JournalEntry], other: Iterable[JournalEntry]) -> RunDifference | None:
     """Return the first difference of two runs; None if there is none.
 
-    What nodes come to is compared, and what they mean by it, change by change, whatever the time; messages do not count.
+    Results of nodes and their labels are compared change by change, regardless of times and messages.
     """
     for step, (here, there) in enumerate(itertools.zip_longest(_changes(stream), _changes(other))):
         if (
@@ -667,14 +667,14 @@ def _changes(stream: Iterable[JournalEntry]) -> Iterator[NodeStatus]:
 
 
 def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) -> str:
-    """Return how a mission whose tree has these nodes would have succeeded, in words."""
+    """Return the change with which a mission with these nodes would have succeeded, in words."""
     leaf = nodes[change.instead.number]
     said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
     place = f"  ({leaf.place})" if leaf.place else ""
-    lines = ["It would have succeeded with another answer:"]
+    lines = ["It would have succeeded with another outcome:"]
     lines.append(in_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
     if change.then:
-        usual = "as usual" if not change.unusual else f"{change.unusual} of them not as usual"
+        usual = "as usual" if not change.unusual else f"{change.unusual} of them unusual"
         told = [f"{nodes[each.number].name} {each.answer}" for each in change.then[:_MOST]]
         more = f", and {len(change.then) - _MOST} more" if len(change.then) > _MOST else ""
         lines.append(in_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
@@ -686,7 +686,7 @@ def _meaning(answer: Event) -> str:
 
 
 def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) -> dict[str, Any]:
-    """Return how a mission whose tree has these nodes would have succeeded as JSON values."""
+    """Return the change with which a mission with these nodes would have succeeded as JSON values."""
 
     def data(answer: Event) -> dict[str, object]:
         said = {"node": answer.number, "status": answer.status, "label": answer.label}
@@ -704,19 +704,19 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
 
 
 def why_text(reasons: Why, otherwise: str = "") -> str:
-    """Return why a mission has failed, in words, with what would have succeeded."""
+    """Return the causes of a mission's failure in words, with changes for a success."""
     lines = [in_one_line(reasons.said)]
     if reasons.first is not None and reasons.is_of_a_failure:
-        lines += ["", "First to look at:", f"  {_status_line(reasons.first)}"]
+        lines += ["", "Likeliest cause:", f"  {_status_line(reasons.first)}"]
     if reasons.chain:
-        lines += ["", "The root had failed, and went on:" if reasons.went_on else "The root has failed:"]
+        lines += ["", "The root failed, and then continued:" if reasons.went_on else "The root has failed:"]
         lines += [f"  {'  ' * answer.depth}{_status_line(answer)}" for answer in reasons.chain]
     elif reasons.outcome != COMPLETE:
         lines += ["", "The root has not failed."]
     if otherwise:
         lines += ["", otherwise]
     if reasons.before:
-        lines += ["", "What had failed before, and had not the last word:"]
+        lines += ["", "Earlier failures that did not determine the result:"]
         lines += [f"  {_status_line(each.first)}{_repetition(each)}" for each in reasons.before[:_MOST]]
         if len(reasons.before) > _MOST:
             lines.append(f"  … {len(reasons.before) - _MOST} more nodes")
@@ -724,10 +724,10 @@ def why_text(reasons: Why, otherwise: str = "") -> str:
 
 
 def first_to_look_at(reasons: Why) -> str:
-    """Return the node that is the likeliest cause of a failure in a line; empty if there is none to be told."""
+    """Return the likeliest cause of a failure in a line; empty if there is none."""
     if reasons.first is None or reasons.first.node is None or not reasons.is_of_a_failure:
         return ""
-    return f"first to look at: {_status_line(reasons.first)}"
+    return f"likeliest cause: {_status_line(reasons.first)}"
 
 
 def _repetition(failure: FormerFailure) -> str:
@@ -745,16 +745,16 @@ def difference_text(difference: RunDifference | None, names: tuple[str, str]) ->
     """Return the first difference of two runs in words; the names are those of their journals."""
     if difference is None:
         return "In both runs all nodes had the same statuses, in the same order."
-    lines = [f"The runs are alike in {difference.step} changes of status. Then:"]
+    lines = [f"The runs are equal in {difference.step} changes of status. Then:"]
     for name, answer in zip(names, (difference.here, difference.there), strict=True):
         lines.append(
-            f"  {in_one_line(name)}: {_status_line(answer) if answer is not None else 'nothing more, it had ended'}"
+            f"  {in_one_line(name)}: {_status_line(answer) if answer is not None else 'nothing more, because it had ended'}"
         )
     return "\n".join(lines)
 
 
 def why_data(reasons: Why) -> dict[str, Any]:
-    """Return why a mission has failed as JSON values."""
+    """Return the causes of a mission's failure as JSON values."""
     return {
         "outcome": reasons.outcome,
         "reason": reasons.reason,

@@ -28,9 +28,8 @@ _NANOSECONDS = 1_000_000_000
 class TurnsOfPublishers:
     """Detects from message numbers whether the transforms of a frame come from publishers that alternate.
 
-    rclpy does not identify the sender of a message, but gives the message's number among those of its
-    publisher. These numbers rise for one publisher. They fall again and again for two that alternate, and
-    once for one that was restarted.
+    rclpy does not identify the sender of a message, but gives the message's number among those of its publisher. These numbers
+    rise for one publisher. They fall again and again for two that alternate, and once for one that was restarted.
     """
 
     def __init__(self) -> None:

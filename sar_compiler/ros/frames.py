@@ -122,8 +122,7 @@ class _Heard(NamedTuple):
 class FrameTree:
     """The frames that a node has received; use `frame_tree`.
 
-    A frame that two nodes publish, or that is both static and moving, has no pose: it is unknown which of
-    them is right.
+    A frame that two nodes publish, or that is both static and moving, has no pose: it is unknown which of them is right.
 
     Args:
         node: The rclpy node.

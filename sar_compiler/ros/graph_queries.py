@@ -319,8 +319,7 @@ class RosGraph:
             problem = f"{number} servers answer to {full}{of_nodes}. Stop {which}"
         elif endpoint.type_name:
             types = {kind for _, served in self._servers() for kind in served.get(service, ())}
-            # The owner of a server may be discovered later than the server. Until then clients of the name
-            # are included.
+            # The owner of a server may be discovered later than the server. Until then clients of the name are included.
             types = types or set(dict(self._node.get_service_names_and_types()).get(service, ()))
             problem = _wrong_type("served", types, endpoint.type_name)
         problem = problem or self._unheard_service(service)
@@ -605,8 +604,7 @@ def _unheard(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) 
         reasons = [(each, obstacle(each, mine)) for each in infos]
         if not reasons or not all(reason for _, reason in reasons):
             continue
-        # The most demanding profile that all publishers offer, or the least demanding that suffices for all
-        # subscribers.
+        # The most demanding profile that all publishers offer, or the least demanding that suffices for all subscribers.
         names = list(NAMED_QOS) if hears else list(reversed(NAMED_QOS))
         fits = [name for name in names if not any(obstacle(each, qos_profile("", name)) for each in infos)]
         info, reason = reasons[0]

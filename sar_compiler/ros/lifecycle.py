@@ -42,8 +42,7 @@ class PolledService:
         deadline_sec: How long an answer may take, seconds.
         known_at: The time for which the answer holds, steady seconds: when the query was sent or given up; minus
             infinity while nothing is known.
-        silent_since: The time of the first of the latest unanswered queries, as `known_at`; None if the last one was
-            answered.
+        silent_since: The time of the first of the latest unanswered queries, as `known_at`; None if the last one was answered.
         answered_at: The time of the last answer, as in `AwakeTime.stood_still_at`.
     """
 
@@ -102,8 +101,7 @@ class PolledService:
         elif (now := AWAKE.now()) - self._asked_at > self.deadline_sec:
             self.answer, self.is_silent, self.known_at = None, True, now
             self.silent_since = self.silent_since or self._asked_at
-            # A server that has not discovered the client's reader drops every answer to it. It may discover another
-            # client's.
+            # A server that has not discovered the client's reader drops every answer to it. It may discover another client's.
             self.close()
             self._client = self._node.create_client(self._type, self._name)
             self._renewed_at = now

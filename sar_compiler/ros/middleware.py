@@ -1,8 +1,7 @@
 """The start of ROS in a process: checks before it, and the clean-up of shared memory.
 
-If the middleware in `RMW_IMPLEMENTATION` is not installed, rcl would end the process, so this is checked first. Fast
-DDS keeps half a megabyte of shared memory for a process, and a killed process leaves it there for good. It is removed
-here.
+If the middleware in `RMW_IMPLEMENTATION` is not installed, rcl would end the process, so this is checked first. Fast DDS keeps
+half a megabyte of shared memory for a process, and a killed process leaves it there for good. It is removed here.
 """
 
 import fcntl

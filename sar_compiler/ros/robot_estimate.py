@@ -99,8 +99,7 @@ class RobotEstimate:
         self._awaiting: list[Callable[[], None]] = []
         self._odometry_listeners: list[Callable[[], None]] = []
         latched = qos_profile(type(self).__name__, "transient_local")
-        # A robot that stands still, and may be paused, has published its pose earlier. AMCL repeats it only after a
-        # movement.
+        # A robot that stands still, and may be paused, has published its pose earlier. AMCL repeats it only after a movement.
         node.create_subscription(PoseWithCovarianceStamped, "amcl_pose", self._on_pose, latched)
         # Serialised: a message of a busy topic takes longer to deserialise than to scan.
         node.create_subscription(
@@ -170,8 +169,7 @@ class RobotEstimate:
         """Return the current pose of the robot in the frame `map`; None if it is unknown or outdated."""
         if self.lost_transforms():
             return None
-        # Between two poses of the localisation, which arrive after movements, only recent odometry extends the last
-        # pose.
+        # Between two poses of the localisation, which arrive after movements, only recent odometry extends the last pose.
         return self.place() if self.moves is not None else self.pose
 
     def listen(self, listener: PoseListener) -> None:

@@ -249,9 +249,8 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             number_of_iterations: The number of ticks, including woken ones; by default without a limit.
             pre_tick_handler: Called before every tick, before the handlers that were added.
             post_tick_handler: Called after every tick, after the handlers that were added.
-            until: The statuses of the root at which ticking ends. By default there are none: the tree starts over at
-                the next tick, which changes `last_status`. At the end `running` is False, and `last_status` keeps that
-                status.
+            until: The statuses of the root at which ticking ends. By default there are none: the tree starts over at the next
+                tick, which changes `last_status`. At the end `running` is False, and `last_status` keeps that status.
 
         Raises:
             RuntimeError: If `setup` was not called, or the tree was stopped already.

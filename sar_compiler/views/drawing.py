@@ -1,7 +1,7 @@
-"""Drawings of a tree: in Graphviz' language, as a flowchart of Mermaid, and as a picture in SVG.
+"""Drawings of a tree as Graphviz, Mermaid and SVG.
 
-All formats share one list of nodes. In the picture, children stand side by side below their parent where there is room, else one
-below the other, indented: a small tree looks as in a book, and a wide one stays narrow. Lengths are in pixels.
+All formats share one list of nodes. In the picture, children are side by side below their parent if there is room, else
+one below the other, indented: a small tree looks as in a book, and a wide one stays narrow. Lengths are in pixels.
 """
 
 import itertools
@@ -29,7 +29,7 @@ from sar_compiler.tree.model import SUBTREE_TAG
 from sar_compiler.tree.plain import plain, speakable
 from sar_compiler.tree.showing import in_one_line, shortened
 
-# Characters of a label and of the line below it; a title has the whole of them.
+# Maximum number of characters of a label and of the line below it; a title has the full texts.
 _LONGEST = 40
 
 
@@ -55,14 +55,14 @@ class DrawnNode(NamedTuple):
     """A node of a drawing; no text of it has control characters or line breaks.
 
     Attributes:
-        parent: The place of its parent in the list; -1 for the root.
-        children: The places of its children.
-        end: The place after the last node below it: the list is in pre-order.
+        parent: The index of its parent in the list; -1 for the root.
+        children: The indices of its children.
+        end: The index after its last descendant: the list is in pre-order.
         shape: Its shape.
-        sign: The sign of what it does with its children; empty for a leaf.
+        sign: The sign of its control or decorator; empty for a leaf.
         name: Its name.
-        details: Its tag, where neither sign nor name says it, and its attributes as written; may be empty.
-        title: The place in the file, and everything that is written there.
+        details: Its tag, if neither sign nor name shows it, and its attributes as written; may be empty.
+        title: The location in the file, and all texts of the node.
         is_subtree: Whether it is the top of a subtree.
     """
 
@@ -87,7 +87,7 @@ def drawn_nodes(tree: Drawable, *, folded: bool = False) -> list[DrawnNode]:
 
     Args:
         tree: The tree.
-        folded: Whether a subtree is one node, without what is in it.
+        folded: Whether a subtree is one node, without its content.
     """
     inside = {id(each) for each in _inside_subtrees(tree)} if folded else set()
     behaviours = [each for each in pre_order(tree.root) if id(each) not in inside]
@@ -100,15 +100,15 @@ def drawn_nodes(tree: Drawable, *, folded: bool = False) -> list[DrawnNode]:
     origins = [tree.origins[each.id] for each in behaviours]
     drawn = []
     for each, origin, parent, children, end in zip(behaviours, origins, parents, below, ends, strict=True):
-        # What conditions and `oneshot` put around a node was made from the same element.
+        # Conditions and `oneshot` of an element put nodes around its own.
         is_wrapper = any(origins[child].bound is origin.bound for child in children)
         drawn.append(DrawnNode(parent, children, end, *_looks(each.name, origin, is_wrapper=is_wrapper)))
-    # What there is a line around is unfolded.
+    # A subtree with a frame is unfolded.
     return [each._replace(is_subtree=False) for each in drawn] if folded else drawn
 
 
 def _inside_subtrees(tree: Drawable) -> Iterator[Behaviour]:
-    """Yield what is in a subtree of the tree that is shown."""
+    """Yield the nodes in a subtree of the shown tree."""
     for each in pre_order(tree.root):
         if tree.origins[each.id].bound.subtree is not None:
             yield from itertools.islice(pre_order(each), 1, None)
@@ -121,10 +121,10 @@ def _graph_lines(
 
     Args:
         nodes: The nodes.
-        frame: What begins a frame, with a place for the number of its first node.
+        frame: The beginning of a frame, with a placeholder for the number of its first node.
         line: Returns the line of a node and its number.
-        end: What ends a frame.
-        edge: An edge, with places for the numbers of parent and child.
+        end: The end of a frame.
+        edge: An edge, with placeholders for the numbers of parent and child.
     """
     ends = Counter(node.end for node in nodes if node.is_subtree)
     for number, node in enumerate(nodes):
@@ -137,7 +137,7 @@ def _graph_lines(
 
 
 def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, str, str, str, bool]:
-    """Return what a drawn node is from its shape on."""
+    """Return the fields of a drawn node from its shape on."""
     bound = origin.bound
     tag, element = bound.spec.tag, bound.element
     if is_wrapper:
@@ -163,7 +163,7 @@ _REPEATS, _SUBTREE, _OTHER = DECORATORS
 
 
 def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
-    """Return what a node is drawn as, by its meaning."""
+    """Return the shape of a node by its meaning."""
     semantics, kind = bound.spec.semantics, bound.spec.kind
     if kind.is_leaf:
         return (Shape.CONDITION if kind is Kind.CONDITION else Shape.ACTION), ""
@@ -180,7 +180,7 @@ def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
 
 
 def _attributes(bound: BoundNode) -> dict[str, str]:
-    """Return the attributes of a node as they are written, without what the drawing shows anyway."""
+    """Return the attributes of a node as written, without those that the drawing shows anyway."""
     attributes = bound.element.attributes
     shown = {"name", "oneshot", *bound.conditions}
     if bound.spec.semantics.with_memory:
@@ -200,7 +200,7 @@ def _cut(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 
-# Those of py_trees' own drawings.
+# The colours of py_trees' own drawings.
 _DOT_SHAPES = {
     Shape.SEQUENCE: "box",
     Shape.SELECTOR: "octagon",
@@ -242,7 +242,7 @@ def _dot_text(text: str) -> str:
     return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
 
 
-# What is before and behind a label.
+# The text before and after a label.
 _BRACKETS = {
     Shape.SEQUENCE: ("[", "]"),
     Shape.SELECTOR: ("{{", "}}"),
@@ -254,12 +254,12 @@ _BRACKETS = {
     Shape.UNKNOWN: ("[", "]"),
 }
 _ON_SHAPES = f"stroke:{COLOURS['halted'].light},color:{COLOURS['text'].light}"
-# Everything that is a sign of Mermaid's, of Markdown's or of HTML's somewhere.
+# All characters with a meaning in Mermaid, Markdown or HTML.
 _SIGN = re.compile(r"[^\w ?/=\x80-\U0010ffff]|(?<!\w)[_=]|_(?!\w)")
-# Those that mean something together with the next character even as entities (line breaks, formulas, icons): something unseen comes
-# between.
+# Characters with a meaning together with the next one even as entities (line breaks, formulas, icons): an invisible one
+# separates them.
 _APART = "\\$:"
-# What pages that draw Mermaid leave undrawn, as GitHub's and GitLab's do: no page may choose more.
+# The limits of pages that draw Mermaid, such as GitHub and GitLab, which a page cannot raise.
 _MOST_EDGES, _LONGEST_CHART = 499, 50_000
 _EDGE = " --> "
 
@@ -277,7 +277,7 @@ def mermaid(tree: Drawable, *, folded: bool = False) -> str:
 
 
 def too_large(flowchart: str) -> bool:
-    """Return whether a flowchart is more than GitHub and GitLab draw."""
+    """Return whether a flowchart exceeds the limits of GitHub and GitLab."""
     return len(flowchart) > _LONGEST_CHART or flowchart.count(_EDGE) > _MOST_EDGES
 
 
@@ -295,32 +295,32 @@ def _entity(match: re.Match[str]) -> str:
 _LABEL, _DETAILS, _CELL = 13, 10.5, 0.605
 _PADDING = 9
 _INDENT, _TRUNK = 17, 9
-# Between what stands beside or below each other; between a parent and a row of children, or a single one.
+# Distances between neighbours side by side or in a column, and between a parent and a row of children, or a single child.
 _GAP, _LEVEL, _STEP = 8, 24, 14
 # Between a subtree and the line around it.
 _FRAME = 7
 _MARGIN = 10
-# Every picture may be as wide as this: at 400 pixels its text can still be read. A larger one may be wider, so that it does not
-# become much more than so many times as high as wide.
+# Every picture may be this wide: at 400 pixels its text is still readable. A larger one may be wider, to limit its
+# ratio of height to width.
 _NARROW, _TALL = 560, 4
 
 
 @dataclass
 class Block:
-    """A node with everything below it, as a rectangle.
+    """A node with its descendants, as a rectangle.
 
     Attributes:
         wide: The width of the node's own box.
-        high: The height of that.
-        frame: The distance of the box from the block's upper edge, and of all that is in it from the others.
-        least: The width if nothing in it stands side by side.
-        beside: Whether its children stand side by side.
-        centred: Whether boxes stand above the middle of their children, not above their left edge.
+        high: The height of the node's own box.
+        frame: The distance of the box from the block's upper edge, and of the content from the other edges.
+        least: The width if no children in it are side by side.
+        beside: Whether its children are side by side.
+        centred: Whether boxes are above the middle of their children, not above their left edge.
         shift: The distance of the box from the block's left edge.
         width: Its width.
         height: Its height.
-        x: Its left edge: in the block around it, at last in the picture.
-        y: Its upper edge, likewise.
+        x: Its left edge: in the block around it, finally in the picture.
+        y: Its upper edge, in the same way.
     """
 
     wide: float
@@ -337,7 +337,7 @@ class Block:
 
     @property
     def anchor(self) -> float:
-        """Where lines meet the box above and below, counted from the same edge as `x`."""
+        """The x position of lines at the box above and below, measured like `x`."""
         return self.x + self.shift + (self.wide / 2 if self.centred else _TRUNK)
 
     @property
@@ -374,7 +374,7 @@ def svg(tree: Drawable, *, folded: bool = False) -> str:
 def _place_blocks(nodes: Sequence[DrawnNode]) -> list[Block]:
     blocks = [_block(node) for node in nodes]
     below = [[blocks[child] for child in node.children] for node in nodes]
-    # Children come behind their parents in the list.
+    # Children follow their parents in the list.
     pairs = list(zip(blocks, below, strict=True))
     for block, children in reversed(pairs):
         indent = _INDENT if len(children) > 1 else 0
@@ -396,12 +396,12 @@ def _block(node: DrawnNode) -> Block:
 
 
 def _cells(text: str) -> int:
-    """Return the width of a text in characters; those of East Asia count twice, accents not."""
+    """Return the width of a text in characters; East Asian ones have width 2, accents 0."""
     return sum(0 if combining(each) else 2 if east_asian_width(each) in "WF" else 1 for each in text)
 
 
 def _choose(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> None:
-    """Decide whose children stand side by side: from the root down, where there is room for them."""
+    """Decide which children are side by side: from the root down, if there is room for them."""
     area = blocks[0].least * sum(block.high + _GAP for block in blocks)
     room = [max(_NARROW, blocks[0].least, math.sqrt(area / _TALL))] * len(nodes)
     for number, (node, block) in enumerate(zip(nodes, blocks, strict=True)):
@@ -415,7 +415,7 @@ def _choose(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> None:
 
 
 def _measure(block: Block, children: Sequence[Block]) -> None:
-    """Give a block its size, and its children their places in it."""
+    """Set the size of a block, and the positions of its children."""
     block.shift = x = block.frame
     y = block.bottom + (_GAP if not block.beside else _LEVEL if len(children) > 1 else _STEP)
     for child in children:
@@ -443,7 +443,7 @@ def _connections(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> Iterato
         if not children:
             continue
         if block.beside:
-            # In the middle of the gap, whatever stands in the way of the children's boxes.
+            # In the middle of the gap, regardless of the children's boxes.
             bend = (block.bottom + children[0].y) / 2
             yield f"M{block.anchor:.0f} {block.bottom:.0f}V{bend:.0f}"
             for child in children:
@@ -472,7 +472,7 @@ def _node(node: DrawnNode, block: Block) -> str:
 
 
 def _outline(shape: Shape, x: int, y: int, wide: int, high: int) -> str:
-    """Return the way around a node: octagons for selectors, as py_trees draws them; rounded ends for conditions."""
+    """Return the outline of a node: octagons for selectors, as in py_trees, and rounded ends for conditions."""
     if shape is Shape.PARALLEL:
         return f"M{x} {y}h{wide}l-6 {high}h{-wide}z"
     if shape is Shape.DECORATOR:

@@ -1,4 +1,4 @@
-"""Findings: each cause once for people; for editors and continuous integration as JSON, SARIF and commands of GitHub Actions."""
+"""Findings by cause as text, and each as JSON, SARIF and GitHub workflow commands."""
 
 import re
 import urllib.parse
@@ -52,7 +52,7 @@ def findings_as_github(findings: Iterable[Diagnostic]) -> str:
 def _command(finding: Diagnostic) -> str:
     span = finding.span
     properties: dict[str, object] = {"file": finding.source.path, "line": span.line}
-    if span.line == span.end_line:  # columns go with one line only, and the last one belongs to the place
+    if span.line == span.end_line:  # columns need a single line, and the last one belongs to the range
         properties["col"] = span.column
     properties["endLine"] = span.end_line
     if span.line == span.end_line:
@@ -73,11 +73,11 @@ def page_of(code: str) -> str:
 
 
 def without_markdown(page: str, paint: Callable[[str, str], str]) -> str:
-    """Return a page in Markdown as it is read on a terminal: code is indented, and headings are bold.
+    """Return a Markdown page for a terminal: code is indented, and headings are bold.
 
     Args:
         page: The page.
-        paint: Returns a text in the colours of what it is.
+        paint: Returns a text in the colours of its kind.
     """
     lines, is_code = [], False
     for line in page.splitlines():
@@ -89,7 +89,7 @@ def without_markdown(page: str, paint: Callable[[str, str], str]) -> str:
 
 
 def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
-    """Return a line of Markdown without its marks, and a link by its text."""
+    """Return a line of Markdown without markup, and each link as its text."""
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", line)
     text = re.sub(r"\*\*?([^*]+)\*\*?", r"\1", text).replace("`", "")
     heading = re.match(r"#+ (.*)", text)
@@ -97,15 +97,15 @@ def _plain_line(line: str, paint: Callable[[str, str], str]) -> str:
 
 
 FEW = 3
-"""The most places of a cause in one file, and the most messages of one, that are told by themselves."""
+"""The largest number of a cause's locations in one file, and of its messages, that are listed individually."""
 
 _NAMED = 8
 
 
 def by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return one finding for each cause, at its first place, with how many more there are.
+    """Return one finding for each cause, at its first location, with the number of the others.
 
-    Up to `FEW` places in one file are findings of their own; so are the messages of a cause that has up to `FEW`.
+    Up to `FEW` locations in one file are separate findings; so are the messages of a cause that has up to `FEW`.
     """
     causes = _groups(findings, lambda each: (each.cause, each.severity))
     return [told for group in causes for told in _of_one_cause(group)]
@@ -138,7 +138,7 @@ def _of_one_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
 
 
 def _cause_text(cause: Cause, group: Iterable[Diagnostic]) -> str:
-    """Return the sentence that lists what a cause is about, the most frequent first."""
+    """Return the sentence that lists the subjects of a cause, the most frequent first."""
     counts = Counter(each.common_cause.subject for each in group if each.common_cause)
     named = ", ".join(f"'{subject}' ({number:,})" for subject, number in counts.most_common(_NAMED))
     others = f" and {len(counts) - _NAMED:,} more" if len(counts) > _NAMED else ""
@@ -154,7 +154,7 @@ def findings_as_sarif(findings: Sequence[Diagnostic], fixes: Mapping[object, "Fi
 
     Args:
         findings: The findings.
-        fixes: How some of them are mended without asking, by their `identity`.
+        fixes: The safe fixes for some of them, by their `identity`.
     """
     codes = sorted({finding.code for finding in findings})
     rules = [_rule(code) for code in codes]

@@ -1,4 +1,4 @@
-"""A mission that is running, for a terminal: one screen of it, or a line for each change."""
+"""A running mission on a terminal: one screen, or a line for each change."""
 
 import bisect
 import itertools
@@ -27,12 +27,12 @@ from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import IN_TEXT
 from sar_compiler.tree.showing import in_one_line, shortened
 
-# So many facts, and landmarks of a kind, have room in a line.
+# The maximum numbers of events, and of landmarks of a kind, in a line.
 _MOST_TOLD = 10
-# So many names of a chain of only children have room in a line.
+# The maximum number of names in a line for a chain of only children.
 _MOST_NAMES = 4
 
-# Entries that say nothing to people in a line.
+# Entries without a line for people.
 _PASSED_OVER = (
     RUN_BEGAN,
     RUN_ENDED,
@@ -49,8 +49,8 @@ class Piece(NamedTuple):
     """A part of a line.
 
     Attributes:
-        text: What stands there.
-        style: What it is: a status, `title`, `quiet`, `alarm`, or empty.
+        text: The text.
+        style: Its style: a status, `title`, `quiet`, `alarm`, or empty.
     """
 
     text: str
@@ -66,12 +66,12 @@ def sign(status: str) -> str:
 
 
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
-    """Return the log line of an entry that the state has taken; empty for one that people need not see.
+    """Return the log line of an entry that the state has processed; empty for one without interest to people.
 
     Args:
         state: The state, after the entry.
         entry: The entry.
-        before: The status before, of the node that the entry is about.
+        before: The previous status of the entry's node.
     """
     if entry.kind in _PASSED_OVER:
         return ""
@@ -80,7 +80,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
         if node.status in (before, "IDLE"):
             return ""
         words = f"{node.name} {node.words}"
-    elif entry.kind == CHANGED:  # behind each fact stands what it says
+    elif entry.kind == CHANGED:  # the sentence of an event follows it
         words = with_author(str(entry.data.get("said") or ""), CommandAuthor.of(entry.data))
     elif entry.kind == ORDERED:
         words = "" if entry.data.get("is_told") else state.facts[-1].text
@@ -90,7 +90,7 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
 
 
 def condition_change(state: MissionState, before: MissionCondition) -> str:
-    """Return the log line of a mission's condition; empty if it is as before, or neither is more than that all is well."""
+    """Return the log line of a mission's condition; empty if it is unchanged or if all is well."""
     now = condition(state)
     if (now.word, now.reason) == (before.word, before.reason) or {now.level, before.level} <= {GOOD, QUIET}:
         return ""
@@ -106,7 +106,7 @@ def screen(state: MissionState, now: float, height: int) -> list[Line]:
 
     Args:
         state: The mission.
-        now: Seconds of the mission's clock since the run's beginning.
+        now: Seconds of the mission's clock since the run's start.
         height: The number of lines at most; 3 or more.
     """
     head = [_headline(state, now), *_figures(state, now), *_found(state)]
@@ -133,7 +133,7 @@ def _drive_left(state: MissionState) -> str:
 
 
 def _figures(state: MissionState, now: float) -> Iterator[Line]:
-    """Yield a line with what runs out, what a person must know, and how far the mission is, if there is anything."""
+    """Yield a line with gauges, alarms and progress, if there are any."""
     situation = state.situation
     words = [gauge.text for gauge in state.gauges]
     raised = [alarm for alarm in situation.alarms.values() if not alarm.is_over]
@@ -144,7 +144,7 @@ def _figures(state: MissionState, now: float) -> Iterator[Line]:
 
 
 def _found(state: MissionState) -> Iterator[Line]:
-    """Yield a line for each kind of what is looked for, the latest find first; if nothing is, one with the latest facts."""
+    """Yield a line for each kind of detections, the latest first; without detections, the latest events."""
     situation = state.situation
     kinds = [kind for kind in situation.kinds.values() if kind.is_found]
     for kind in kinds:
@@ -166,7 +166,7 @@ class _TreeRow(NamedTuple):
     """A row of the tree.
 
     Attributes:
-        nodes: A node, and where there is not room for all of them those below it of which each is its parent's only child.
+        nodes: A node. If space is short, also its descendants that are only children.
         depth: How far the row is indented.
     """
 
@@ -179,7 +179,7 @@ class _TreeRow(NamedTuple):
 
 
 def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
-    """Yield the tree as far as it fits: the way to what is running and its siblings, the rest folded."""
+    """Yield the tree as far as it fits: the path to the running nodes and their siblings, the rest folded."""
     rows = _rows(state, height)
     shown = _nearest(rows, height) if len(rows) > height else list(range(len(rows)))
     at = 0
@@ -193,9 +193,9 @@ def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
 
 
 def _rows(state: MissionState, height: int) -> list[_TreeRow]:
-    """Return a row for each node if that fits; else for each chain of only children; else for those of which each ancestor is running.
+    """Return a row for each node if that fits; else for each chain of only children; else for running branches.
 
-    Of a tree that has ended, those of which each had a part.
+    For a tree that has ended, the branches that had a part in the end.
     """
     if len(state.nodes) <= height:
         return [_TreeRow([node], node.depth) for node in state.nodes]
@@ -227,7 +227,7 @@ def _chain(state: MissionState, number: int) -> Iterator[NodeState]:
 
 
 def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
-    """Return the rows to show where not all have room: what runs, deep ones first, then what is near to it."""
+    """Return the rows to show if not all fit: running ones, deep ones first, then their neighbours."""
     running = [index for index, row in enumerate(rows) if row.is_running] or [0]
     distance = [_distance(running, index) for index in range(len(rows))]
     order = sorted(
@@ -242,13 +242,13 @@ def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
 
 
 def _filled(chosen: Sequence[int], count: int) -> list[int]:
-    """Add the rows that stand alone between others: to say that one is left out takes as much room."""
+    """Add single rows between others: a line about one omitted row takes as much room."""
     there = {-1, *chosen, count}
     return sorted({*chosen, *(index for index in range(count) if index - 1 in there and index + 1 in there)})
 
 
 def _distance(marked: Sequence[int], index: int) -> int:
-    """Return how far an index is from the nearest of those that are marked, which are in order."""
+    """Return the distance of an index to the nearest marked one; marks are sorted."""
     at = bisect.bisect(marked, index)
     return min(abs(index - each) for each in marked[max(at - 1, 0) : at + 1])
 
@@ -277,7 +277,7 @@ def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> 
 
 
 def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
-    """Yield the names of a chain, each with its sign unless that is its parent's; of a long one the first and the last ones."""
+    """Yield the names of a chain, each with its sign unless it equals its parent's; a long chain is shortened."""
     # A subtree often has the name of its root.
     nodes = [next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, sign(node.status)))]
     left_out = max(0, len(nodes) - _MOST_NAMES)
@@ -305,5 +305,5 @@ def _more(count: int, first: _TreeRow) -> Line:
 
 
 def _indent(depth: int) -> str:
-    """Return the space before a node; very deep ones stand no further to the right."""
+    """Return the indent of a node; very deep ones are not indented further."""
     return "  " * min(depth, 16)

@@ -11,7 +11,7 @@ from sar_compiler.runtime.answers import Answer
 from sar_compiler.tree.model import synthetic_element
 from sar_compiler.tree.plain import as_json, plain, value_as_script
 
-# What no leaf declares of its answers, but a file that predicts runs.
+# The question to the user about a leaf without declared answers, for a file that predicts runs.
 _CHANCES = ("p", "sec")
 
 
@@ -47,7 +47,7 @@ def _in_full(spec: NodeSpec) -> str:
 
 
 def _answers(spec: NodeSpec) -> list[str]:
-    """Return the possible outcomes of a node; one answer per line if more than their statuses is known."""
+    """Return the possible outcomes of a node, one a line if more than their statuses is known."""
     if not any(answer.label or answer.when or answer.then for answer in spec.answers):
         outcomes = [*sorted(spec.outcomes), *_skipped(spec)]
         return [f"answers: {', '.join(outcomes)}"] if outcomes else []
@@ -57,7 +57,7 @@ def _answers(spec: NodeSpec) -> list[str]:
 
 
 def _skipped(spec: NodeSpec) -> Iterator[str]:
-    """Yield when a control or a decorator is skipped, if it ever is."""
+    """Yield the conditions under which a control or a decorator is skipped."""
     skipping = spec.skipping
     if skipping.possible is Skips.NEVER:
         return
@@ -88,7 +88,7 @@ def _answer(answer: Answer) -> str:
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     label = parameter.value_type.label
     if parameter.role is Role.REFERENCE:
-        label = f"the name of a {parameter.target_name} in the same tree; found by itself where there is one"
+        label = f"the name of a {parameter.target_name} in the same tree. It is optional if there is only one"
     if parameter.direction is not None:
         label = f"{parameter.direction.words}; {label}"
     if parameter.role is Role.NAME:

@@ -1,4 +1,4 @@
-"""The nodes of a compiled tree with the numbers by which BehaviorTree.CPP's tools know them: the changes of their statuses, and XML."""
+"""Nodes of a compiled tree with the numbers of BehaviorTree.CPP's tools, their status changes, and XML."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from sar_compiler.tree.showing import in_one_line
 from sar_compiler.tree.xml_writer import one_tag_a_line
 
 MOST_NODES = 0xFFFF
-"""A number has 16 bits, and 0 is none."""
+"""A number has 16 bits, and 0 is reserved."""
 
 
 class TooManyNodesError(SarError):
@@ -34,10 +34,10 @@ class NumberedNode(NamedTuple):
     Attributes:
         uid: Its number: from 1, in pre-order.
         name: Its name.
-        around: The number of the node around it; 0 at the root.
-        behaviour: Its behaviour, the outer one where conditions are wrapped around it.
+        around: The number of its parent node; 0 at the root.
+        behaviour: Its behaviour, the outer one if conditions are wrapped around it.
         inner: Its behaviour without its conditions.
-        made: How the inner one was made.
+        made: The creation of the inner one.
     """
 
     uid: int
@@ -75,7 +75,7 @@ class NumberedTree:
         self._uids = {id(each.behaviour): each.uid for each in self.nodes}
 
     def uid(self, behaviour: Behaviour) -> int:
-        """Return the number of a behaviour; 0 for one that has none, or shares its node's with its conditions."""
+        """Return the number of a behaviour; 0 if it has none, or shares its node's with its conditions."""
         return self._uids.get(id(behaviour), 0)
 
 
@@ -93,7 +93,7 @@ def _number(root: Behaviour, origins: Origins) -> Iterator[NumberedNode]:
 
 
 IDLE = INVALID
-"""The status of a node that waits for its start; beside RUNNING, SUCCESS and FAILURE of `kernel.cells`."""
+"""The status of a node that waits for its start, in addition to RUNNING, SUCCESS and FAILURE of `kernel.cells`."""
 
 
 class StatusChange(NamedTuple):
@@ -111,17 +111,17 @@ class StatusChange(NamedTuple):
 
 
 class StatusChanges(VisitorBase):
-    """Watches every node that is ticked.
+    """Records every node that is ticked.
 
-    A node that has ended is IDLE as soon as the work of the node around it is over, and so is one that was stopped: as in
-    BehaviorTree.CPP, whatever class of py_trees it is. A node that is skipped stays as it was.
+    A node that has ended is IDLE as soon as its parent's work is over, and so is one that was stopped: as in
+    BehaviorTree.CPP, for any class of py_trees. A skipped node is unchanged.
 
     Args:
         tree: The tree.
         note: Called with each change.
 
     Attributes:
-        statuses: The status of each node, by its number; the first is nobody's.
+        statuses: The status of each node, by its number; index 0 is unused.
     """
 
     def __init__(self, tree: NumberedTree, note: Callable[[StatusChange], object]) -> None:
@@ -132,13 +132,13 @@ class StatusChanges(VisitorBase):
         self._busy: set[int] = set()
 
     def run(self, behaviour: Behaviour) -> None:
-        """Watch a node that was ticked."""
+        """Record a node that was ticked."""
         uid = self._tree.uid(behaviour)
         if uid and not was_skipped(behaviour):
             self._set(uid, number_of(behaviour.status))
 
     def finalise(self) -> None:
-        """Watch the nodes whose work is over, the outer ones first."""
+        """Reset the nodes whose work is over, the outer ones first."""
         for uid in sorted(self._busy):
             _, _, around, behaviour, *_ = self._tree.nodes[uid - 1]
             status = number_of(behaviour.status)
@@ -154,9 +154,9 @@ class StatusChanges(VisitorBase):
 
 
 def tree_xml(tree: NumberedTree) -> str:
-    """Return a tree in XML: one `BehaviorTree` for each use of a subtree, and models of the nodes that are not built in.
+    """Return a tree in XML: one `BehaviorTree` for each use of a subtree, and models of user-defined nodes.
 
-    Nodes are BehaviorTree.CPP's where it has them, and have the attributes that it knows; names and numbers are theirs.
+    Nodes are BehaviorTree.CPP's if it has them, with the attributes that it knows, its names and its numbers.
     """
     inside: dict[int, list[NumberedNode]] = {}
     for node in tree.nodes:
@@ -168,7 +168,7 @@ def tree_xml(tree: NumberedTree) -> str:
     while waiting:
         name, path, first = waiting.pop()
         lines += [_start(TREE_TAG, {"ID": name, "_fullpath": path}), *writer.nodes(first), f"</{TREE_TAG}>"]
-        # In pre-order: who reads it takes the uses of a tree one by one.
+        # In pre-order: readers process the uses of a tree one by one.
         waiting += reversed(writer.take_subtrees())
     models = describe([spec for specs in writer.specs.values() for spec in specs])
     lines += [one_tag_a_line(models) if models.children else f"<{MODEL_TAG}/>", "</root>"]
@@ -224,7 +224,7 @@ class _NodeWriter:
         bound, scope = node.made.bound, node.made.instance.inner[node.made.bound].scope
         assert bound.subtree is not None  # noqa: S101 - the caller has looked
         self._subtrees.append(_UsedSubtree(bound.subtree.name, scope.path, root))
-        # What is left are ports and conditions; `oneshot` is a node of its own around this one.
+        # The rest are ports and conditions; `oneshot` is a separate node around this one.
         named = ("ID", "name", "oneshot")
         given = {name: text for name, text in bound.element.attributes.items() if name not in named}
         uid = str(node.uid)
@@ -232,13 +232,13 @@ class _NodeWriter:
         return _start(SUBTREE_TAG, attributes, is_empty=True)
 
     def _tag_and_attributes(self, node: NumberedNode) -> tuple[str, dict[str, str]]:
-        """Return the tag and the attributes that a node has in BehaviorTree.CPP, as far as it has the like."""
+        """Return the tag and the attributes of a node's equivalent in BehaviorTree.CPP, if any."""
         bound = node.made.bound
         if node.made.wrapper is None:
             tag, attributes = bound.spec.tag, dict(bound.element.attributes)
             specs: Sequence[NodeSpec] = [bound.spec]
         else:
-            # Made for an attribute: of py_trees, whose classes are called as their tags.
+            # Created for an attribute: a class of py_trees, which is named as its tag.
             tag = type(node.inner).__name__
             attributes = {
                 name: getattr(value, "name", str(value)) for name, value in node.made.wrapper.items()
@@ -258,7 +258,7 @@ class _NodeWriter:
 
 
 def _attribute_names(specs: Iterable[NodeSpec]) -> Iterator[str]:
-    """Yield the attributes that BehaviorTree.CPP knows of a node; of one that is built in, that is its ports."""
+    """Yield the attributes of a node that BehaviorTree.CPP knows; for a built-in node, its ports."""
     specs = list(specs)
     built_in = is_built_in(specs)
     for spec in specs:

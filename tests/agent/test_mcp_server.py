@@ -149,9 +149,7 @@ def test_no_argument_of_any_tool_reads_what_lies_outside(work):
     paths = [each.format(above=work.parent) for each in OUTSIDE]
     answers = call(*((tool, {**others, name: path}) for tool, name, others in NAMING for path in paths))
     assert len(answers) == len(NAMING) * len(OUTSIDE)
-    assert [
-        each for each in answers if "lies outside the folders that the tools may read: " not in each
-    ] == []
+    assert [each for each in answers if "is outside the folders that the tools may read: " not in each] == []
 
 
 def test_a_call_names_a_file_and_no_option(work):
@@ -161,7 +159,7 @@ def test_a_call_names_a_file_and_no_option(work):
         ("validate", {"file": "--fix"}),
         ("explain", {"code": "--help"}),
     )
-    assert "'.' is a folder; name a file" in folder
+    assert "'.' is a folder. Name a file" in folder
     assert "cannot read missing.xml: No such file or directory" in missing
     assert "there is no tree file '--fix'" in option
     assert "no finding is called '--help'" in code
@@ -179,7 +177,7 @@ def test_the_folders_that_somebody_names_are_read_and_paths_begin_at_the_first(w
         options=options,
     )
     assert (first["ok"], second["ok"]) == (True, True)
-    assert "lies outside the folders that the tools may read: " in above
+    assert "is outside the folders that the tools may read: " in above
 
 
 def test_paths_among_the_options_begin_where_the_server_was_started(work, tmp_path):
@@ -205,8 +203,8 @@ def test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered(wor
     given_up, outside = call(
         ("verify", {"file": "right.xml"}), ("validate", {"file": "/"}), options=["--limit", "0.01"]
     )
-    assert "verify was given up after 0.01 s, the limit of a call" in given_up
-    assert "lies outside" in outside
+    assert "verify was aborted after 0.01 s, the limit of a call" in given_up
+    assert "is outside" in outside
 
 
 WORDS = [
@@ -355,7 +353,7 @@ class TestACall:
         calls = [("validate", {"file": each}) for each in ("t.xml", "link.xml", "../private/s.xml")]
         right, *outside = call(*calls, options=["--root", "trees"])
         assert right["output"] == []
-        assert ["lies outside" in each for each in outside] == [True, True]
+        assert ["is outside" in each for each in outside] == [True, True]
 
     @pytest.mark.parametrize(("folder", "codes"), [("trees", []), (".", ["unknown-node"])])
     def test_describes_nodes_by_palettes_around_a_file_within_the_root_alone(self, work, folder, codes):
@@ -409,7 +407,7 @@ class TestManyCalls:
         answers = self.together(access, 60, "")
         refused = [each for each in answers if isinstance(each, ToolError)]
         assert len(refused) == 10
-        assert str(refused[0]) == "50 calls are not answered yet: call again when some of them are"
+        assert str(refused[0]) == "50 calls are still unanswered. Call again later"
         assert self.together(access, 1, "") == [(0, "", "")]
 
     @pytest.mark.parametrize(
@@ -427,7 +425,7 @@ class TestManyCalls:
         (work / "command.py").write_text(IN_ITS_PLACE, encoding="utf-8")
         access = ToolAccess([work], 1.0, 2**31, [sys.executable, "command.py"])
         answers = self.together(access, 4, "forever")
-        assert {str(each) for each in answers} == {"verify was given up after 1 s, the limit of a call"}
+        assert {str(each) for each in answers} == {"verify was aborted after 1 s, the limit of a call"}
         assert (work / "log").read_text(encoding="utf-8") == "++++"
         assert children_of(os.getpid(), "command.py") == []
 

@@ -55,9 +55,7 @@ def conform(place, capsys):
 def test_a_flight_that_conforms_and_keeps_its_properties_is_fine(conform, flight):
     status, out, err = conform(flight(), options=())
     assert (status, err) == (0, "")
-    assert out.endswith(
-        "m.journal: run 1, over, 1 tick\nconforms: it is one of the possible runs of the tree\n"
-    )
+    assert out.endswith("m.journal: run 1, over, 1 tick\nconforms: it is a possible run of the tree\n")
 
 
 def test_a_broken_property_is_told_with_its_event_and_place(conform, flight, place):
@@ -158,7 +156,10 @@ def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
     (place / "tree.xml").write_text(document(tries.format(1)), encoding="utf-8")
     status, out, _ = conform(journal, options=())
     assert status == 1
-    assert "the tree has changed since: 'RetryUntilSuccessful' has other attributes\ndoes not conform" in out
+    assert (
+        "the tree has changed since the run: 'RetryUntilSuccessful' has other attributes\ndoes not conform"
+        in out
+    )
 
 
 def test_a_journal_without_a_tree_is_told_so(conform, place):
@@ -167,7 +168,7 @@ def test_a_journal_without_a_tree_is_told_so(conform, place):
         journal.end(Ending.STOPPED, 0)
     status, out, _ = conform(place / "bare.journal")
     assert status == 1
-    assert out.endswith("bare.journal: not judged: there is no run of a tree in it\n")
+    assert out.endswith("bare.journal: not compared: there is no run of a tree in it\n")
 
 
 def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkeypatch):

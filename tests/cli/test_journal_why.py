@@ -44,7 +44,7 @@ def why(tree, tmp_path, capsys):
 
 def test_it_tells_people_what_would_have_succeeded(why):
     assert (
-        "\nIt would have succeeded with another answer:\n  0:00  Look SUCCESS instead of FAILURE  (" in why()
+        "\nIt would have succeeded with another outcome:\n  0:00  Look SUCCESS instead of FAILURE  (" in why()
     )
 
 
@@ -78,7 +78,10 @@ def test_it_tells_scripts_what_would_have_succeeded(why):
 def test_a_tree_that_is_gone_is_asked_for(why, tree):
     why()
     tree.rename(tree.with_name("moved.xml"))
-    assert f"What would have succeeded is not known: {tree} is not there; say --tree-file TREE" in why()
+    assert (
+        f"It is unknown which changes would have led to success: {tree} does not exist. Add --tree-file TREE"
+        in why()
+    )
     assert "instead of FAILURE" in why("--tree-file", tree.with_name("moved.xml"))
 
 
@@ -90,19 +93,19 @@ def test_a_journal_that_does_not_name_the_file_asks_for_it(why, tree):
 def test_a_tree_that_was_changed_since_is_not_taken_for_the_one_that_ran(why, tree):
     why()
     tree.write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
-    assert f"{tree} has another tree now" in why()
+    assert f"{tree} now contains another tree" in why()
 
 
 def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
     why()
     tree.write_text(document(BODY.replace("<A ", "<Fly ")), encoding="utf-8")
-    assert f"{tree} has mistakes now: no node is called 'Fly'" in why()
+    assert f"{tree} now has errors: no node is called 'Fly'" in why()
     assert json.loads(why("--format", "json"))["counterfactual"] is None
 
 
 def test_the_options_of_the_run_that_are_missing_are_named(why):
     said = why(nodes=(), options=[["--nodes", NODES[1]], ["--model", "ros:jazzy"]])
-    assert "cannot be read without options of that run: no node is called 'A'" in said
+    assert "cannot be loaded without options of that run: no node is called 'A'" in said
     assert f"give them as well: --nodes {NODES[1]}\n" in said
     assert "instead of FAILURE" in why()
 
@@ -112,7 +115,7 @@ def test_an_installed_palette_of_the_run_is_taken_from_the_journal(why, tree):
     ros = '<RosTopic topic="t" type="std_msgs/msg/Bool"/>'
     tree.write_text(document(BODY.replace("<Sequence>", f"<Sequence>{ros}")), encoding="utf-8")
     # It can be read; that it is another tree is found out afterwards.
-    assert f"{tree} has another tree now" in why()
+    assert f"{tree} now contains another tree" in why()
 
 
 def test_a_run_notes_the_options_that_decide_which_nodes_there_are():

@@ -133,7 +133,7 @@ FURTHER = [
     ),
     (
         "georeference: {lat: 91.0, lon: 16.4, heading: 90.0}",
-        "parameter georeference.lat: must be degrees between -90 and 90, is 91",
+        "parameter georeference.lat: must be degrees between -90 and 90, not 91",
     ),
     ("time_limit_sec: -1", "parameter time_limit_sec: must be seconds from 0 to 1000000000, is -1"),
     ("use_sim_time: hello", "parameter use_sim_time must be true or false, not 'hello'"),

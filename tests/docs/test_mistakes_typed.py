@@ -32,7 +32,7 @@ FILES = {
 # What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
 TYPED = {
     "… cannot be run like this; nothing has moved": "sar-run {folder}/wrong.xml",
-    "there is no journal …, so nothing to resume: leave --resume out": "sar-run --resume --journal {folder}/none",
+    "there is no journal …to resume. Omit --resume": "sar-run --resume --journal {folder}/none",
     "cannot read …: …": "sar-run nowhere.xml",
     "there is no tree file '…', nor a shipped tree of that name": "sar-run nowhere",
     "no node is called '…'": "sar-run {folder}/wrong.xml",
@@ -75,11 +75,11 @@ IN_A_SHELL = {
 # What is typed, once there is a journal; whether another process still has it.
 BESIDE_A_JOURNAL = {
     "the mission in the journal … is not over: …": False,
-    "… is the journal of a mission that runs just now, in another process": True,
+    "… is the journal of a mission that runs in another process": True,
 }
 # Messages that need no row on the page, because they say what to write instead.
 PLAIN = {
-    "there is no journal …, so nothing to resume: leave --resume out",
+    "there is no journal …to resume. Omit --resume",
     "… cannot be run like this; nothing has moved",
     "… already exists and is not overwritten. Choose another name",
     "the name of a tree file is empty",

@@ -87,9 +87,9 @@ def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_pat
     [
         (
             ["--report", "r.pdf"],
-            "a report ends in .html, .json, .geojson, .kml, .cot, .cap, and r.pdf does not",
+            "the name of a report ends in .html, .json, .geojson, .kml, .cot, .cap, and r.pdf does not",
         ),
-        (["--report", "r.cot"], "r.cot has coordinates of the world, which takes georeference"),
+        (["--report", "r.cot"], "r.cot contains world coordinates. Add georeference"),
         (["--report", "not/there/r.html"], "there is no folder"),
         (["--check", "--report", "r.html"], "--check begins nothing"),
         (

@@ -73,7 +73,7 @@ def test_a_mission_that_died_is_in_the_way_of_another_until_it_is_resumed_or_put
 ):
     killed(begin())
     words = refused(start, tree, state)
-    assert "is not over: it was begun on 20" in words
+    assert "is not over: it was started on 20" in words
     assert "--resume" in words
     run = begin("--resume")
     assert " goes on after 0 facts." in run.output
@@ -99,7 +99,7 @@ def test_a_mission_that_was_stopped_makes_room_where_no_file_was_named(begin, st
 def test_a_second_run_is_refused_while_the_first_one_lasts(begin, start, tree, state):
     run = begin()
     for arguments in ((), ("--resume",), ("--new",)):
-        assert "runs just now, in another process" in refused(start, tree, state, *arguments)
+        assert "runs in another process" in refused(start, tree, state, *arguments)
     run.stop()
 
 
@@ -152,7 +152,7 @@ def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
         (["--resume", "--new"], "not allowed with"),
         (["--check", "--resume"], "--check begins nothing"),
         (["--journal", "none", "--resume"], "--journal none does not go with"),
-        (["--resume"], "so nothing to resume: leave --resume out"),
+        (["--resume"], "so to resume. Omit --resume"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(start, tree, state, arguments, words):

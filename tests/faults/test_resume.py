@@ -192,7 +192,7 @@ def test_a_simulated_mission_killed_between_name_and_report_is_resumed(start, tm
     assert run.output.count("Report received: survivor_1 at (-2.50, 3.20)") == 1
     again = start("sar-run", tree, *SIMULATED, "--journal", place, "--resume", *TWO_ZONES)
     assert again.end() == 2
-    assert "is over (Mission complete.): there is nothing to resume" in again.output
+    assert "is over (Mission complete.). There is nothing to resume" in again.output
 
 
 def test_a_mission_killed_on_its_way_leaves_no_goal_and_tells_the_robot_no_pose(

@@ -82,7 +82,7 @@ def test_a_mission_that_has_died_is_resumed_and_it_is_told(misbehave, how):
     for number in (1, 2):
         assert f"sar-run: the mission has died (by {how}): it is resumed ({number} of 3)" in run.output
     assert f"The mission was begun again 2 times by its supervisor: by {how}; by {how}." in run.output
-    assert shown().count(f"by its supervisor (the one before has died: by {how})") == 2
+    assert shown().count(f"by its supervisor (the previous process has died: by {how})") == 2
 
 
 def test_a_mission_that_stands_still_is_killed_and_resumed(misbehave):

@@ -240,13 +240,13 @@ CUT = "UPDATE run SET ended = NULL, ending = NULL, status = NULL, reason = '', c
 def test_an_end_that_was_cut_off_is_found_with_the_head_and_only_with_it(flown, place, capsys):
     change(place, CUT, "DELETE FROM watched WHERE number > 40", "DELETE FROM fact WHERE number > 40")
     assert main(["check", str(place)]) == 0
-    assert "and not closed: the run was broken off" in capsys.readouterr().out
+    assert "and not closed: the run crashed" in capsys.readouterr().out
     assert main(["check", str(place), "--head", flown[3]]) == 1
 
 
 def test_the_head_of_an_earlier_run_does_not_vouch_for_the_next_one(flown, capsys):
     assert main(["check", str(flown[0]), "--head", flown[1].upper()]) == 1
-    assert "is that of run 1, and says nothing of what came after it" in capsys.readouterr().out
+    assert "is that of run 1, and does not cover later entries" in capsys.readouterr().out
 
 
 def test_the_head_that_the_run_has_told_is_that_of_its_file(flown, capsys):
@@ -275,9 +275,7 @@ def test_several_journals_are_told_each_and_the_worst_counts(place, tmp_path, ca
     change(place, "UPDATE fact SET time = 5 WHERE number = 3")
     assert main(["check", str(tmp_path / "other.journal"), str(place)]) == 1
     lines = [line for line in capsys.readouterr().out.splitlines() if not line.startswith(" ")]
-    assert lines[0].startswith(
-        f"{tmp_path / 'other.journal'} is as it was written: 16 entries in 1 run, closed"
-    )
+    assert lines[0].startswith(f"{tmp_path / 'other.journal'} is unaltered: 16 entries in 1 run, closed")
     assert f"{place} was altered: entry 3 of run 1, zone_visited, 20" in lines[1]
 
 
@@ -301,7 +299,7 @@ def test_what_sigkill_has_broken_off_is_an_open_chain_that_the_next_run_goes_on_
     assert done.returncode == -signal.SIGKILL
     found = verdict(place)
     assert (found.state, found.chain.entries, found.chain.head) == ("open", 299, "")
-    assert "and not closed: the run was broken off" in found.words
+    assert "and not closed: the run crashed" in found.words
     assert verdict(place, fly(place)).state == "whole"
 
 
@@ -312,7 +310,7 @@ def test_a_journal_that_is_written_just_now_is_checked_too(tmp_path):
     journal.note("zone_visited", zone="a")
     command = [sys.executable, "-m", "sar_compiler.cli.journal_command", "check", place]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, "not closed: the run goes on" in done.stdout) == (0, True)
+    assert (done.returncode, "not closed: the run is still active" in done.stdout) == (0, True)
     journal.close()
 
 

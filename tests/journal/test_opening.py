@@ -120,7 +120,7 @@ def test_where_no_file_was_named_a_mission_that_broke_off_is_refused_all_the_sam
 
 
 def test_without_a_journal_there_is_nothing_to_resume(place):
-    with pytest.raises(JournalError, match="nothing to resume: leave --resume out"):
+    with pytest.raises(JournalError, match=r"to resume\. Omit --resume"):
         open_journal(place, resume=True)
     assert not place.exists()
 
@@ -174,7 +174,7 @@ def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
     journal.note(GOAL_SENT, **data)
     journal.close()
     again = open_journal(place, resume=True)
-    with pytest.raises(JournalError, match=r"fact 1 of the journal, goal_sent .* is no goal of an action"):
+    with pytest.raises(JournalError, match=r"fact 1 of the journal, goal_sent .* is not a goal of an action"):
         again.goals_left()
     again.close()
 
@@ -184,7 +184,7 @@ def test_a_time_that_is_none_is_told_as_it_is(place, began):
     file = JournalFile.create(place)
     file.begin_run({}, {}, began)
     file.close()
-    with pytest.raises(JournalError, match=f"begun on {began:g}, and broke off".replace("+", r"\+")):
+    with pytest.raises(JournalError, match=f"started on {began:g}, and crashed".replace("+", r"\+")):
         open_journal(place)
     open_journal(place, anew=True).close()
 
@@ -272,7 +272,7 @@ def test_a_simulated_run_is_resumed_in_the_last_journal_of_its_node_and_domain(s
     for other in (simulated("/robot1"), simulated("/search_and_rescue/more"), simulated(domain="7")):
         leave(other)
     assert simulated(resume=True) == last
-    with pytest.raises(JournalError, match="nothing to resume"):
+    with pytest.raises(JournalError, match="to resume"):
         open_journal(simulated("/robot2", resume=True), resume=True)
 
 

@@ -96,7 +96,7 @@ def test_what_a_full_disk_has_kept_from_the_journal_is_written_in_its_order_once
         "the mission goes on, writing is tried again each second, and facts are kept beside it"
         in mission.said[0]
     )
-    assert "is written again, and has what has happened meanwhile." in mission.said[1]
+    assert "is written again and has the events of the meantime." in mission.said[1]
     assert [path.name for path in place.parent.iterdir()] == [place.name]
 
 
@@ -135,7 +135,7 @@ def test_a_mission_that_was_over_while_its_disk_was_full_is_over(place):
     mission.journal.note("base_reached")
     mission.journal.end(Ending.OVER, 0, "Mission complete.")
     mission.journal.close()
-    assert "lacks is beside it, and belongs to it" in mission.said[-1]
+    assert "lacks are in the reserve beside it" in mission.said[-1]
     assert read(place)["runs"][-1]["ending"] == "over"
     assert kinds(place) == ["base_reached"]
     with pytest.raises(JournalError, match="is over"):
@@ -207,7 +207,7 @@ def test_what_waits_in_memory_is_bounded_and_what_was_left_out_is_said(place, mo
     assert kinds(place) == ["fact"] * 9 + [FACTS_LOST]
     assert read(place)["facts"][-1]["data"] == {"count": 21, "numbers": {}}
     assert len(kinds(place, "watched")) == 5
-    assert "without 25 entries of what was watched" in mission.said[-1]
+    assert "without 25 observations" in mission.said[-1]
 
 
 def test_where_nothing_can_be_kept_beside_it_either_that_is_said(place):

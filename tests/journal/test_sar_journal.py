@@ -92,8 +92,8 @@ def test_a_mission_that_runs_is_told_as_running(tmp_path, capsys):
     ("content", "words"),
     [
         (None, "cannot be used: No such file or directory"),
-        ("", "is a database, but no journal of a mission"),
-        ("text", "cannot be used: file is not a database; is it a journal, and whole?"),
+        ("", "is a database, but not the journal of a mission"),
+        ("text", "cannot be used: file is not a database. It may be damaged, or not a journal"),
     ],
 )
 def test_what_is_no_journal_is_said(tmp_path, capsys, content, words):

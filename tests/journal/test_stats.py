@@ -154,7 +154,7 @@ def test_as_assumptions_a_declared_answer_has_its_chance_and_its_time(place, cap
             ]
         }
     }
-    assert "# Fewer than 10 answers, so nothing is said of it: Main/Look (1)" in text
+    assert "# Fewer than 10 results, so nothing is assumed: Main/Look (1)" in text
     assert '"Main/Drive":  # 10 answers' in text
 
 

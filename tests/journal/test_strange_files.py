@@ -58,7 +58,9 @@ def change(place, *statements):
 def test_what_no_journal_has_is_refused_by_its_name(place, statements, named):
     change(place, *statements)
     for opened in (JournalFile.read, JournalFile.open):
-        with pytest.raises(JournalError, match=f"has what no journal has, {named}: it is not read"):
+        with pytest.raises(
+            JournalError, match=f"contains a part that no journal has, {named}. It is not read"
+        ):
             opened(place)
 
 
@@ -151,7 +153,7 @@ def test_a_number_that_is_not_finite_is_null_in_every_json(place, tmp_path, caps
 @pytest.mark.parametrize("column", ["wall", "time"])
 def test_a_time_that_is_none_is_refused(place, column):
     change(place, f"UPDATE fact SET {column} = 9e999")  # noqa: S608 - the test's own
-    with closing(JournalFile.read(place)) as file, pytest.raises(JournalError, match="inf is no time"):
+    with closing(JournalFile.read(place)) as file, pytest.raises(JournalError, match="inf is not a time"):
         [*file.facts()]
 
 

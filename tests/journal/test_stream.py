@@ -64,7 +64,7 @@ def test_a_listener_that_raises_is_left_out_and_told_of_and_the_others_go_on():
     journal.note("zone_visited", zone="zone_a")
     journal.note("zone_visited", zone="zone_b")
     assert [entry.data["zone"] for entry in told] == ["zone_a", "zone_b"]
-    assert said == ["One who watches the mission has failed and watches no more: OSError()."]
+    assert said == ["A listener of the journal has failed and was removed: OSError()."]
 
 
 def test_the_runs_of_a_mission_come_one_after_the_other(tmp_path):

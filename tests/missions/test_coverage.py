@@ -173,7 +173,7 @@ def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
 
 @pytest.mark.parametrize("cells", ["no base64!", "AAAA"])
 def test_a_text_that_is_no_raster_is_refused(cells: str) -> None:
-    with pytest.raises(ValueError, match="the cells are no raster"):
+    with pytest.raises(ValueError, match="the cells are not a raster"):
         Raster(field(), cells=cells)
 
 

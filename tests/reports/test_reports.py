@@ -549,9 +549,9 @@ class TestThePage:
 
     def test_what_there_is_to_do_next_is_who_to_go_to_and_where_nobody_has_looked(self):
         assert self.steps() == [
-            "Go to survivor_1 at 48.2000000, 16.3713452 (nobody has confirmed it)",
-            "See to zone_b (after attempt 2): abandoned",
-            "See to zone_c: open",
+            "Go to survivor_1 at 48.2000000, 16.3713452 (not confirmed)",
+            "Search again: zone_b (after attempt 2): abandoned",
+            "Search again: zone_c: open",
         ]
 
     def test_who_was_confirmed_is_gone_to_as_such_and_who_was_rejected_is_not(self):
@@ -569,7 +569,7 @@ class TestThePage:
         assert not any("--georeference" in step for step in self.steps(REJECTED, parameters={}))
 
     def test_of_a_mission_that_is_not_over_a_later_report_is_asked_for(self):
-        assert self.steps(ended=False)[-1].startswith("Ask for a later report: this one is of 2023-11-1")
+        assert self.steps(ended=False)[-1].startswith("Ask for a later report: this one is from 2023-11-1")
 
     def test_the_properties_of_a_watched_run_stand_behind_the_alarms(self):
         page = html_report(mission(*WATCHED))
@@ -646,7 +646,7 @@ class TestThePage:
             "geofence",
             "survivor, rejected",
             "survivor, candidate",
-            "way of the robot",
+            "path of the robot",
         ]
         assert f'<path d="{MARKS["square"]}"/>' in html_report(mission(square, shown("box", "b", "")))
 

@@ -37,7 +37,7 @@ def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breakin
     report.on_entry(BEGAN)
     report.on_end(has_begun=True)
     assert capsys.readouterr().err == (
-        f"sar-run: the report {files[0]} could not be made: ZeroDivisionError('no way')\n"
+        f"sar-run: the report {files[0]} could not be created: ZeroDivisionError('no way')\n"
     )
     assert '"mission": "patrol"' in files[1].read_text(encoding="utf-8")
 
@@ -83,7 +83,7 @@ def test_of_a_journal_the_others_are_written_if_one_cannot_be_made(breaking, fil
     assert not files[0].exists()
     assert files[1].exists()
     assert capsys.readouterr().err == (
-        f"sar-journal: the report {files[0]} could not be made: ZeroDivisionError('no way')\n"
+        f"sar-journal: the report {files[0]} could not be created: ZeroDivisionError('no way')\n"
     )
 
 
@@ -132,7 +132,7 @@ def test_where_the_map_lies_is_as_it_was_said_last_and_that_is_told(journal_of, 
     assert main(["report", journal_of(**PLACE), "-o", str(out), *OPTION]) == 0
     assert place_in(out) == [-33.9, 18.4, 0.0]
     assert capsys.readouterr().err == (
-        "sar-journal: note: --georeference -33.9,18.4,0.0 counts; the journal has 48.2,16.37,90.0\n"
+        "sar-journal: note: --georeference -33.9,18.4,0.0 is used. The journal has 48.2,16.37,90.0\n"
     )
 
 
@@ -145,10 +145,10 @@ def test_what_the_journal_says_as_well_is_no_news(journal_of, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("91,0,0", "'91,0,0': lat must be degrees between -90 and 90, is 91"),
-        ("0,-181,0", "'0,-181,0': lon must be degrees between -180 and 180, is -181"),
-        ("0,0,361", "'0,0,361': heading must be degrees between -360 and 360, is 361"),
-        ("nan,0,0", "'nan,0,0': lat must be degrees between -90 and 90, is nan"),
+        ("91,0,0", "'91,0,0': lat must be degrees between -90 and 90, not 91"),
+        ("0,-181,0", "'0,-181,0': lon must be degrees between -180 and 180, not -181"),
+        ("0,0,361", "'0,0,361': heading must be degrees between -360 and 360, not 361"),
+        ("nan,0,0", "'nan,0,0': lat must be degrees between -90 and 90, not nan"),
         ("48.2,16.37", "'48.2,16.37' is not LAT,LON,HEADING in degrees"),
         ("48.2,16.37,90,1", "'48.2,16.37,90,1' is not LAT,LON,HEADING in degrees"),
         ("here", "'here' is not LAT,LON,HEADING in degrees"),

@@ -208,8 +208,8 @@ def test_what_had_failed_before_is_told_with_how_often():
 def test_a_failure_that_the_root_has_got_over_is_no_cause():
     reasons = why(flown(leaf("one", F, S), 2))
     assert reasons.went_on
-    assert "The root had failed, and went on:" in why_text(reasons)
-    assert "First to look at" not in why_text(reasons._replace(outcome="complete"))
+    assert "The root failed, and then continued:" in why_text(reasons)
+    assert "Likeliest cause" not in why_text(reasons._replace(outcome="complete"))
 
 
 def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on():
@@ -351,7 +351,7 @@ class TestTheFirstDifference:
         difference = first_difference(short, long)
         assert difference is not None and difference.there  # noqa: PT018
         assert (difference.here, difference.there.status) == (None, "SUCCESS")
-        assert "nothing more, it had ended" in difference_text(difference, ("a", "b"))
+        assert "nothing more, because it had ended" in difference_text(difference, ("a", "b"))
 
 
 class TestTheCommand:
@@ -369,7 +369,7 @@ class TestTheCommand:
     def test_it_tells_people(self, places, capsys):
         assert main(["why", places[0]]) == 0
         shown = capsys.readouterr().out
-        assert shown.startswith("FAILED: The root has failed.\n\nFirst to look at:\n")
+        assert shown.startswith("FAILED: The root has failed.\n\nLikeliest cause:\n")
         assert r"Drive\x1b[2J FAILURE" in shown
         assert "(m.xml:2)" in shown
 
@@ -381,7 +381,7 @@ class TestTheCommand:
 
     def test_it_compares_two_runs(self, places, capsys):
         assert main(["why", places[0], "--against", places[1]]) == 0
-        assert "The runs are alike in 0 changes of status. Then:" in capsys.readouterr().out
+        assert "The runs are equal in 0 changes of status. Then:" in capsys.readouterr().out
 
     @pytest.mark.parametrize("has_begun", [False, True])
     def test_a_journal_in_which_nothing_has_happened_is_no_failure(self, has_begun, tmp_path, capsys):
@@ -390,10 +390,10 @@ class TestTheCommand:
             file.begin_run({}, {}, 0.0)
         file.close()
         assert main(["why", str(tmp_path / "m.journal")]) == 0
-        first = "First to look at:\n  0:00  run KILLED, the process of the run is gone without an end: it was killed, or has crashed\n\n"
+        first = "Likeliest cause:\n  0:00  run KILLED, the process of the run ended without a record: it was killed, or has crashed\n\n"
         said = (
             f"BROKEN OFF: at 0:00, no goal was active\n\n{first}"
             if has_begun
-            else "not begun: the run has not begun\n\n"
+            else "not begun: the run has not started\n\n"
         )
         assert capsys.readouterr().out == f"{said}The root has not failed.\n"

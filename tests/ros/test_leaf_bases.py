@@ -254,8 +254,8 @@ class TestRejection:
         assert stage.run(driver(stage)) is Status.FAILURE
         (warning,) = stage.warnings
         assert warning == (
-            f"'Drive' failed: {REJECTED}: with Use.nav2() among what <DriveTo> uses, "
-            "the start gives it one and waits."
+            f"'Drive' failed: {REJECTED}. Add `Use.nav2()` to `uses` of "
+            '`@register("DriveTo", …)`: the start then sends the pose and waits.'
         )
 
     def test_a_leaf_that_has_declared_it_is_not_told_to(self, stage: "Stage") -> None:
@@ -740,8 +740,8 @@ class TestTopicLeaf:
 @pytest.mark.parametrize(
     ("leaf", "attributes", "message"),
     [
-        (DriveTo("D", Input(0.0)), {"action_name": ""}, "DriveTo has no action_name; set it on the class"),
-        (DriveTo("D", Input(0.0)), {"action_type": None}, "DriveTo has no action_type; set it on the class"),
+        (DriveTo("D", Input(0.0)), {"action_name": ""}, "DriveTo has no action_name. Set it on the class"),
+        (DriveTo("D", Input(0.0)), {"action_type": None}, "DriveTo has no action_type. Set it on the class"),
         (
             Configure("C"),
             {"service_type": "ChangeState"},
@@ -761,7 +761,7 @@ class TestTopicLeaf:
         (
             Battery("B"),
             {"topic_type": "no_such_msgs/msg/Thing"},
-            "Battery: no_such_msgs/msg/Thing cannot be imported .*; is its package built",
+            "Battery: no_such_msgs/msg/Thing cannot be imported .*. Build its package",
         ),
         (
             Battery("B"),

@@ -529,7 +529,7 @@ def test_where_the_map_lies_is_read_and_not_asked_for():
         ),
         (
             {"georeference.lat": 91.0, "georeference.lon": 2.0, "georeference.heading": 0.0},
-            "georeference.lat: must be degrees between -90 and 90, is 91",
+            "georeference.lat: must be degrees between -90 and 90, not 91",
         ),
         (
             {

@@ -53,11 +53,10 @@ class ActionLeaf(GoalSender):
     farther from the goal than `arrival_tolerance_m` of the run, it has not (`has_not_arrived`). Without a localisation
     the goal's end decides.
 
-    Such a goal, and one that Nav2 aborts without an error code (0), failed for a reason other than its target: every
-    failure that concerns the target has a code. A leaf that uses Nav2 sends it again, after a pause that doubles. After
-    the third in a row it holds (`on_hold`), and continues to send until `hold_timeout_sec` has passed
-    (`on_unavailable`). The row ends when the robot has driven half a metre on a goal, or a goal has ended in another
-    way.
+    Such a goal, and one that Nav2 aborts without an error code (0), failed for a reason other than its target: every failure
+    that concerns the target has a code. A leaf that uses Nav2 sends it again, after a pause that doubles. After the third in a
+    row it holds (`on_hold`), and continues to send until `hold_timeout_sec` has passed (`on_unavailable`). The row ends when
+    the robot has driven half a metre on a goal, or a goal has ended in another way.
 
     The end of a goal does not prove that the robot stands: a leaf that uses Nav2 is RUNNING until the odometry shows
     it, for `settle_timeout_sec` at most. Without odometry the goal's end decides.

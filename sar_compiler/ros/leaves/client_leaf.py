@@ -387,8 +387,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
     def _progress(self, exchange: ServiceCall) -> Status:
         status = super()._progress(exchange)
         if exchange.sent and exchange.trouble:
-            # A server that has not discovered the client's reader drops every answer to it. It may discover another
-            # client's.
+            # A server that has not discovered the client's reader drops every answer to it. It may discover another client's.
             self._disconnect()
             self._connect()
         return status

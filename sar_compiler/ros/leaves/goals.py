@@ -247,8 +247,7 @@ class GoalsUnderWay:
 
         Args:
             goal_id: Its id.
-            status: Its final status, a constant of `action_msgs/msg/GoalStatus`; 0 if it was rejected, or no server
-                knows it.
+            status: Its final status, a constant of `action_msgs/msg/GoalStatus`; 0 if it was rejected, or no server knows it.
         """
         self._lost.discard(goal_id)
         action = self._active.pop(goal_id, None)
@@ -364,8 +363,7 @@ class ActionPort:
 class Pulse:
     """Heartbeat: requests the result of an unknown goal, which a live server rejects at once.
 
-    A server with a single thread does not answer while it works. So it counts as crashed only after it has answered
-    once.
+    A server with a single thread does not answer while it works. So it counts as crashed only after it has answered once.
 
     Args:
         prober: A client of the action's result service.

@@ -20,10 +20,9 @@ class TopicLeaf(RosLeaf):
     A condition returns at once, and a leaf that `waits` is RUNNING until there is a message. It is subscribed from
     the setup on, so a message may be older than the activation; `max_age_sec` and `clearing_policy` limit its age.
 
-    A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if
-    the content of a message matters, the method `on_message`. A message for which that raises `UnusableValueError`, whose stamp is in
-    the future, or older than `max_age_sec`, is reported once and ignored. With `check_message` the usable message
-    before it stays.
+    A subclass has the attributes `topic_type` and `topic_name`, of the class or set by its constructor, and, if the content of
+    a message matters, the method `on_message`. A message for which that raises `UnusableValueError`, whose stamp is in the
+    future, or older than `max_age_sec`, is reported once and ignored. With `check_message` the usable message before it stays.
 
     Attributes:
         topic_type: `"package/msg/Name"`, or the Python class.
@@ -82,8 +81,7 @@ class TopicLeaf(RosLeaf):
     def silence_cause(self) -> str:
         """The reason why there is no usable message, as the end of a sentence.
 
-        It describes the last message, or the ROS graph. It is empty if a publisher exists whose messages reach the
-        leaf.
+        It describes the last message, or the ROS graph. It is empty if a publisher exists whose messages reach the leaf.
         """
         if self.why_unusable or self._node is None:
             return self.why_unusable

@@ -38,7 +38,7 @@ export class WhyView {
     if (!change) return [];
     const { was, instead, then, time, place } = change;
     const words = `${instead.name} ${meant(instead)} instead of ${meant(was)}`;
-    const usual = change.unusual ? `${change.unusual} of them not as usual` : "as usual";
+    const usual = change.unusual ? `${change.unusual} of them unusual` : "as usual";
     const more = then.length > SHOWN ? `, and ${then.length - SHOWN} more` : "";
     const after = then.slice(0, SHOWN).map((each) => `${each.name} ${each.label || each.status}`).join(", ");
     return [
