@@ -1,4 +1,4 @@
-"""What programs that write trees can do with the project, and what a person approves of it."""
+"""Tools for programs that write trees, and a person's approval of their proposals."""
 
 PUBLIC_MODULES = ("call_limits", "mcp_server", "mending", "proposal")
 """The modules that other parts may import."""

@@ -1,4 +1,4 @@
-"""What the runs of a tree can come to: simulated, proved, predicted, swept, compared with a record, and watched."""
+"""Analyses of a tree's runs: simulation, verification, prediction, sweeps, conformance and monitoring."""
 
 PUBLIC_MODULES = (
     "approval",

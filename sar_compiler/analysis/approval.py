@@ -1,8 +1,8 @@
-"""What a person has approved to be run: a tree with all that it is made of, exactly as it was then.
+"""A person's approval of a tree and of all its parts in their exact state.
 
-That is its files, which tree of them is run, the parameters of the mission with the files that these name, and the file of
-properties. Records lie in the user's state folder, a readable file for each tree. Beside the tree, whoever writes trees could
-write an approval as well.
+The parts are its files, the ID of the tree to run, the mission's parameters with the files that they name, and the file of
+properties. Records are in the user's state folder, a readable file for each tree. Stored beside the tree, they could be
+written by an author of trees.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ from sar_compiler.resources import state_folder
 from sar_compiler.tree.content import bytes_of, real_path
 from sar_compiler.tree.diagnostic import Source
 
-# The parameters of every ROS node, which say nothing of the mission.
+# The parameters of every ROS node, which do not concern the mission.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 _TRUSTED_OWNERS = (0,)
 """Users whose files count as the user's own: root."""
@@ -40,17 +40,17 @@ _SHOWN = 3
 
 
 class ApprovalError(SarError):
-    """A tree is not approved as it is, or an approval cannot be kept, read or revoked."""
+    """A tree is not approved in its present state, or an approval cannot be stored, read or revoked."""
 
 
 class Fingerprint(NamedTuple):
-    """What a run of a tree is made of.
+    """The parts of a run of a tree.
 
     Attributes:
         file: The tree file, with links followed.
         tree: The ID of the tree that is run; empty if it has none.
-        files: The SHA-256 of the tree file, of each file that it includes, and of those that trees of its set come from with
-            what these include; by their paths from its folder.
+        files: The SHA-256 of the tree file, of each file that it includes, and of the source files of its set's trees with
+            their includes; by their paths from its folder.
         parameters: The parameters of the mission, by their flat names, without those of every ROS node.
         named: The SHA-256 of each file that a parameter names, by the parameter.
         properties: The SHA-256 of the file of properties; empty without one.
@@ -67,7 +67,7 @@ class Fingerprint(NamedTuple):
     def of(
         cls, tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
     ) -> "Fingerprint":
-        """Return what a tree is made of as it was read, whatever has become of the files since.
+        """Return the parts of a tree as it was read, regardless of later changes of the files.
 
         Args:
             tree: The tree file.
@@ -77,8 +77,8 @@ class Fingerprint(NamedTuple):
 
         Raises:
             TreeError: If it is malformed, has errors, or no such tree.
-            ApprovalError: If a file that was read twice, as a part of its set as well, has changed between.
-            ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+            ApprovalError: If a file that was read twice, also as a part of its set, has changed in between.
+            ParameterFileError, ParameterError: If the mission cannot start with the parameters.
             UnreadableFileError: If the file of properties cannot be read.
         """
         reader = read_parameters(tree, params, tree_id)
@@ -93,18 +93,18 @@ class Fingerprint(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """The SHA-256 over all of it: equal wherever the same files lie in the same way."""
+        """The SHA-256 of all parts: equal wherever the same files are in the same relative positions."""
         return _sum(json.dumps(self[1:], sort_keys=True).encode())
 
 
 class Approval(NamedTuple):
-    """That somebody has approved a tree.
+    """The approval of a tree by a person.
 
     Attributes:
         file: The tree file.
-        by: Who.
-        when: When, UTC, as ISO 8601 writes it.
-        digest: `Fingerprint.digest` of then.
+        by: The person.
+        when: The time, UTC, in ISO 8601.
+        digest: The `Fingerprint.digest` at that time.
         tree, files, parameters, named, properties: As `Fingerprint` had them then.
     """
 
@@ -124,14 +124,14 @@ class Approval(NamedTuple):
 
 
 def approve(fingerprint: Fingerprint, by: str) -> Approval:
-    """Store that somebody approves a tree now, instead of what was approved of this tree before.
+    """Store the approval of a tree, which replaces any earlier one of this tree.
 
     Args:
-        fingerprint: What the tree is made of.
-        by: Who.
+        fingerprint: The parts of the tree.
+        by: The person.
 
     Raises:
-        ApprovalError: If that cannot be stored, or others could write there as well.
+        ApprovalError: If it cannot be stored, or other users can write there as well.
     """
     when = datetime.now(timezone.utc).isoformat(timespec="seconds")
     approval = Approval(str(fingerprint.file), by, when, fingerprint.digest, *fingerprint[1:])
@@ -142,22 +142,22 @@ def approve(fingerprint: Fingerprint, by: str) -> Approval:
         record.write_text(f"{json.dumps(approval._asdict(), indent=2)}\n", encoding="utf-8")
         record.chmod(0o600)
     except OSError as error:
-        raise ApprovalError(f"cannot store that {fingerprint.file} is approved: {error}") from error
+        raise ApprovalError(f"cannot store the approval of {fingerprint.file}: {error}") from error
     return approval
 
 
 def approvals() -> Iterator[Approval]:
-    """Yield what is approved, by the names of the records.
+    """Yield the approvals, by the names of their records.
 
     Raises:
-        ApprovalError: If a record cannot be read, or others could have written it.
+        ApprovalError: If a record is unreadable, or other users could have written it.
     """
     for record in _records(""):
         yield _read(record)
 
 
 def revoke(file: Path) -> list[Approval]:
-    """Delete the approvals of the trees of a file, whatever it has become, and return them.
+    """Delete and return the approvals of a file's trees, whatever its present state.
 
     Raises:
         ApprovalError: If none is approved, or a record cannot be deleted.
@@ -175,13 +175,13 @@ def revoke(file: Path) -> list[Approval]:
 
 
 class ApprovalCheck:
-    """Checks that a run is approved: first its tree, then the parameters that ROS has given to its node, and what it is watched for.
+    """Checks that a run is approved: first its tree, then the parameters of its node, and its monitored properties.
 
     Args:
         tree: The tree, as it was read.
         tree_id: The tree in the file; by default the one that the file executes.
-        params: The parameter file that the command line names, for the messages.
-        properties: The file of properties that the command line names, likewise.
+        params: The parameter file in the command line, for the messages.
+        properties: The file of properties in the command line, for the messages.
 
     Raises:
         ApprovalError: If the tree is not approved as it is; the message says what has changed, and how to approve it.
@@ -196,27 +196,25 @@ class ApprovalCheck:
         properties: Path | None = None,
     ) -> None:
         self._path = tree.path
-        self._how = f"look at it, then: {approve_command(tree, tree_id, params, properties)}"
+        self._how = f"Review it, then run: {approve_command(tree, tree_id, params, properties)}"
         wanted = _id_of(tree, tree_id)
         record = _record(real_path(tree.path), wanted)
         if not record.is_file():
             others = [each.tree for each in map(_read, _records(_name_of(real_path(tree.path))))]
             what = f"the tree '{wanted}' of {tree.path}" if others and wanted else str(tree.path)
             instead = f" ({', '.join(others)} is)" if any(others) else ""
-            raise ApprovalError(
-                f"{what} is not approved{instead}, and --approved starts nothing else; {self._how}"
-            )
+            raise ApprovalError(f"{what} is not approved{instead}, which --approved requires. {self._how}")
         self._approval = _read(record)
         self._refuse(_changed_files(_files_of(tree), self._approval.files))
 
     def require_properties(self, source: Source) -> None:
-        """Require that a run is watched for the properties that were approved.
+        """Require that the approved properties are monitored in a run.
 
         Args:
             source: The file of properties, as it was read.
 
         Raises:
-            ApprovalError: If it is another one.
+            ApprovalError: If it is another file.
         """
         if _sum(bytes_of(source, source.text)) != self._approval.properties:
             self._refuse([f"{source.path} is not the file of properties that was approved"])
@@ -225,8 +223,8 @@ class ApprovalCheck:
         """Require that a run has the parameters that were approved.
 
         Args:
-            parameters: Those of its node, by their flat names, whichever way they were given.
-            files: The files that they name, as they were read, by the parameter.
+            parameters: The parameters of its node by their flat names, from any source.
+            files: The files that they name, as read, by the parameter.
 
         Raises:
             ApprovalError: If it has others, or a file has changed.
@@ -249,7 +247,7 @@ class ApprovalCheck:
         if changes:
             approval = self._approval
             raise ApprovalError(
-                f"{self._path} is not what {approval.by} approved on {approval.when}: {', '.join(changes)}; {self._how}"
+                f"{self._path} is not what {approval.by} approved on {approval.when}: {', '.join(changes)}. {self._how}"
             )
 
 
@@ -273,7 +271,7 @@ def _files_of(tree: ProjectTree) -> dict[str, str]:
         name = os.path.relpath(real_path(Path(source.path)), forest.place.parent)
         sum_now = _sum(bytes_of(source, source.text))
         if files.setdefault(name, sum_now) != sum_now:
-            raise ApprovalError(f"{source.path} has changed while it was read; start over")
+            raise ApprovalError(f"{source.path} has changed while it was read. Start over")
     return files
 
 
@@ -281,12 +279,12 @@ def _changed_files(now: Mapping[str, str], then: Mapping[str, str]) -> list[str]
     return [
         *(f"{name} has changed" for name in now if name in then and then[name] != now[name]),
         *(f"{name} is new" for name in now.keys() - then.keys()),
-        *(f"{name} is not part of it any more" for name in then.keys() - now.keys()),
+        *(f"{name} is no longer a part of it" for name in then.keys() - now.keys()),
     ]
 
 
 def _mission_parameters(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters as JSON has them: ROS has arrays for lists."""
+    """Return parameters in their JSON form: ROS has arrays for lists."""
     return {
         name: value if isinstance(value, str) or not isinstance(value, Iterable) else [*value]
         for name, value in parameters.items()
@@ -331,19 +329,19 @@ def _records(beginning: str) -> list[Path]:
 
 
 def _require_own_folder() -> None:
-    """Require that nobody but the user, and the system, can write approvals.
+    """Require that only the user, and the system, can write approvals.
 
     Raises:
-        ApprovalError: If others can.
+        ApprovalError: If other users can.
     """
     folder = real_path(approval_folder())
     about = folder.stat()
     _require_own(folder, about.st_uid, about.st_mode)
     for above in folder.parents:
         mode = above.stat().st_mode
-        # In a folder such as /tmp (sticky) only the owner can exchange what lies in it.
+        # In a sticky folder such as /tmp only the owner can replace an entry.
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            _refuse_place(above, "everybody may write there", f"chmod o-w {shlex.quote(str(above))}")
+            _refuse_place(above, "all users can write there", f"chmod o-w {shlex.quote(str(above))}")
 
 
 def _require_own(place: Path, owner: int, mode: int) -> None:
@@ -352,11 +350,11 @@ def _require_own(place: Path, owner: int, mode: int) -> None:
     if owner not in (os.geteuid(), *_TRUSTED_OWNERS):
         _refuse_place(place, "it belongs to another user", f"rm -r {shlex.quote(str(place))}")
     if mode & (stat.S_IWGRP | stat.S_IWOTH):
-        _refuse_place(place, "others may write there", f"chmod go-w {shlex.quote(str(place))}")
+        _refuse_place(place, "other users can write there", f"chmod go-w {shlex.quote(str(place))}")
 
 
 def _refuse_place(place: Path, why: str, how: str) -> None:
-    raise ApprovalError(f"no approval in {place} counts: {why}. Look at what is approved, then: {how}")
+    raise ApprovalError(f"approvals in {place} are ignored: {why}. Review the approvals, then run: {how}")
 
 
 def _read(record: Path) -> Approval:
@@ -365,7 +363,7 @@ def _read(record: Path) -> Approval:
         content = read_file(record, APPROVAL)
         data: Any = json.loads(content.text())
     except UnreadableFileError as error:
-        raise ApprovalError(f"cannot read what is approved: {error}") from error
+        raise ApprovalError(f"cannot read the approvals: {error}") from error
     except (ValueError, RecursionError):
         data = None
     identity = content.identity
@@ -376,4 +374,4 @@ def _read(record: Path) -> Approval:
         approval = Approval(**data)
         if all(isinstance(data[name], kinds.get(name, str)) for name in data):
             return approval
-    raise ApprovalError(f"{record} is no record of an approval: delete it, and approve the tree anew")
+    raise ApprovalError(f"{record} is not a valid approval. Delete it, and approve the tree again")

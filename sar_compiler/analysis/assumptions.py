@@ -1,6 +1,6 @@
-"""Reading of what files beside a tree assume: `facts:` and `answers:` of the world, and `controls:`.
+"""Read assumptions from files beside a tree: `facts:` and `answers:` of the world, and `controls:`.
 
-These name the stand-ins for nodes of which nobody here knows what they do.
+The latter name replacements for nodes whose behaviour is unknown.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,7 +31,7 @@ from sar_compiler.runtime.variables import UNKNOWN
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import TreeFile
 
-# What chances that people have rounded may differ by.
+# Tolerance for the sum of rounded probabilities.
 _ROUNDING = 1e-3
 _KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
@@ -42,8 +42,8 @@ class StartValues:
 
     Attributes:
         parameters: The keys of the root blackboard.
-        facts: The facts that they decide; those that a tree does not know do not count.
-        period_sec: The time between two ticks, seconds; None if they do not say it.
+        facts: The facts that they determine. Facts unknown to a tree are ignored.
+        period_sec: The time between two ticks, seconds; None if it is not set.
     """
 
     parameters: Mapping[str, object] = field(default_factory=dict)
@@ -59,7 +59,7 @@ def raise_disputes(simulated: SimulatedTree) -> None:
     """Raise an error if leaves of a tree give a fact different initial values.
 
     Raises:
-        DisputedFactError: If there is anything.
+        DisputedFactError: If there is such a fact.
     """
     if simulated.disputes:
         raise DisputedFactError("; ".join(simulated.disputes.values()))
@@ -74,7 +74,7 @@ def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptio
 def read_assumptions(
     document: Document, facts: Value | None, answers: Value | None, simulated: SimulatedTree
 ) -> Assumptions:
-    """Read the assumptions of a file; mistakes become findings of the document.
+    """Read the assumptions of a file; errors become findings of the document.
 
     Args:
         document: The file.
@@ -95,7 +95,7 @@ def _read_facts(
     for key, inner in value.entries or ():
         name, fact = key.text or "", inner.data
         if not is_fact_name(name) or placeholders(name):
-            document.report("wrong-name", "a fact is a word of letters, digits and _", key)
+            document.report("wrong-name", "the name of a fact may only contain letters, digits and _", key)
         elif name not in known and name not in used:
             listed = ", ".join(known) or "none"
             message = f"no leaf of this tree knows a fact '{name}'; there is {listed}"
@@ -131,23 +131,23 @@ def _declared(
     leaves: Sequence[StubLeaf],
     specs: Sequence[NodeSpec],
 ) -> tuple[Answer, ...]:
-    """Return the answers that leaves have declared, with the chances and times that a file gives to some of them."""
+    """Return the declared answers of leaves, with the probabilities and times that a file gives for some of them."""
     if len(specs) != 1:
         message = f"'{key.text}' names leaves that declare different answers"
         if specs:
-            words.document.report("wrong-value", message, key, hint="say it of each by its path or tag")
+            words.document.report("wrong-value", message, key, hint="list each of them by its path or tag")
         return ()
     answers = list(specs[0].answers)
     said: set[int] = set()
     for item in items:
         for part in item.mapping.keys() & {"status", "label", "when", "then"}:
-            message = f"'answer' means one that is declared, and that says its '{part}' itself"
+            message = f"'answer' refers to a declared answer, which has its own '{part}'"
             words.document.report("conflicting-keys", message, item.mapping[part])
         name = words.answer(item.mapping["answer"], leaves)
         for place, answer in enumerate(answers):
             if name is not None and name in (answer.label, answer.status):
                 if place in said:
-                    message = f"what is said of the answer '{name}' is said twice here"
+                    message = f"the answer '{name}' is listed twice here"
                     words.document.report("wrong-value", message, item.mapping["answer"])
                 said.add(place)
                 p, sec = _chance(words.document, item.mapping)
@@ -159,7 +159,7 @@ def _declared(
 def _chance(
     document: Document, parts: Mapping[str, Value]
 ) -> tuple[tuple[float, float] | None, tuple[float, float]]:
-    """Return what a file says of how likely an answer is, and of how long it takes."""
+    """Return the probability and the duration of an answer in a file."""
     return _interval(document, parts.get("p")), _interval(document, parts.get("sec")) or (0.0, 0.0)
 
 
@@ -173,30 +173,32 @@ def _interval(document: Document, value: Value | None) -> tuple[float, float] | 
 
 
 def _check_chances(document: Document, value: Value, answers: Sequence[Answer]) -> None:
-    """Report chances that cannot add up, and a time before the answers of a leaf that never runs."""
+    """Report impossible sums of probabilities, and a time for the answers of a leaf that never runs."""
     ending = [answer for answer in answers if answer.status != "RUNNING"]
     known = [answer.p for answer in ending if answer.p is not None]
     least, most = sum(p[0] for p in known), sum(p[1] for p in known)
     if least > 1.0 + _ROUNDING:
         document.report(
-            "wrong-value", f"the chances p of these answers add up to {least:g}, and not to 1", value
+            "wrong-value", f"the probabilities p of these answers add up to {least:g}, and not to 1", value
         )
     elif known and len(known) == len(ending) and most < 1.0 - _ROUNDING:
-        message = f"the chances p of these answers add up to {most:g} at most, and one of them must come"
+        message = (
+            f"the probabilities p of these answers add up to {most:g} at most, and one of them must come"
+        )
         document.report("wrong-value", message, value)
     if any(answer.sec[1] for answer in ending) and len(ending) == len(answers):
-        hint = "leave sec out, or list an answer that is RUNNING as well"
+        hint = "omit sec, or add an answer that is RUNNING"
         document.report(
             "wrong-value", "none of these answers is RUNNING, so they take no time", value, hint=hint
         )
 
 
 def check_answers(value: Value | None, words: LeafWords) -> None:
-    """Report unknown names in the answers that leaves are assumed to give, once all assumptions are known.
+    """Report unknown names in the assumed answers of leaves, once all assumptions are known.
 
     Args:
         value: The value of the file's `answers:`, if it has any.
-        words: The words for the tree, simulated with all that is assumed of it.
+        words: The vocabulary of the tree, simulated with all its assumptions.
     """
     items = [item for _, inner in (value.entries if value else None) or () for item in inner.listed]
     for item in items:
@@ -227,7 +229,7 @@ def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answ
 
 
 def _can(spec: NodeSpec, status: str) -> bool:
-    """Return whether a leaf can have an outcome; one that names none can have the usual ones."""
+    """Return whether a leaf can have an outcome; one that names none can have the default ones."""
     return status in (spec.outcomes or ("SUCCESS", "FAILURE", "RUNNING"))
 
 
@@ -241,7 +243,7 @@ def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer,
 
 
 def _names_in(answer: Answer) -> set[str]:
-    """Return the names in the scripts of an answer that could be read; those with placeholders are left out."""
+    """Return the names in the readable scripts of an answer; those with placeholders are left out."""
     scripts = [parse(text) for text in (answer.when, answer.then) if text and not placeholders(text)]
     return {use.name for script in scripts for use in name_uses(script)}
 
@@ -249,7 +251,7 @@ def _names_in(answer: Answer) -> set[str]:
 def take_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
-    """Replace nodes that only a model or their own methods describe by a file's stand-ins; its mistakes become findings.
+    """Apply a file's replacements for nodes of unknown behaviour; its errors become findings.
 
     Args:
         document: The file.
@@ -271,7 +273,7 @@ def take_controls(
             continue
         nodes = [node for node in (*described_parents(binding), *own) if node.spec.tag == tag]
         spec = _stand_in(document, value, tag, nodes, registry)
-        # Where there is a finding, anything may stand there while the others are sought.
+        # After a finding any replacement is accepted, to find further ones.
         fits = (each for each in registry if not _replacement_fault(each, nodes))
         stand_ins[tag] = spec or next(fits)
     put_in_place(binding, stand_ins)
@@ -280,20 +282,22 @@ def take_controls(
 def _stand_in(
     document: Document, value: Value, wanted: str, nodes: Sequence[BoundNode], registry: Registry
 ) -> NodeSpec | None:
-    """Return the stand-in for some nodes; reports one that cannot be it."""
+    """Return the replacement for some nodes; reports an unsuitable one."""
     tag = value.text or ""
     variants = registry.variants(tag)
     if not variants:
         parents = [spec.tag for spec in registry if not spec.kind.is_leaf]
         message = f"no control or decorator is called '{tag}'"
-        hint = "sar-compile nodes lists them"
+        hint = "list them with: sar-compile nodes"
         document.report("unknown-node", message, value, suggestion=nearest(tag, parents), hint=hint)
         return None
     faults = [_replacement_fault(spec, nodes) for spec in variants]
     if "" in faults:
         return variants[faults.index("")]
     message = f"<{tag}> cannot replace <{wanted}>: {faults[0]}"
-    document.report("wrong-value", message, value, hint="sar-compile nodes TAG says what a node needs")
+    document.report(
+        "wrong-value", message, value, hint="show a node's attributes with: sar-compile nodes TAG"
+    )
     return None
 
 
@@ -303,7 +307,7 @@ def _replacement_fault(spec: NodeSpec, nodes: Sequence[BoundNode]) -> str:
         return "it is a leaf"
     needed = [each.name for each in (*spec.required, *spec.references) if each.required]
     if needed:
-        return f"it needs {', '.join(dict.fromkeys(needed))}, and would have nothing but defaults here"
+        return f"it needs {', '.join(dict.fromkeys(needed))}, but gets only defaults here"
     least, most = spec.child_count
     for node in nodes:
         count = len(node.children)

@@ -1,7 +1,7 @@
-"""Whether a flight was one of the runs that proofs speak of, which of the properties it has broken, and what was otherwise than they assume.
+"""Compare a recorded run with all possible runs of its tree: conformance, violated properties, and assumptions.
 
-The recorded run is found again among all runs of the tree, with what the properties remember in each state. So of a property it is known whether
-all runs that fit the record break it, some of them, or none.
+The recorded run is found again among all runs of the tree, with the properties' memory in each state. So it is known of a
+property whether all runs that match the record violate it, some of them, or none.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -22,32 +22,32 @@ from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 
 _RUNNING, _HALTED = "RUNNING", "HALTED"
 _MOST_TOLD = 12
-"""How many events are told of a run that led to something."""
+"""The number of events listed that led to a result."""
 
 
 class PropertyFate(Enum):
-    """What has become of a property in a flight."""
+    """The result of a property in a recorded run."""
 
     KEPT = "kept"
     BROKEN = "broken"
-    """In every run that fits the record."""
+    """In every run that matches the record."""
     IN_DOUBT = "may be broken"
-    """In some of the runs that fit the record, not in all."""
+    """In some of the runs that match the record, not in all."""
     OPEN = "open"
-    """Something still had to come, or is judged at an end, when the run was stopped."""
+    """A required event was missing, or the end decides, when the run was stopped."""
 
 
 class FlownProperty(NamedTuple):
-    """A property, and what has become of it.
+    """A property with its result.
 
     Attributes:
         name: What it is called.
-        fate: What has become of it.
-        tick: The number of the tick that has broken it, from 1; 0 for none.
-        time_sec: When that was, seconds since the run began.
-        event: The event that has broken it, `OpenDoor opened`; empty if it is the end of a run.
-        place: Where the leaf stands, `file:line:column`; empty for none.
-        by_events: Whether the run was none of the tree's any more, so that its events alone were judged.
+        fate: The result.
+        tick: The number of the violating tick, from 1; 0 for none.
+        time_sec: Its time, seconds since the run's start.
+        event: The violating event, `OpenDoor opened`; empty for the end of a run.
+        place: The location of the leaf, `file:line:column`; empty for none.
+        by_events: Whether the run was no longer possible for the tree, so that only its events were evaluated.
         run: The last events that led there.
     """
 
@@ -62,15 +62,15 @@ class FlownProperty(NamedTuple):
 
 
 class Misfit(NamedTuple):
-    """The first event of a flight that no possible run of its tree has.
+    """The first event of a recorded run that is impossible for its tree.
 
     Attributes:
         tick: The number of its tick, from 1.
-        time_sec: When it was, seconds since the run began.
-        event: What happened, `GuardBase lost`.
-        place: Where the leaf or the root stands, `file:line:column`.
-        possible: What would have been possible in its place.
-        why: What would have had to be so, in words; empty if that cannot be told.
+        time_sec: Its time, seconds since the run's start.
+        event: The event, `GuardBase lost`.
+        place: The location of the leaf or the root, `file:line:column`.
+        possible: The possible events instead.
+        why: The missing condition, in words; empty if unknown.
         run: The last events that led there.
     """
 
@@ -84,13 +84,13 @@ class Misfit(NamedTuple):
 
 
 class Conformance(NamedTuple):
-    """What was found out about a flight.
+    """The result of a comparison.
 
     Attributes:
-        ticks: The number of its ticks in which anything was noted last.
-        misfit: What no possible run has; None if the flight was one of them.
-        properties: What has become of each property.
-        left_out: The properties that say nothing about the tree.
+        ticks: The number of its last recorded tick.
+        misfit: The first impossible event; None if the run was possible.
+        properties: The result of each property.
+        left_out: The properties that do not apply to the tree.
     """
 
     ticks: int
@@ -100,7 +100,7 @@ class Conformance(NamedTuple):
 
     @property
     def is_fine(self) -> bool:
-        """Whether it was one of the tree's runs, and has broken nothing for sure or perhaps."""
+        """Whether the run was possible and did not violate any property, certainly or possibly."""
         wrong = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
         return self.misfit is None and not any(each.fate in wrong for each in self.properties)
 
@@ -114,19 +114,19 @@ def conform(
     *,
     is_over: bool,
 ) -> Conformance:
-    """Compare a flight with all runs of its tree.
+    """Compare a recorded run with all possible runs of its tree.
 
     Args:
-        simulated: The tree with stub leaves, whose facts begin as the flight did; it is used up.
+        simulated: The tree with stub leaves, whose facts start as in the recorded run; it is used up.
         file: The properties; None for none.
         tags: The tags of leaves that a tree can have.
-        record: What leaves did. Answers that are as the last ones may be left out, and ticks in which there are no others.
+        record: The events of leaves. Repeated answers may be left out, and ticks with no other events.
         names: The names of the nodes that ran, in pre-order.
-        is_over: Whether the run is over by its own condition, so that nothing comes any more; of one that was stopped, broken off or goes on, what is owed is open.
+        is_over: Whether the run met its own end condition, so that nothing follows. If it was stopped or continues, obligations stay pending.
 
     Raises:
-        TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree's runs cannot be gone through.
+        TreeError: If the file does not match the tree; carries the findings.
+        UndecidableError: If the tree's runs cannot be enumerated.
         OtherTreeError: If the tree has nodes other than those that ran.
     """
     prepared = Prepared.of(simulated)
@@ -146,7 +146,7 @@ def conform(
 
 
 class _ReplayedFlight:
-    """A recorded run, beside all runs of its tree."""
+    """A recorded run, in parallel with all runs of its tree."""
 
     def __init__(self, runs: TreeRuns, record: Sequence[Event], simulated: SimulatedTree) -> None:
         self.runs, self.record = runs, record
@@ -155,12 +155,12 @@ class _ReplayedFlight:
         self._judged: dict[bytes, Judgement] = {}
 
     def at_start(self) -> SimulatedTree:
-        """Return the tree, with its facts as they were when the run began."""
+        """Return the tree, with its facts as at the start of the run."""
         self.runs.stepper.steps.restore(self.runs.start)
         return self._simulated
 
     def judgement(self, state: bytes) -> Judgement:
-        """Judge a state, as a proof does."""
+        """Evaluate a state, as a proof does."""
         known = self._judged.get(state)
         if known is None:
             known = self.runs.stepper.judgement(state)
@@ -171,18 +171,18 @@ class _ReplayedFlight:
         return known
 
     def place(self, number: int) -> str:
-        """Return where a node stands, `file:line:column`."""
+        """Return the location of a node, `file:line:column`."""
         behaviour = self.runs.stepper.flat.nodes[number].behaviour
         element = self._simulated.compiled.origins[behaviour.id].bound.element
         return f"{element.source.path}:{element.line}:{element.column}"
 
     def led_to(self, tick: int, number: int | None = None) -> tuple[Event, ...]:
-        """Return the last events up to a tick, or up to what a leaf did in it."""
+        """Return the last events up to a tick, or up to a leaf's event in it."""
         led: list[Event] = []
         last: dict[int, str] = {}
         for event in takewhile(lambda each: each.tick <= tick, self.record):
             if event.what in (ANSWERED, HALTED) and event.number in self._leaves:
-                # One that goes on running has another entry for each thing that it says.
+                # A leaf that keeps running has another entry for each new message.
                 if event.status != "RUNNING" or last.get(event.number) != event.deed:
                     led.append(event)
                 last[event.number] = event.deed
@@ -194,7 +194,7 @@ class _ReplayedFlight:
         return [event for event in lost.events if event.answer and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
-        """Return whether a tick can be one that was not finished, or not written to its end; nothing is known of one in which nothing was noted.
+        """Return whether a tick may be unfinished or incompletely recorded; nothing is known of a tick without entries.
 
         Even then only a node that ran can have been stopped.
         """
@@ -212,7 +212,7 @@ class _ReplayedFlight:
         )
 
     def misfit(self, lost: LostTick) -> Misfit:
-        """Return the first event of a tick that no possible run has."""
+        """Return the first impossible event of a tick."""
         noted = self._noted(lost)
         tried = [
             _Attempt(state, way, *way.common(noted, lost.told))
@@ -232,7 +232,7 @@ class _ReplayedFlight:
     def _wrong_answer(
         self, noted: Sequence[Event], most: int, best: "Sequence[_Attempt]"
     ) -> tuple[int, str, list[str], str]:
-        """Return what is told of an answer that no run has: the leaf, the event, what would have been possible, and why."""
+        """Return the description of an impossible answer: leaf, event, possible events, and reason."""
         event = noted[most]
         is_again = any(each.number == event.number for each in noted[:most])
         own = [
@@ -246,7 +246,7 @@ class _ReplayedFlight:
                 event.number,
                 event_words(event),
                 [each.next for each in best],
-                "in no run is it this leaf's turn there",
+                "no run ticks this leaf there",
             )
         attempt, place = own[0]
         self.runs.put_before(attempt.state, attempt.way, place)
@@ -254,7 +254,7 @@ class _ReplayedFlight:
         return event.number, event_words(event), possible, _why(self._leaves[event.number], event)
 
     def _missing_answer(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
-        """Return the same where the record lacks something."""
+        """Return the description of an event that is missing in the record."""
         end, root = lost.events[-1], self.runs.names[0]
         fitting = [each.way for each in best if each.is_whole and each.way.root == end.status]
         going_on = [each for each in best if not each.is_whole]
@@ -280,7 +280,7 @@ class _ReplayedFlight:
         return number, f"{name} {said}", [f"{name} {other}"], ""
 
     def _wrong_status(self, lost: LostTick, fitting: Sequence[Way]) -> tuple[int, str, list[str], str]:
-        """Return the same where the answers fit, and a node was recorded with a status that it cannot have."""
+        """Return the description of a tick with possible answers, but an impossible status of a node."""
         recorded = lost.events[-1].statuses
         wrong = [(each, way) for way in fitting if (each := way.other_status(recorded)) is not None]
         (number, status), _ = wrong[0]
@@ -292,7 +292,7 @@ class _ReplayedFlight:
 
 
 class _Attempt(NamedTuple):
-    """A possible tick, held beside a recorded one: its state before, and how far both go together (`Way.common`)."""
+    """A possible tick compared with a recorded one: its state before, and the length of their common part (`Way.common`)."""
 
     state: bytes
     way: Way
@@ -306,19 +306,19 @@ class _Attempt(NamedTuple):
 
     @property
     def next(self) -> str:
-        """What comes next in it."""
+        """Its next event."""
         if self.is_whole:
             return f"the tick ends with {self.way.root}"
         return event_words(self.way.answers[self.place])
 
 
 def event_words(event: Event) -> str:
-    """Return an event as files of properties name it: `OpenDoor opened`."""
+    """Return an event in the form of a properties file: `OpenDoor opened`."""
     return f"{event.leaf} {'starts' if event.what == STARTED else event.deed}"
 
 
 def _why(leaf: StubLeaf, event: Event) -> str:
-    """Return what is assumed of a leaf that gives an answer which cannot be now, in words; empty if it can."""
+    """Return the assumption that forbids an answer now, in words; empty if it is possible."""
     known = [each for each in leaf.answers if each.status == event.status and event.label in ("", each.label)]
     if not known:
         return f"it is assumed that {undeclared(leaf, event.status, event.label)}"
@@ -328,7 +328,7 @@ def _why(leaf: StubLeaf, event: Event) -> str:
 
 
 class _Breakage(NamedTuple):
-    """When a property was broken: the tick, its time, and the event, None for the end of a run."""
+    """The violation of a property: the tick, its time, and the event, None for the end of a run."""
 
     tick: int
     time_sec: float
@@ -337,12 +337,12 @@ class _Breakage(NamedTuple):
 
 
 class _Judged:
-    """What becomes of properties, tick by tick, in all runs that fit a record.
+    """The states of properties, tick by tick, in all runs that match a record.
 
     Args:
-        flight: The flight.
+        flight: The recorded run.
         properties: The properties.
-        moments: Its ticks, as far as they are the tree's.
+        moments: Its ticks, as far as they are possible for the tree.
     """
 
     def __init__(self, flight: _ReplayedFlight, properties: Properties, moments: Sequence[FoundTick]) -> None:
@@ -350,17 +350,17 @@ class _Judged:
         self._has_ended = False
         self._open = 0
         self._last = FoundTick(0, 0.0, ())
-        # Of each state that the run can be in: the properties that were broken on some way to it, and those on each, as bits.
+        # For each possible state of the run: the properties violated on some path to it, and on every path, as bits.
         self._some = {flight.runs.start: 0}
         self._each = dict(self._some)
-        # When each was broken on some way, and when there was none left on which it was not.
+        # When each was violated on some path, and when no path was left without a violation.
         self._doubted: dict[int, _Breakage] = {}
         self._broken: dict[int, _Breakage] = {}
         for moment in moments:
             self._take(moment)
 
     def _take(self, moment: FoundTick) -> None:
-        """Take a tick."""
+        """Process a tick."""
         some: dict[bytes, int] = {}
         each: dict[bytes, int] = {}
         events: dict[int, Event] = {}
@@ -377,7 +377,7 @@ class _Judged:
         self._note(some, each, events)
 
     def _note(self, some: dict[bytes, int], each: dict[bytes, int], events: Mapping[int, Event]) -> None:
-        """Note what is broken by now."""
+        """Record the properties that are violated so far."""
         self._some, self._each = some, each
         in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
         for rule in range(len(self._properties.names)):
@@ -388,10 +388,10 @@ class _Judged:
                 self._broken.setdefault(rule, breakage)
 
     def conclude(self, *, is_over: bool) -> None:
-        """Take the end of the run, all of which was found.
+        """Process the end of a run whose ticks were all possible.
 
         Args:
-            is_over: Whether it is over by its own condition, so that every tick from now on would leave all as it is.
+            is_over: Whether it met its own end condition, so that every further tick would change nothing.
         """
         if is_over:
             stepper, states = self._flight.runs.stepper, [*self._some]
@@ -408,12 +408,12 @@ class _Judged:
 
     @property
     def _at_end(self) -> int:
-        """The properties that are judged at an end, as bits."""
+        """The properties that are evaluated at an end, as bits."""
         count = self._properties.rules.monitors.count
         return (1 << len(self._properties.names)) - (1 << count)
 
     def go_on(self, watch: PropertyWatch, lost: LostTick, *, is_over: bool) -> None:
-        """Judge by its events alone what comes from a tick on that is none of the tree's."""
+        """Evaluate the rest of a run that is no longer possible for the tree, by its events alone."""
         times, names = {}, self._properties.names
         for tick in ticks_of(self._flight.record):
             times[tick[-1].tick] = tick[-1].time_sec or 0.0
@@ -436,7 +436,7 @@ class _Judged:
         return next((each for each in said if event_words(each) == alarm.event), None)
 
     def found(self) -> tuple[FlownProperty, ...]:
-        """Return what has become of each property."""
+        """Return the result of each property."""
         return tuple(self._fate(rule, name) for rule, name in enumerate(self._properties.names))
 
     def _fate(self, rule: int, name: str) -> FlownProperty:

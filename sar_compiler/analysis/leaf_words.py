@@ -1,4 +1,4 @@
-"""The words for leaves, facts and keys in files beside a tree, the conditions made of them, and scalars that are more than plain data."""
+"""Vocabulary of leaves, facts and keys in files beside a tree, with conditions, scripts and durations."""
 
 import functools
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -24,7 +24,7 @@ _DURATION = type_of(timedelta)
 
 
 def word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
-    """Return the text of a scalar, one of some words; reports any other."""
+    """Return the text of a scalar that must be one of some words; reports any other."""
     words = list(known)
     if value.text in words:
         return value.text
@@ -34,12 +34,12 @@ def word(document: Document, value: Value, known: Iterable[str], what: str) -> s
 
 
 def seconds(value: Value) -> float:
-    """Return a duration that a schema has held, in seconds."""
+    """Return a duration that a schema has accepted, in seconds."""
     return span_sec(value)[0]
 
 
 def span_sec(value: Value) -> tuple[float, float]:
-    """Return the shortest and the longest of the durations that a schema has held (`4s`, `4s to 9s`), in seconds."""
+    """Return the bounds of durations that a schema has accepted (`4s`, `4s to 9s`), in seconds."""
     if isinstance(value.data, (int, float)):
         return float(value.data), float(value.data)
     spans: list[Any] = [_DURATION.convert("".join(part.split())) for part in value.data.split("to")]
@@ -48,7 +48,7 @@ def span_sec(value: Value) -> tuple[float, float]:
 
 
 def script(document: Document, value: Value | None) -> Script | None:
-    """Return a script; reports one that cannot be read, at its place."""
+    """Return a script; reports one that cannot be parsed, at its location."""
     if value is None:
         return None
     try:
@@ -59,7 +59,7 @@ def script(document: Document, value: Value | None) -> Script | None:
 
 
 def report_script(document: Document, value: Value, error: ScriptError) -> None:
-    """Report the mistake in a script, at its place."""
+    """Report the error in a script, at its location."""
     part, suggestion, hint = (error.start, error.end), error.suggestion, error.hint
     document.report("script-error", error.message, value, part, suggestion=suggestion, hint=hint)
 
@@ -74,7 +74,7 @@ class Names(NamedTuple):
 
     Attributes:
         known: The facts, the keys of the main tree, then the names of enumerations.
-        is_open: Whether there may be more keys, in ways that the file does not show.
+        is_open: Whether there may be more keys that the file does not show.
     """
 
     known: tuple[str, ...]
@@ -82,11 +82,11 @@ class Names(NamedTuple):
 
 
 class Slip(NamedTuple):
-    """A mistake in a condition.
+    """An error in a condition.
 
     Attributes:
-        message: What is wrong.
-        place: Where it stands in the script, in characters.
+        message: The problem.
+        place: Its position in the script, in characters.
         suggestion: What to write instead of an unknown name, if it can be guessed.
         hint: The remedy, if the name is known.
     """
@@ -98,7 +98,7 @@ class Slip(NamedTuple):
 
 
 def names_of(simulated: SimulatedTree) -> Names:
-    """Return the names that a tree's facts have, and the keys of its main tree."""
+    """Return the names of a tree's facts, and the keys of its main tree."""
     top = simulated.compiled.instance
     table = entry_table_of(top)
     keys = [entry.key for entry in table.entries if entry.scope is top.scope]
@@ -118,7 +118,7 @@ def names_of(simulated: SimulatedTree) -> Names:
 
 
 def _made_by(effect: str) -> Iterator[str]:
-    """Yield the names that a script makes, if they are not there."""
+    """Yield the names that a script creates if they do not exist."""
     return (use.name for use in name_uses(parse(effect)) if use.access is Access.CREATE)
 
 
@@ -127,7 +127,7 @@ def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Itera
 
     Args:
         script: The script.
-        names: What there is in the tree.
+        names: The names in the tree.
         own: Further names.
     """
     known = [*names.known, *own]
@@ -138,23 +138,23 @@ def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Itera
 
 
 def slips(script: Script, names: Names, own: Collection[str], later: Collection[str] = ()) -> Iterator[Slip]:
-    """Yield the mistakes in a condition.
+    """Yield the errors in a condition.
 
     Args:
         script: The condition.
-        names: What there is in the tree.
-        own: The names of what is known of the run itself.
-        later: The names of what will be known when a tick is over.
+        names: The names in the tree.
+        own: The names of the run's own values.
+        later: The names of values that are known at the end of a tick.
     """
     usable = True
     for use in name_uses(script):
         place = (use.start, use.end)
         if use.access is not Access.READ:
-            message = f"a condition only looks at '{use.name}' and does not change it"
+            message = f"a condition only reads '{use.name}' and must not change it"
             yield Slip(message, place, hint="write == to compare")
         elif use.name in later:
-            message = f"'{use.name}' is known only when a tick is over; an event comes before that"
-            yield Slip(message, place, hint="end and at_end can use it")
+            message = f"'{use.name}' is only known after a tick, and events come before that"
+            yield Slip(message, place, hint="use it in end or at_end")
         else:
             continue
         usable = False
@@ -168,11 +168,11 @@ _DEEDS = {STARTS: STARTED, HALTED: HALTED}
 
 @dataclass(frozen=True)
 class EventPattern:
-    """A pattern of leaves' events, as a file writes it: `OpenDoor opened`.
+    """A pattern of leaves' events, as written in a file: `OpenDoor opened`.
 
     Attributes:
-        text: How it is written.
-        leaves: The leaves that are meant.
+        text: The pattern as written.
+        leaves: The leaves that it matches.
         what: `STARTED`, `ANSWERED` or `HALTED`.
         answer: For `ANSWERED`: the label or the status.
     """
@@ -190,7 +190,7 @@ class EventPattern:
 
 
 class LeafWords:
-    """The words of a document for the leaves of one tree, and for what conditions ask of it."""
+    """The vocabulary of a document for the leaves of one tree, and for conditions."""
 
     def __init__(self, document: Document, simulated: SimulatedTree) -> None:
         self.document = document
@@ -204,7 +204,7 @@ class LeafWords:
         return names_of(self.simulated)
 
     def spec(self, leaf: StubLeaf) -> NodeSpec:
-        """Return what the registry or a model says of a leaf."""
+        """Return the specification of a leaf from the registry or a model."""
         return self._origins[leaf.id].bound.spec
 
     def named(self, key: str) -> tuple[StubLeaf, ...]:
@@ -220,10 +220,10 @@ class LeafWords:
         return found
 
     def answer(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
-        """Return a label or a status that each of some leaves can answer; reports anything else."""
+        """Return a label or a status that each of some leaves can return; reports anything else."""
         text, known = value.text or "", answer_words(leaves)
         if text not in known:
-            message = f"'{leaves[0].name}' never answers '{text}'; it answers {', '.join(known)}"
+            message = f"'{leaves[0].name}' never returns '{text}'. It returns {', '.join(known)}"
             self.document.report("unknown-answer", message, value, suggestion=nearest(text, known))
             return None
         return text
@@ -231,12 +231,12 @@ class LeafWords:
     def condition(
         self, value: Value | None, own: Collection[str], later: Collection[str] = ()
     ) -> Script | None:
-        """Return a condition; reports what is wrong with it.
+        """Return a condition; reports its errors.
 
         Args:
-            value: The condition; None if none is written.
-            own: The names of what is known of the run itself.
-            later: The names of what is known of it only when a tick is over.
+            value: The condition; None if there is none.
+            own: The names of the run's own values.
+            later: The names of values that are known only after a tick.
         """
         condition = script(self.document, value)
         if condition is None or value is None:
@@ -260,7 +260,7 @@ class LeafWords:
                 return self._of(value, leaves, (text, rest))
         known = self.named(text)
         if known:
-            message = f"'{text}' is a leaf; an event says what it does as well"
+            message = f"'{text}' is a leaf. Add its event"
             self.document.report("wrong-value", message, value, hint=f"write {text} {answer_words(known)[0]}")
         else:
             self._report_unknown(value, words[0])
@@ -273,7 +273,7 @@ class LeafWords:
         known = answer_words(leaves)
         if rest in known:
             return EventPattern(text, leaves, ANSWERED, rest)
-        message = f"'{leaves[0].name}' never does '{rest}'; it does {', '.join([*known, *_DEEDS])}"
+        message = f"'{leaves[0].name}' has no event '{rest}'. It has {', '.join([*known, *_DEEDS])}"
         near = nearest(rest, [*known, *_DEEDS])
         part = (len(text) - len(rest), len(text))
         self.document.report("unknown-answer", message, value, part, suggestion=near)
@@ -281,12 +281,12 @@ class LeafWords:
 
     def _report_unknown(self, value: Value, key: str) -> None:
         names = list(dict.fromkeys(word for leaf in self.leaves for word in (leaf.name, leaf.tag)))
-        message = f"no leaf that can be scripted is called '{key}'; there is {', '.join(names) or 'none'}"
+        message = f"no scripted leaf is called '{key}'; there is {', '.join(names) or 'none'}"
         self.document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
 
 
 def answer_words(leaves: Iterable[StubLeaf]) -> list[str]:
-    """Return the labels of what some leaves can answer, then the statuses."""
+    """Return the labels of some leaves' possible answers, then the statuses."""
     labels = [answer.label for leaf in leaves for answer in leaf.answers if answer.label]
     statuses = {answer.status for leaf in leaves for answer in leaf.answers}
     return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

@@ -38,14 +38,14 @@ class MergedValues:
         return self.is_unread or self.above == -math.inf
 
     def __call__(self, value: object) -> object:
-        """Return the value that stands for one: the first of its kind that there was."""
+        """Return the representative of a value: the first value of its kind."""
         kind = self._kind_of(value)
         kept = value if kind is None else self._kept.setdefault(kind, value)
         self.is_used = self.is_used or kept != value
         return kept
 
     def _kind_of(self, value: object) -> object:
-        """Return what tells a value from those for which another one stands; None if it stands for itself."""
+        """Return the difference of a value from those with a representative; None if it represents itself."""
         kind = type(value)
         if self.is_unread and kind in _PLAIN:
             return kind
@@ -76,7 +76,7 @@ def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
 
 
 class Merging:
-    """Values of entries that a search does not distinguish: when one is written, another one is stored in its place.
+    """Values of entries that a search does not distinguish: a written value is replaced by its representative.
 
     Whether that is done is an entry itself, so that it is part of each state, and of what is remembered of scripts.
 
@@ -100,5 +100,5 @@ class Merging:
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
     def stored(self, name: str, value: object) -> object:
-        """Return what is stored where a value is written to an entry."""
+        """Return the value to store when a value is written to an entry."""
         return value if self._cells.now[self._switch] else self.values[name](value)

@@ -1,4 +1,4 @@
-"""A board of which states are taken by the million: what its entries hold are numbers."""
+"""A blackboard whose entries are stored as numbers, for millions of snapshots of its state."""
 
 from collections.abc import Hashable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -10,12 +10,12 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells, Memo
 
 
 class EntryContent(NamedTuple):
-    """What an entry holds.
+    """The content of an entry.
 
     Attributes:
-        kind: Its type, None if it has none of its own, in a tuple; None if nobody has named it.
+        kind: Its type, None if it has none of its own, in a tuple; None if it was never named.
         frozen: Its value, as `freeze` returns it; None if nothing was written.
-        stamp: How often it was written, where somebody watches that; else 1 if it was.
+        stamp: The number of writes if that is monitored; else 1 if it was written.
     """
 
     kind: tuple[type | None] | None = None
@@ -27,7 +27,7 @@ _NOTHING = EntryContent()
 
 
 class NumberedBoard(Board):
-    """A board whose entries are in cells, and no longer on py_trees' blackboard.
+    """A board whose entries are in cells, instead of on py_trees' blackboard.
 
     Attributes:
         cells: Where they are, perhaps beside those of other boards.
@@ -39,7 +39,7 @@ class NumberedBoard(Board):
 
     @classmethod
     def of(cls, board: Board, cells: EntryCells) -> None:
-        """Turn a board into a numbered one, which remains the same object: the ports of all nodes refer to it.
+        """Turn a board into a numbered one, in place: the ports of all nodes refer to it.
 
         Raises:
             FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
@@ -90,24 +90,24 @@ class NumberedBoard(Board):
         return value
 
     def set(self, name: str, value: object) -> None:
-        """Write an entry, which is made if there is none."""
+        """Write an entry, which is created if missing."""
         held = self._content_of(name)
         self._put(name, held._replace(frozen=self._freeze(name, value), stamp=self._next_stamp(name)))
 
     def declare(self, name: str, kind: type | None) -> None:
-        """Name an entry, which stays empty until it is written; the first type that it is given counts."""
+        """Declare an entry, which stays empty until it is written; its first type is kept."""
         held = self._content_of(name)
         if held.kind is None:
             self._put(name, held._replace(kind=(kind,)))
 
     def settle(self, name: str, kind: type) -> None:
-        """Give an entry a type, if it has none of its own."""
+        """Set the type of an entry that has none of its own."""
         held = self._content_of(name)
         if held.kind in (None, (None,)):
             self._put(name, held._replace(kind=(kind,)))
 
     def is_declared(self, name: str) -> bool:
-        """Return whether an entry is named."""
+        """Return whether an entry is declared."""
         return self._content_of(name).kind is not None
 
     def kind(self, name: str) -> type | None:
@@ -116,11 +116,11 @@ class NumberedBoard(Board):
         return None if kind is None else kind[0]
 
     def remove(self, name: str) -> None:
-        """Remove an entry, if there is one, and forget its type."""
+        """Remove an entry if it exists, and forget its type."""
         self._put(name, _NOTHING)
 
     def stamp(self, name: str) -> int:
-        """Return how often an entry was written, if that is watched; 0 if there is none."""
+        """Return the number of writes of an entry, if that is monitored; 0 if it does not exist."""
         return self._content_of(name).stamp
 
     def names(self) -> Iterator[str]:
@@ -129,7 +129,7 @@ class NumberedBoard(Board):
         yield from [name for name in self.cells.names if name.startswith(folder) and self.has(name)]
 
     def restamp(self, name: str, stamp: int) -> None:
-        """Have an entry, if there is one, count as written so often."""
+        """Set the number of writes of an entry, if it exists."""
         held = self._content_of(name)
         if held.stamp not in (0, stamp):
             self._put(name, held._replace(stamp=stamp))
@@ -156,6 +156,6 @@ class NumberedBoard(Board):
             raise FrozenValueError(message) from error
 
     def freeze_lent(self, place: int, value: object) -> Hashable:
-        """Return the immutable form of what a leaf has been lent and may have changed; called by the cells."""
+        """Return the immutable form of a value that a leaf had access to and may have changed; called by the cells."""
         name, held = self.cells.names[place], self.cells.content(place)
         return held._replace(frozen=self._freeze(name, value)) if held else None

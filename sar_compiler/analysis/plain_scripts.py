@@ -16,7 +16,7 @@ _MOST = 10**15
 
 
 def is_plain(tree: BoundTree) -> bool:
-    """Return whether the scripts of a tree raise nothing in any run; False for what is not known."""
+    """Return whether the scripts of a tree raise nothing in any run; False if unknown."""
     if (
         tree.root is None
         or tree.uses
@@ -50,7 +50,7 @@ class _ScriptWalk:
         if not bound.children:
             return self._of_leaf(bound, known)
         semantics = bound.spec.semantics
-        if semantics.repeats:  # a script may decide for how long, and a tick may come to no end
+        if semantics.repeats:  # a script may determine the duration, and a tick may never end
             return None
         # A node that ticks its children in another way may tick none of them.
         is_sequence = semantics.order is Order.IN_ORDER and semantics.goes_on == S
@@ -92,7 +92,7 @@ class _ScriptWalk:
         return known | {name} if bound.spec.outcomes == {"SUCCESS"} else known
 
     def _type_of(self, value: object, known: frozenset[str]) -> type | None:
-        """Return what a value surely is, a whole or a real number or a text; None if that is not known."""
+        """Return the certain type of a value, an integer, a real number or a string; None if unknown."""
         if isinstance(value, Name):
             return self._types.get(value.name) if value.name in known else None
         if not isinstance(value, Literal):

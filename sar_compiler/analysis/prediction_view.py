@@ -1,4 +1,4 @@
-"""What is to be expected of a tree's runs, as text, as JSON and as a picture."""
+"""The prediction of a tree's runs as text, JSON and a picture."""
 
 import math
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from sar_compiler.style import literal
 from sar_compiler.tree.plain import as_json, count_text
 
 _SHARES = (0.05, 0.5, 0.95)
-"""Which quantiles of the time are told."""
+"""The reported quantiles of the time."""
 _MOST_LEAVES = 8
 # The picture, in its own units.
 _WIDTH, _HEIGHT, _LEFT, _BELOW, _ABOVE = 640, 360, 56, 44, 20
@@ -20,11 +20,11 @@ _MOST_POINTS = 400
 
 
 def prediction_as_text(prediction: Prediction, seconds: float) -> str:
-    """Return the chances, the times, and a line for each leaf that matters.
+    """Return the probabilities, the times, and a line for each leaf that matters.
 
     Args:
-        prediction: What is to be expected.
-        seconds: How long it took to compute, in seconds.
+        prediction: The prediction.
+        seconds: The computation time, in seconds.
     """
     return "\n".join(_lines(prediction, seconds))
 
@@ -49,8 +49,10 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     yield from (f"\n{note}" for note in merging_notes(found.merged))
     if not found.complete:
         yield (
-            "\nNot all states were gone through: what is behind the others may be anything. A time between two takes a state for each tick of it: "
-            "give answers a single time (sec: 30) or, where no limit waits for it, none; or let ticks be further apart (--period)."
+            "\nNot all states were explored, so the bounds include any result of the others. A time between two takes a "
+            "state for each tick of it: "
+            "give answers a single time (sec: 30) or, if no limit depends on it, none. Or increase the time between ticks "
+            "(--period)."
         )
 
 
@@ -59,7 +61,7 @@ def _influence_lines(found: Prediction) -> Iterator[str]:
     if not leaves:
         return
     width = max(len("/".join(each.leaf)) for each in leaves)
-    yield f"\nWhat success depends on{', were chances that are not known in the middle' if found.unknown else ''}:"
+    yield f"\nSensitivity of success{', with unknown probabilities set to the middle' if found.unknown else ''}:"
     yield f"  {'leaf':{width}}  a point more of it  if it never failed"
     for each in leaves:
         gain = f"{each.derivative:+.2f} points"
@@ -85,7 +87,7 @@ def _time(found: Prediction) -> str:
 
 
 def prediction_as_json(prediction: Prediction, seconds: float) -> str:
-    """Return what is to be expected as a JSON object; see `prediction_as_text`."""
+    """Return a prediction as a JSON object; see `prediction_as_text`."""
 
     def numbers(between: Between | None) -> dict[str, float] | None:
         return None if between is None else {"low": between.low, "high": between.high}
@@ -119,7 +121,7 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
 
 
 def prediction_as_svg(prediction: Prediction) -> str:
-    """Return a picture of the chance that a run has ended by each time, and that it has ended well; there must be a distribution."""
+    """Return a picture of the probabilities that a run has ended, and has succeeded, by each time; needs a distribution."""
     points = prediction.distribution
     last_sec = points[-1][0] or 1.0
     wide, high = _WIDTH - _LEFT - _ABOVE, _HEIGHT - _BELOW - _ABOVE
@@ -134,7 +136,7 @@ def prediction_as_svg(prediction: Prediction) -> str:
 
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_WIDTH}" height="{_HEIGHT}" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img">',
-        f"<title>the chance that a run has ended, and ended well, by each time: {escape(_time(prediction))}</title>",
+        f"<title>the probability that a run has ended, and has succeeded, by each time: {escape(_time(prediction))}</title>",
         f"<style>\n{literal(files(__package__).joinpath('prediction.css').read_text('utf-8'))}</style>",
         f'<rect class="ground" width="{_WIDTH}" height="{_HEIGHT}"/>',
         *_axes(last_sec, wide, high),
@@ -152,7 +154,7 @@ def _axes(last_sec: float, wide: float, high: float) -> Iterator[str]:
         y = _ABOVE + high * (1.0 - part)
         yield f'<path class="axis" d="M{_LEFT} {y:.1f}H{_LEFT + wide}"/>'
         yield f'<text class="scale" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{100 * part:g} %</text>'
-    # The largest round number of seconds of which at least three fit.
+    # The largest round number of seconds that fits at least three times.
     power = 10.0 ** math.floor(math.log10(last_sec))
     step = next(each * power for each in (2.0, 1.0, 0.5, 0.2) if 3.0 * each * power <= last_sec)
     for number in range(int(last_sec / step) + 1):

@@ -1,4 +1,4 @@
-"""Verifying a loaded tree, with a file of properties and the user's facts."""
+"""Verify a loaded tree, with a file of properties and the user's facts."""
 
 import contextlib
 import functools
@@ -29,7 +29,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 SearchResult = TypeVar("SearchResult")
 TreeSearch = Callable[[SimulatedTree, PropertyFile | None, Collection[str]], SearchResult]
-"""Searches the runs of a tree, as `analysis.verify.verify` does, given what else that takes."""
+"""Searches the runs of a tree, as `analysis.verify.verify` does, with its other arguments."""
 
 
 def search_runs(
@@ -41,12 +41,12 @@ def search_runs(
     search: TreeSearch[SearchResult],
     answers: Iterable[str | Path] = (),
 ) -> SearchResult:
-    """Return what a search finds in the runs of a bound tree; with a file of properties."""
+    """Return the results of a search in the runs of a bound tree, with a file of properties."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     others = [read_property_file(each) for each in answers]
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
-    # The findings about the file are raised when all of them are known.
+    # The findings about the file are raised together.
     with contextlib.nullcontext() if file is None else file.document.findings_first():
         if file is not None and file.controls is not None:
             files = (*tree.project.palettes, *tree.forest.files)
@@ -60,7 +60,7 @@ def search_runs(
         if file is not None:
             assumed |= read_assumptions(file.document, file.facts, file.answers, simulated)
         if facts:
-            # The file may declare facts of its own.
+            # The file may declare additional facts.
             assumed |= _of_the_user(facts, compiled(assumed))
         if assumed != Assumptions():
             simulated = compiled(assumed)
@@ -73,7 +73,7 @@ def search_runs(
 
 
 def begin_with(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
-    """Have facts be at the start what they are in one run; a file of properties says how those of proofs begin."""
+    """Set the initial facts to those of one run; a file of properties defines those of proofs."""
     for name in facts.keys() & simulated.fact_values().keys():
         simulated.facts.resolve(name).write(facts[name])
 
@@ -91,12 +91,12 @@ def try_runs(tree: ProjectTree, binding: Binding, budget: TrialBudget, how_to_se
 
     try:
         return search_runs(tree, binding, None, None, StartValues(), search)
-    except SarError:  # a parameter is missing, or nobody knows what a node does: `verify` says it
+    except SarError:  # a missing parameter or an unknown node: `verify` reports it
         return []
 
 
 def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
-    """Return the file of the properties that the mission of a bound tree brings along; None for none."""
+    """Return the default properties file of a bound tree's mission; None for none."""
     if not is_here("missions"):
         return None
     from sar_compiler.missions.choosing import mission_of

@@ -1,7 +1,8 @@
-"""Watching one run for the properties of a file, and for what their proofs assume.
+"""Monitor one run for the properties of a file, and for the assumptions of their proofs.
 
-What a leaf has answered decides what the facts are, exactly as in a proof: its script `then` is run on facts that begin as the run does. The monitors
-are those of the search, and are told of the same events in the same order. So a run breaks a property here at the event at which `verify` says it does.
+A leaf's answer determines the facts, exactly as in a proof: its script `then` is run on facts that start as in the run. The
+monitors are those of the search, and receive the same events in the same order. So a run violates a property here at the
+event at which `verify` reports it.
 """
 
 from collections import deque
@@ -29,17 +30,17 @@ from sar_compiler.runtime.variables import ScriptValue, VariableError
 from sar_compiler.runtime.walking import pre_order
 
 _MOST_TOLD = 20
-"""How many events are told of a run that led to an alarm; of those that properties hear as many again."""
+"""The number of events listed that led to an alarm, and of those that properties receive."""
 
 
 class WatchedEvent(NamedTuple):
-    """An event of a run that is watched.
+    """An event of a monitored run.
 
     Attributes:
-        time_sec: When it was, seconds since the run began.
-        tick: In which tick, from 1.
+        time_sec: Its time, seconds since the run's start.
+        tick: Its tick, from 1.
         number: The leaf's number.
-        deed: What the leaf did, in a word.
+        deed: The event of the leaf, in a word.
     """
 
     time_sec: float
@@ -49,30 +50,29 @@ class WatchedEvent(NamedTuple):
 
 
 class AlarmCause(Enum):
-    """Why there is an alarm."""
+    """The cause of an alarm."""
 
-    BROKEN = "a property is broken"
-    OWED = "something still had to come when the run was over"
-    ASSUMPTION = "something is otherwise than proofs assume"
+    BROKEN = "a property was violated"
+    OWED = "a required event was missing when the run was over"
+    ASSUMPTION = "a verification assumption was violated"
     UNJUDGED = "a condition cannot be evaluated"
 
     @property
     def is_broken(self) -> bool:
-        """Whether a property is broken."""
+        """Whether a property is violated."""
         return self in (AlarmCause.BROKEN, AlarmCause.OWED)
 
 
 class WatchAlarm(NamedTuple):
-    """What is wrong with a run that is watched.
+    """An alarm of a monitored run.
 
     Attributes:
-        cause: Why.
-        about: The property's name; of an assumption, what it says.
-        event: The event, `OpenDoor opened`; empty if it is none.
+        cause: The cause.
+        about: The name of the property, or the text of the assumption.
+        event: The event, `OpenDoor opened`; empty for none.
         tick: The number of the tick, from 1.
-        number: The leaf's number; None if it is none.
-        run: The last events that led there, in order: answers and halts, without what a leaf has answered in the tick before as well, and those that
-            the properties hear.
+        number: The leaf's number; None for no leaf.
+        run: The last events that led there, in order: answers and halts without repetitions, and events of properties.
     """
 
     cause: AlarmCause
@@ -89,12 +89,12 @@ class WatchAlarm(NamedTuple):
             return f"Assumption failed: {self.about}"
         if self.cause is AlarmCause.UNJUDGED:
             return f"Not watched: {self.about}"
-        how = "owed at the end" if self.cause is AlarmCause.OWED else self.event or "at the end"
-        return f"Property broken: {self.about} ({how})"
+        how = "pending at the end" if self.cause is AlarmCause.OWED else self.event or "at the end"
+        return f"Property violated: {self.about} ({how})"
 
 
 class _OwnKeys(FactVariables):
-    """Facts as they are assumed, and the keys of a tree that writes these itself."""
+    """Assumed facts, and the keys of a tree that writes these itself."""
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write a fact."""
@@ -106,14 +106,14 @@ class _OwnKeys(FactVariables):
 
 
 class _HeldCondition:
-    """A condition as it was before what a leaf does has changed anything."""
+    """A condition in the state before a leaf's event has changed anything."""
 
     def __init__(self, holds: Callable[[], bool], tell: Callable[[str], None]) -> None:
         self._holds, self._tell = holds, tell
         self.held = False
 
     def take(self) -> None:
-        """Look whether it holds."""
+        """Check whether it holds."""
         try:
             self.held = self._holds()
         except ConditionError as error:
@@ -122,25 +122,24 @@ class _HeldCondition:
 
 
 class PropertyWatch:
-    """Watches one run of a tree.
+    """Monitors one run of a tree.
 
     Args:
-        simulated: The tree with stub leaves, whose facts begin as the run does; it is used up.
+        simulated: The tree with stub leaves, whose facts start as in the run; it is used up.
         file: The file of properties; None for none.
         tags: The tags of leaves that a tree can have.
-        watched: The tree that is watched, whose keys are read; by default these are those of the simulated one, in which only its leaves' scripts write.
-        clock: Returns the time, seconds since the run began.
-        limits: The facts that only say how often something happens at most. What a condition finds in one tick after the other (a mission that is
-            held) has happened once.
+        watched: The monitored tree, whose keys are read. By default the simulated tree's, written by its leaves' scripts only.
+        clock: Returns the time, seconds since the run's start.
+        limits: The facts that only limit how often an event happens. Consecutive ticks of a condition (a paused mission) are one event.
 
     Raises:
-        TreeError: If the file says something that makes no sense for the tree; carries the findings.
+        TreeError: If the file does not match the tree; carries the findings.
 
     Attributes:
         file: The file of properties.
         properties: The properties.
-        alarms: What was found wrong since these were taken last; a property and an assumption are told of once.
-        broken: The names of the properties that were broken.
+        alarms: The alarms since the last read; a property and an assumption are reported once.
+        broken: The names of the violated properties.
     """
 
     def __init__(
@@ -174,12 +173,12 @@ class PropertyWatch:
         self._trail = Trail(guarded, monitors.heard, monitors.after, EntryCells())
         self._trail.begin(0)
         self._tick, self._root = 1, ""
-        # The last events that properties hear, and the last others, each with its place in the run.
+        # The last events that properties receive, and the last others, each with its position in the run.
         self._heard: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
         self._others: deque[tuple[int, WatchedEvent]] = deque(maxlen=_MOST_TOLD)
         self._count = 0
         self._hears = monitors.heard.union(rules.guarded)
-        # Of each leaf: what it has done last, and in which tick.
+        # For each leaf: its last event, and the tick of that.
         self._last: dict[int, tuple[str, int]] = {}
         self._spending = Spending(
             spending_conditions(simulated, limits), [*map(simulated.facts.resolve, limits)]
@@ -187,12 +186,12 @@ class PropertyWatch:
 
     @property
     def remembered(self) -> int:
-        """What the properties remember, as a number: where it is the same, `owed` is."""
+        """The state of the properties as a number: if it is unchanged, `owed` is."""
         return self._trail.watched
 
     @property
     def owed(self) -> list[str]:
-        """The names of the properties by which something still has to come."""
+        """The names of the properties that still require an event."""
         owed = self.properties.rules.monitors.owed(self._trail.watched)
         return [name for number, name in enumerate(self.properties.names) if owed >> number & 1]
 
@@ -203,7 +202,7 @@ class PropertyWatch:
         return replace(guard, holds=lambda: look.held)
 
     def take(self, event: Event) -> None:
-        """Take an event of a run that is read, or that was played."""
+        """Process an event of a run that is read or replayed."""
         if event.what == TICKED:
             self.end_tick(event.status)
             return
@@ -216,32 +215,32 @@ class PropertyWatch:
             self.halts(event.number)
 
     def raise_fact(self, name: str, by: int) -> None:
-        """Raise a fact that something else than a leaf has changed, such as a command; nothing happens where the tree has no such fact."""
+        """Raise a fact changed by something else than a leaf, such as a command, if the tree has it."""
         entry = self._facts.resolve(name)
         known = entry.read() if entry.exists else None
         if isinstance(known, int | float):
             entry.write(known + by)
 
     def looks(self, number: int) -> None:
-        """Look at the conditions that decide whether the next event of a leaf counts; before it changes anything."""
+        """Evaluate the conditions on the next event of a leaf, before it changes anything."""
         for look in self._looks.get(number, ()):
             look.take()
 
     def starts(self, number: int) -> None:
-        """Take the start of a leaf."""
+        """Process the start of a leaf."""
         self._happens(number, STARTED)
 
     def halts(self, number: int) -> None:
-        """Take that a leaf is stopped while it was running."""
+        """Process that a running leaf was stopped."""
         self._happens(number, HALTED)
 
     def answers(self, number: int, status: str, label: str = "") -> None:
-        """Take an answer of a leaf.
+        """Process an answer of a leaf.
 
         Args:
             number: The leaf's number.
             status: The status.
-            label: Which answer it means; empty if that is not known.
+            label: The label of the answer; empty if unknown.
         """
         numbers = self._numbers.get((number, ANSWERED, status, label))
         if numbers is None:
@@ -252,7 +251,7 @@ class PropertyWatch:
         self._spending.after(left)
 
     def _answer(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
-        """Take a declared answer, which can be one of some."""
+        """Process a declared answer, which may be one of several."""
         (event, answer), excluded = numbers[0], None
         if len(numbers) > 1 or (answer is not None and answer.when):
             (event, answer), excluded = self._possible(number, numbers)
@@ -266,7 +265,7 @@ class PropertyWatch:
             self._change(self._leaves[number], answer)
 
     def end_tick(self, root: str) -> None:
-        """Take the end of a tick, and what the root came to; empty if the tick was not finished."""
+        """Process the end of a tick with the root's status; empty for an unfinished tick."""
         self._root = root
         self._judge(is_over=False)
         self._spending.end_tick()
@@ -274,10 +273,10 @@ class PropertyWatch:
         self._tick += 1
 
     def conclude(self, *, is_over: bool) -> None:
-        """Take the end of the run.
+        """Process the end of the run.
 
         Args:
-            is_over: Whether it is over by its own condition, so that every tick from now on would leave all as it is; what is owed by a run that was stopped stays open.
+            is_over: Whether it met its own end condition, so that further ticks change nothing. Else obligations stay pending.
         """
         if is_over:
             self._tick -= 1
@@ -303,7 +302,7 @@ class PropertyWatch:
     def _possible(
         self, number: int, numbers: Sequence[tuple[int, Answer | None]]
     ) -> tuple[tuple[int, Answer | None], tuple[str, str] | None]:
-        """Return the answer that can be meant; if none is possible now the first one, and why it is not (`only_when`)."""
+        """Return the possible answer; if none is possible now, the first one with the reason (`only_when`)."""
         leaf = self._leaves[number]
         try:
             for event, answer in numbers:
@@ -315,7 +314,7 @@ class PropertyWatch:
         return numbers[0], only_when(leaf, [answer for _, answer in numbers if answer is not None])
 
     def _answers_unknown(self, number: int, status: str, label: str) -> None:
-        """Take an answer that a leaf has not declared, or of which it has not said which it is."""
+        """Process an answer that a leaf has not declared or not identified."""
         self._note(number, label or status)
         leaf = self._leaves.get(number)
         if leaf is None:
@@ -372,7 +371,7 @@ class PropertyWatch:
 
 
 def only_when(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
-    """Return when a leaf gives some answers, none of which is possible now, and what is so now, in words."""
+    """Return when a leaf can give some answers that are impossible now, and the present values, in words."""
     whens = dict.fromkeys(answer.when for answer in answers)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
     values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)
@@ -387,7 +386,7 @@ def _value(leaf: StubLeaf, name: str) -> str:
 
 
 def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
-    """Return what a leaf answers that has given an answer which is none of these, in words."""
+    """Return the declared answers of a leaf that has given another one, in words."""
     listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
     return f"'{leaf.name}' answers {listed}, and this was {label or status}"
 
@@ -401,7 +400,7 @@ def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
     behaviours = [*pre_order(watched.root)]
     if [each.name for each in behaviours] != [each.name for each in pre_order(simulated.root)]:
         raise OtherTreeError(
-            "the tree has nodes of which proofs do not know what they tick; nobody can watch it for properties"
+            "the tree cannot be monitored: it has nodes whose children are ticked in an unknown way"
         )
     for leaf in simulated.leaves:
         scope = watched.origins.construction(behaviours[leaf.number].id).instance.scope
@@ -409,9 +408,9 @@ def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
 
 
 def _numbers(alphabet: Alphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Answer | None]]]:
-    """Return the numbers of events, with the answers, by the leaf's number, what it does, status and label.
+    """Return the indices of events of answers, by the leaf's number, event, status and label.
 
-    Where a status has one answer only, a leaf need not say which it is.
+    If a status has only one answer, a leaf need not identify it.
     """
     numbers: dict[tuple[int, str, str, str], list[tuple[int, Answer | None]]] = {}
     labels: dict[tuple[int, str], set[str]] = {}

@@ -1,4 +1,4 @@
-"""Ticking a loaded tree by a script, and comparing the result with expectations."""
+"""Tick a loaded tree by a script, and compare the result with expectations."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -86,7 +86,7 @@ class Simulated:
         """Compare the run with expectations as in a scenario's `expect`: `root`, `order`, `never`, `count`...
 
         Args:
-            trace: The file of the trace that the run must have, from the current folder.
+            trace: The file of the expected trace, from the current folder.
             **expectations: The others.
 
         Raises:
@@ -105,7 +105,7 @@ class Simulated:
 
 
 def _document(said: Mapping[str, object]) -> Document:
-    return document_of(said, "script", "say what the leaves answer")
+    return document_of(said, "script", "list the answers of the leaves")
 
 
 def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:

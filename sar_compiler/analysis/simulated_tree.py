@@ -1,7 +1,7 @@
 """A tree with stub leaves: the tree of a real run, without the robot.
 
-Controls, decorators and the leaves of the language itself are made for real, on a clock that is moved by hand. Every
-other leaf, installed or only described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
+Controls, decorators and the leaves of the language itself are real, on a simulated clock. Every other leaf, installed or only
+described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
 """
 
 import math
@@ -48,14 +48,14 @@ from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import SUBTREE_TAG
 
 Substitute = Callable[..., Behaviour]
-"""Makes a stand-in, given its `name`, and its `children` or its `child`."""
+"""Creates a replacement, given its `name`, and its `children` or its `child`."""
 
 
 class OnlyDescribedError(UndecidableError):
-    """A tree has controls or decorators of which nobody here knows when they tick their children, without stand-ins.
+    """A tree has controls or decorators of unknown behaviour, without replacements.
 
     Attributes:
-        findings: Where they are.
+        findings: Their locations.
     """
 
     def __init__(self, nodes: list[BoundNode]) -> None:
@@ -65,19 +65,18 @@ class OnlyDescribedError(UndecidableError):
 
 def _finding(bound: BoundNode) -> Diagnostic:
     tag, element = bound.spec.tag, bound.element
-    replace = (
-        f"say in the scenario or the file of properties which node replaces it: controls: {{{tag}: ...}}"
-    )
+    replace = f"name its replacement in the scenario or the file of properties: controls: {{{tag}: ...}}"
     if not bound.spec.is_foreign:
         message = (
-            f"<{tag}> has methods of its own ({bound.spec.maker_path.replace(':', '.')}), and its record does not say exactly when it ticks "
+            f"<{tag}> has its own methods ({bound.spec.maker_path.replace(':', '.')}), and its record does not say "
+            "exactly when it ticks "
             "its children"
         )
         hint = f"derive it from sar_compiler.{bound.spec.kind.value}, with begin and resume; or register it with semantics; or {replace}"
         return element.finding("only-described", message, hint=hint)
     message = f"<{tag}> is only described by a model, and when it ticks its children is not known"
     palettes = " or ".join(palettes_with(tag))
-    known = f", or the palette that knows it (--model {palettes})" if palettes else ""
+    known = f", or the palette that describes it (--model {palettes})" if palettes else ""
     hint = f"load the module that has it (--nodes PKG.MOD){known}; or {replace}"
     return element.finding("only-described", message, hint=hint)
 
@@ -88,7 +87,7 @@ def described_parents(binding: Binding) -> list[BoundNode]:
 
 
 def self_ticking_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators of a tree with py_trees classes of somebody's own, whose methods say all that they do."""
+    """Return the controls and decorators of users' own py_trees classes whose methods alone define them."""
     return [
         node
         for node in binding.nodes()
@@ -97,7 +96,7 @@ def self_ticking_parents(binding: Binding) -> list[BoundNode]:
 
 
 def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
-    """Return what does exactly what the semantics of a node say; None if these leave anything open.
+    """Return an exact implementation of a node's semantics; None if they leave anything open.
 
     Args:
         bound: The node, without children that can be skipped.
@@ -150,11 +149,11 @@ def _repeat(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour
 
 
 def put_in_place(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
-    """Put other nodes in the place of some, with the defaults of their attributes.
+    """Replace some nodes, with the defaults of their attributes.
 
     Args:
         binding: The tree, which is changed.
-        controls: The stand-in for each tag; it can have the children of all nodes with that tag.
+        controls: The replacement for each tag; it can have the children of all nodes with that tag.
     """
     for tree in binding.trees():
         for node in tree.nodes:
@@ -163,7 +162,7 @@ def put_in_place(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
                 tree.skips = tree.skips or by_itself(node)
 
 
-# A leaf of the language that answers by chance would make every run another one.
+# A leaf of the language that answers randomly would make every run different.
 _BY_CHANCE = "py_trees.behaviours:ProbabilisticBehaviour"
 _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.class_path != _BY_CHANCE}
 
@@ -175,34 +174,33 @@ def is_answered(spec: NodeSpec) -> bool:
 
 @dataclass(frozen=True)
 class Assumptions:
-    """Assumptions about the world around a tree, besides what its leaves declare.
+    """Assumptions about the world around a tree, in addition to the declarations of its leaves.
 
     Attributes:
         facts: Facts with their values at the start; they replace those of the leaves, or add to them.
-        answers: What leaves can answer, by a leaf's path (`Patrol/MoveTo`), its name or its tag; where
-            several fit, the path counts before the name, and the name before the tag.
+        answers: The possible answers of leaves, by a leaf's path (`Patrol/MoveTo`), its name or its tag. If several match,
+            the path precedes the name, and the name precedes the tag.
     """
 
     facts: Mapping[str, Fact] = field(default_factory=dict)
     answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
 
     def __or__(self, other: "Assumptions") -> "Assumptions":
-        """Return both; where they differ, the other one counts."""
+        """Return both combined; the other one overrides this one."""
         return Assumptions({**self.facts, **other.facts}, {**self.answers, **other.answers})
 
 
 @dataclass(eq=False)
 class SimulatedTree:
-    """A compiled tree whose leaves answer what an outcome policy chooses.
+    """A compiled tree whose leaves give the answers of an outcome policy.
 
     Args:
         compiled: The tree.
         facts: The facts.
         leaves: Its stub leaves, in the order of the tree.
-        clock: What its durations are measured with, seconds.
-        disputes: The facts that leaves start with different values and no file has settled, with what to say of
-            them; the first leaf's value counts.
-        by_semantics: The tags, with their classes, of nodes that do here what their semantics say; see `compile_simulated`.
+        clock: The clock of its durations, seconds.
+        disputes: The facts for which leaves have different start values and no file decides, with a remedy. The first value is used.
+        by_semantics: The tags, with their classes, of nodes that are replaced by their semantics; see `compile_simulated`.
         enums: The numbers that names stand for in scripts.
     """
 
@@ -214,7 +212,7 @@ class SimulatedTree:
     by_semantics: tuple[tuple[str, str], ...] = ()
     enums: Mapping[str, int] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list, init=False)
-    """What the leaves have done, in order, since the list was last cleared."""
+    """The events of the leaves, in order, since the list was last cleared."""
 
     def __post_init__(self) -> None:
         for number, each in enumerate(pre_order(self.root)):
@@ -244,7 +242,7 @@ class SimulatedTree:
         return f"{kind}{error}"
 
     def fact_values(self) -> dict[str, Fact]:
-        """Return all facts by name, in the order in which they were made."""
+        """Return all facts by name, in order of creation."""
         values = self.facts.board.values()
         return {name: value for name, value in values.items() if isinstance(value, (bool, int, float, str))}
 
@@ -261,15 +259,14 @@ def compile_simulated(
     Args:
         binding: The tree, without findings.
         parameters: The keys of the root blackboard: the node parameters of the mission.
-        assumptions: What is known beyond what the leaves say of themselves.
-        all_runs: Whether all runs will be gone through, for which the tree is put back to states that it had. Controls and decorators
-            that are ticked by methods of their own, which nobody can put back, then do what their semantics say; and there
-            is no time to be read.
+        assumptions: Assumptions in addition to the leaves' own declarations.
+        all_runs: Whether all runs will be explored, for which earlier states of the tree are restored. Controls and
+            decorators with their own methods, whose state cannot be restored, are then replaced by their semantics. There is no time.
 
     Raises:
         TreeError: If the tree cannot be compiled; carries the findings.
-        OnlyDescribedError: If nobody knows what one of its controls or decorators does: only a model describes it, or it has
-            methods of its own, semantics that leave something open, and *all_runs* are gone through.
+        OnlyDescribedError: If the behaviour of a control or decorator is unknown: only a model describes it, or for
+        *all_runs* it has its own methods and incomplete semantics.
     """
     clock = UnreadableClock() if all_runs else ManualClock()
     unknown = described_parents(binding)
@@ -297,32 +294,32 @@ def compile_simulated(
 
 
 class UnreadableClock(ManualClock):
-    """The clock where all runs are gone through: any time may have passed, so that a timer may be up or not at every look."""
+    """The clock for an exploration of all runs: any time may have passed, so a timer may expire at any check."""
 
     def now(self) -> float:
-        """Refuse to say what time it is.
+        """Refuse to return the time.
 
         Raises:
             UndecidableError: Always.
         """
         raise UndecidableError(
-            "a control or decorator reads the clock; what time it is cannot be said of all runs: measure a time with "
-            "start_timer() and time_is_up() of the tick"
+            "a control or decorator reads the clock, whose time is unknown in an exploration of all runs. Measure time "
+            "with start_timer() and time_is_up() of the tick"
         )
 
 
 class SimulationArguments(Arguments):
-    """The arguments of the nodes that are real; stub leaves need none.
+    """The arguments of the real nodes; stub leaves need none.
 
     Attributes:
-        stand_ins: What makes stand-ins of some nodes.
+        stand_ins: Creates replacements of some nodes.
     """
 
     stand_ins: Mapping[BoundNode, Substitute] = MappingProxyType({})
     parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
 
     def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
-        """Return the arguments of a node, by its parameters' names; the stand-in for a leaf that answers has its ports."""
+        """Return the arguments of a node, by parameter name; the replacement of a leaf has its ports."""
         if bound in self.stand_ins or bound.spec.stand_in:
             return {"name": bound.name}
         if not is_answered(bound.spec):
@@ -340,17 +337,17 @@ class SimulationArguments(Arguments):
 
 
 class SimulationBuilder(Builder):
-    """Makes a tree with stub leaves.
+    """Creates a tree with stub leaves.
 
     Args:
         binding: The tree.
-        arguments: Knows what constructors are given.
-        collector: Is told what keeps the tree from being made.
-        assumptions: What is known beyond what the leaves say of themselves.
+        arguments: Provides the arguments of constructors.
+        collector: Receives the errors that prevent the tree.
+        assumptions: Assumptions in addition to the leaves' own declarations.
 
     Attributes:
         facts: The facts.
-        disputes: The facts that leaves start with different values.
+        disputes: The facts for which leaves have different start values.
     """
 
     def __init__(
@@ -363,7 +360,7 @@ class SimulationBuilder(Builder):
         ]
         skipped = [node for node in binding.nodes() if is_answered(node.spec) and _may_name(said, node)]
         if skipped:
-            # A class that takes this for an interruption is not told by the tree alone.
+            # A class that takes this for an interruption depends on more than the tree.
             self._skipping = SkipAnalysis(binding.trees(), skipped)
             report_misread(binding.trees(), collector, skipped)
         self.facts = Scope(Board("facts"))
@@ -377,7 +374,7 @@ class SimulationBuilder(Builder):
         self._start: dict[str, tuple[Fact, str]] = {}
 
     def prepare(self, instance: Instance) -> None:
-        """Give the leaves of an instance their identifiers, and see that all nodes can have what they need."""
+        """Set the identifiers of an instance's leaves, and check that all nodes can get their arguments."""
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf or bound.spec.asks:
                 self._names[instance, bound] = self._identifiers.take(bound.name)
@@ -388,7 +385,7 @@ class SimulationBuilder(Builder):
         super().prepare(instance)
 
     def _numbers_in(self, said: Sequence[Answer], instance: Instance, bound: BoundNode) -> dict[str, str]:
-        """Return the whole numbers that the scripts of some answers speak of, by their placeholders."""
+        """Return the integers in the scripts of some answers, by their placeholders."""
         scripts = [script for answer in said for script in (answer.when, answer.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
@@ -397,18 +394,18 @@ class SimulationBuilder(Builder):
         }
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a subtree that is in no file; what else is only described here is a leaf, which answers."""
+        """Report a subtree without a file; anything else that is only described here is a leaf."""
         if bound.element.tag == SUBTREE_TAG:
             super().report_only_described(bound)
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the constructor of a node, or that of its stand-in."""
+        """Return the constructor of a node, or that of its replacement."""
         if bound in self._stand_ins:
             return self._stand_ins[bound]
         return bound.spec.stand_in.maker if bound.spec.stand_in else super()._maker(bound)
 
     def start_facts(self) -> None:
-        """Write the facts that the leaves have named, and those that are assumed, once all leaves are made."""
+        """Write the facts that the leaves have declared, and the assumed ones, once all leaves exist."""
         values = {name: value for name, (value, _) in self._start.items()}
         for name, value in {**values, **self._assumptions.facts}.items():
             entry = self.facts.resolve(name)
@@ -426,7 +423,7 @@ class SimulationBuilder(Builder):
         return made
 
     def _stub(self, instance: Instance, bound: BoundNode) -> StubLeaf:
-        """Make the leaf that answers for a node, or for the world around it."""
+        """Create the leaf that answers for a node, or for the world around it."""
         names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.target_of(bound, parameter.name)
@@ -456,14 +453,14 @@ class SimulationBuilder(Builder):
 class _Outputs:
     """The keys that a leaf writes in a real run: those of its ports, and those within a value.
 
-    What it writes is not known, unless the scripts of its answers say it.
+    The written values are unknown, unless the scripts of its answers define them.
 
     Args:
-        scope: The keys of the tree that it stands in.
+        scope: The keys of its tree.
         bound: The leaf.
 
     Attributes:
-        named: The entries, by names for scripts: their keys may be none, or those of facts.
+        named: The entries, by names for scripts: they may have no key, or the key of a fact.
     """
 
     def __init__(self, scope: Scope, bound: BoundNode) -> None:
@@ -485,7 +482,7 @@ class _Outputs:
         self._attributes.append(attribute)
 
     def unknown_after(self, answers: list[Answer]) -> list[Answer]:
-        """Return the answers of the leaf, each with an effect on the keys of which no answer says what is written."""
+        """Return the answers of the leaf, with unknown values for the keys that no answer writes."""
         if not self.named:
             return answers
         uses = (use for answer in answers if answer.then for use in name_uses(parse(answer.then)))
@@ -513,7 +510,7 @@ class Places:
         self._around = {child: node for node in binding.nodes() for child in node.children}
 
     def path(self, instance: Instance, bound: BoundNode) -> tuple[str, ...]:
-        """Return the names of the nodes around a node, from the root down, and its own."""
+        """Return the names of a node's ancestors, from the root down, and its own."""
         names: list[str] = []
         place: tuple[Instance, BoundNode] | None = (instance, bound)
         while place is not None:
@@ -533,9 +530,9 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
     """Return how specifically a key of a file names a leaf.
 
     Args:
-        key: What is written: a path, whose parts are names of nodes around the leaf, in their order but perhaps
-            not all of them, and last its name; or the leaf's name; or its tag.
-        path: The names of the nodes around the leaf, from the root down, and its own.
+        key: The key: a path, whose parts are names of ancestors of the leaf, in order but possibly incomplete, and then its
+            name; or the leaf's name; or its tag.
+        path: The names of the leaf's ancestors, from the root down, and its own.
         tag: Its tag.
 
     Returns:
@@ -553,13 +550,13 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
 
 
 def _may_name(keys: Iterable[str], bound: BoundNode) -> bool:
-    """Return whether one of some keys names a node in one of its places."""
+    """Return whether one of some keys names a node at one of its positions."""
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 
 def answers_for(
     assumed: Mapping[str, tuple[Answer, ...]], path: Sequence[str], spec: NodeSpec
 ) -> tuple[Answer, ...]:
-    """Return what a leaf can answer: what is assumed of it, else what it says of itself."""
+    """Return the possible answers of a leaf: the assumed ones, else its own declarations."""
     best = max(assumed, key=lambda key: match_rank(key, path, spec.tag), default="")
     return assumed[best] if best in assumed and match_rank(best, path, spec.tag) else spec.answers

@@ -1,7 +1,7 @@
-"""A leaf that answers what a policy chooses, in place of a real one where there is no robot.
+"""A leaf that gives the answers of a policy, instead of a real one, where there is no robot.
 
-It has no state of its own but py_trees' status. What the answers change are facts: entries of a board beside the
-tree's, so that scripts and snapshots work on them as on any entry.
+Its only state is py_trees' status. Answers change facts: entries of a board beside the tree's, so scripts and snapshots work
+on them as on any entry.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -32,7 +32,7 @@ STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in Ou
 
 
 class StubLeafError(SarError):
-    """A leaf cannot answer: none of its answers is possible, or a script of one cannot be run.
+    """A leaf cannot answer: none of its answers is possible, or a script of one fails.
 
     Attributes:
         leaf: The leaf's name.
@@ -44,7 +44,7 @@ class StubLeafError(SarError):
 
 
 class OutcomePolicy(Protocol):
-    """Decides what leaves answer."""
+    """Chooses the answers of leaves."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:
         """Return the answer of this tick, one of those that are possible now."""
@@ -52,7 +52,7 @@ class OutcomePolicy(Protocol):
 
 
 class NominalPolicy:
-    """Chooses the usual answers."""
+    """Chooses the default answers."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
         """Return the first possible answer that is not RUNNING."""
@@ -60,14 +60,14 @@ class NominalPolicy:
 
 
 class FactVariables:
-    """Facts, as a script's variables; a name that is no fact is a key of the tree, and `unknown` an unknown value.
+    """Facts as a script's variables; other names are keys of the tree, and `unknown` is an unknown value.
 
     Args:
         facts: The facts.
-        keys: The keys of the tree that the leaf stands in.
+        keys: The keys of the leaf's tree.
         enums: The names that stand for numbers.
         leaf: The name of the leaf.
-        named: Entries with names of their own, whose keys no script can write.
+        named: Entries with their own names, whose keys scripts cannot write.
 
     Attributes:
         enums: The names that stand for numbers.
@@ -91,33 +91,33 @@ class FactVariables:
     def read(self, name: str) -> ScriptValue:
         """Return the value; raises as `Variables` says."""
         if name == UNKNOWN and not self.is_fact(name):
-            # A script hands it on to `create` or `assign` as it is.
+            # A script passes it to `create` or `assign` unchanged.
             return cast("ScriptValue", UnknownValue(self._leaf))
         return self._of(name).read(name)
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value, which makes a key of the tree if there is neither fact nor key; raises likewise."""
+        """Write the value, which creates a key of the tree if there is neither fact nor key; raises likewise."""
         return self._forget(name, value) or self._of(name).create(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value of what is there; raises likewise."""
+        """Write the value of an existing name; raises likewise."""
         return self._forget(name, value) or self._of(name).assign(name, value)
 
     def entry(self, name: str) -> Entry:
-        """Return the entry that a name means."""
+        """Return the entry of a name."""
         return self._of(name).entry(name)
 
     def facts(self, names: Iterable[str]) -> dict[str, object]:
-        """Return the values of those of some names that are facts, by the names that these have on their board."""
+        """Return the values of the facts among some names, by their names on the board."""
         entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
     def memo(self, scripts: Iterable[Script]) -> "Memo | None":
-        """Return what remembers the effect of some scripts; None unless the boards are numbered."""
+        """Return a cache for the effect of some scripts; None unless the boards are numbered."""
         return self.memo_of([self.entry(use.name) for each in scripts for use in name_uses(each)])
 
     def memo_of(self, entries: Sequence[Entry]) -> "Memo | None":
-        """Return what remembers the effect of code on some entries; None unless the boards are numbered."""
+        """Return a cache for the effect of code on some entries; None unless the boards are numbered."""
         return self._scope.board.memo(entries)
 
     def is_fact(self, name: str) -> bool:
@@ -126,17 +126,17 @@ class FactVariables:
 
     @property
     def is_numbered(self) -> bool:
-        """Whether what the facts' entries hold are numbers."""
+        """Whether the entries of facts are stored as numbers."""
         return self._scope.board.is_numbered
 
     def quick(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
-        """Return what runs a program on facts that are no numbers; None if it speaks of anything else, or is too long.
+        """Return a runner for a program on facts that are not numbers; None for other names, or a long program.
 
         Args:
             program: The program.
-            condition: If it is a condition, what makes the answer of its value.
+            condition: For a condition, converts its value to the answer.
         """
         if not all(self.is_fact(use.name) for use in name_uses(program.script)):
             return None
@@ -144,7 +144,7 @@ class FactVariables:
         return quick_script(program.script, self.entry, self.enums.numbers, usual, condition)
 
     def _forget(self, name: str, value: object) -> ScriptValue | None:
-        """Write an unknown value, whatever the entry held before; return None for any other value."""
+        """Write an unknown value over any earlier one; return None for any other value."""
         if not isinstance(value, UnknownValue):
             return None
         entry = self.entry(name)
@@ -156,30 +156,30 @@ class FactVariables:
     def _of(self, name: str) -> ScopeVariables:
         known = self._known.get(name)
         if known is None:
-            # Which names are facts is settled before the first tick.
+            # The names of facts are settled before the first tick.
             is_fact = self._scope.resolve(name).exists
             known = self._known[name] = self._facts if is_fact else self._keys
         return known
 
 
 class StubLeaf(SkippableLeaf):
-    """Answers what an outcome policy takes of the answers that are possible.
+    """Gives the possible answer that an outcome policy chooses.
 
     Args:
         name: The node's name.
         tag: The tag of the leaf that it stands for.
-        answers: What that leaf can answer; no placeholders are left in the scripts.
-        variables: What the scripts read and write: facts, and keys of the tree.
+        answers: The possible answers of that leaf; no placeholders are left in the scripts.
+        variables: The variables of scripts: facts, and keys of the tree.
         enums: The names that stand for numbers.
 
     Attributes:
         tag: The tag of the leaf that it stands for.
         answers: What it can answer.
-        path: The names of the nodes around it, from the root down, and its own.
+        path: The names of its ancestors, from the root down, and its own.
         number: Its number in the tree, from 0 in pre-order.
         variables: What its scripts read and write.
-        policy: Decides what it answers.
-        events: What it does is noted here; shared by the leaves of a tree.
+        policy: Chooses its answers.
+        events: Its events are recorded here; shared by the leaves of a tree.
     """
 
     def __init__(
@@ -201,7 +201,7 @@ class StubLeaf(SkippableLeaf):
 
     @property
     def is_by_chance(self) -> bool:
-        """Whether it is known of any of its answers how likely that is, or how long it takes."""
+        """Whether any of its answers has a known probability or duration."""
         return any(answer.p is not None or answer.sec != (0.0, 0.0) for answer in self.answers)
 
     def options(self) -> tuple[Answer, ...]:
@@ -215,15 +215,15 @@ class StubLeaf(SkippableLeaf):
         possible = tuple(answer for answer in self.answers if self.is_possible(answer))
         if not possible:
             conditions = "; ".join(f"'{answer.name}' when {answer.when}" for answer in self.answers)
-            message = f"'{self.name}' ({self.tag}) has no answer that is possible now: {conditions}"
+            message = f"'{self.name}' ({self.tag}) has no possible answer now: {conditions}"
             raise StubLeafError(self.name, message)
         return possible
 
     def change(self, answer: Answer) -> None:
-        """Change what an answer changes.
+        """Apply the changes of an answer.
 
         Raises:
-            StubLeafError: If its script cannot be run.
+            StubLeafError: If its script fails.
         """
         effect = self._effects.get(answer)
         if effect is not None:
@@ -241,14 +241,14 @@ class StubLeaf(SkippableLeaf):
         ]
 
     def initialise(self) -> None:
-        """Note the start."""
+        """Record the start."""
         self.events.append(self.event(STARTED))
 
     def update(self) -> Status:
-        """Answer what the policy takes, and change the facts accordingly.
+        """Give the answer that the policy chooses, and change the facts accordingly.
 
         Raises:
-            StubLeafError: If no answer is possible, or a script cannot be run.
+            StubLeafError: If no answer is possible, or a script fails.
         """
         answer = self.policy.choose(self, self._recall(None, self._conditions.values(), self.options))
         scripts = [self._effects[answer]] if answer in self._effects else []
@@ -257,7 +257,7 @@ class StubLeaf(SkippableLeaf):
         return STATUSES[answer.status]
 
     def terminate(self, new_status: Status) -> None:
-        """Note an interruption."""
+        """Record an interruption."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
             self.events.append(self.event(HALTED))
 
@@ -267,7 +267,7 @@ class StubLeaf(SkippableLeaf):
         return Event(self.path, self.number, what, status, label, facts)
 
     def _recall(self, what: Answer | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
-        """Run code that uses the entries of some scripts; on numbered boards not twice where these hold the same."""
+        """Run code that uses the entries of some scripts; on numbered boards once for equal values."""
         if what not in self._memos:
             self._memos[what] = self.variables.memo(each.script for each in programs)
         memo = self._memos[what]
@@ -275,7 +275,7 @@ class StubLeaf(SkippableLeaf):
         return answer
 
     def _give(self, answer: Answer) -> Event:
-        """Change what an answer changes, and return its event; what goes wrong on the way is an event as well."""
+        """Apply the changes of an answer, and return its event; an error is an event as well."""
         before = self._facts_of(answer)
         try:
             self.change(answer)
@@ -288,7 +288,7 @@ class StubLeaf(SkippableLeaf):
         return self.event(ANSWERED, answer, changes_in(before, self._facts_of(answer)))
 
     def _facts_of(self, answer: Answer) -> dict[str, object]:
-        """Return the facts of which the script of an answer speaks, as they are now."""
+        """Return the current facts that the script of an answer uses."""
         effect = self._effects.get(answer)
         return {} if effect is None else self.variables.facts(use.name for use in name_uses(effect.script))
 
@@ -310,7 +310,7 @@ class StubLeaf(SkippableLeaf):
     def _quick_form(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
-        """Return the quick form of a script of its answers; None where there is none."""
+        """Return the fast form of a script of its answers; None if there is none."""
         if self.variables.is_numbered:
             return None
         wanted = self.variables, program

@@ -15,13 +15,13 @@ Smallest = tuple[SweptRow, Played] | None
 def sweep_as_text(
     rows: Sequence[SweptRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
 ) -> str:
-    """Return a line for each row, with the rates in percent, and what fails.
+    """Return a line for each row, with the rates in percent, and the failures.
 
     Args:
-        rows: What was played.
-        rule: What ended the rows.
+        rows: The rows.
+        rule: The end condition of the rows.
         smallest: The smallest failure.
-        written: The file that it was written to, and the command that plays it again.
+        written: The file that it was written to, and the command that replays it.
     """
     confidence = f"{100 * rule.confidence:g} % interval"
     lines = [_line(row, rule, confidence) for row in rows]
@@ -31,9 +31,7 @@ def sweep_as_text(
         which = "".join(f"{name} {value}, " for name, value in row.labels.items())
         text += f"\n\nThe failure nearest to a usual run ({which}seed {played.seed}): {played.failure}"
     if written is not None:
-        text += (
-            f"\n  the smallest scenario that fails is written to {written[0]}; play it again: {written[1]}"
-        )
+        text += f"\n  the smallest failing scenario was written to {written[0]}. Replay it with: {written[1]}"
     return text
 
 
@@ -103,14 +101,14 @@ def _rate(outcomes: Sequence[Played]) -> float:
 
 
 class _Mean(NamedTuple):
-    """A mean of runs, and half the width of its confidence interval; None for one run, which says nothing of others."""
+    """A mean of runs, and half the width of its confidence interval; None for a single run."""
 
     value: float
     margin: float | None
 
 
 def _means(outcomes: Sequence[Played], confidence: float) -> dict[str, _Mean]:
-    """Return the mean of each count, of the runs that have it: when something was first has no value where it never was."""
+    """Return the mean of each count over the runs that have it: some runs have no time of a first event."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
@@ -125,10 +123,10 @@ def _with_margin(value: float, margin: float | None) -> str:
 
 
 def _times(outcomes: Sequence[Played]) -> list[float]:
-    """Return how long the runs took that have succeeded, the shortest first."""
+    """Return the durations of successful runs, the shortest first."""
     return sorted(each.time_sec for each in outcomes if not each.failure)
 
 
 def quantile(ordered: Sequence[float], part: float) -> float:
-    """Return the smallest time that so large a part of the times does not exceed."""
+    """Return the smallest time that this share of the times does not exceed."""
     return ordered[max(0, -(-len(ordered) * round(part * 100) // 100) - 1)]

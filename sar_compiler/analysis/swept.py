@@ -1,4 +1,4 @@
-"""The random runs of a scenario, which can be played in other processes, and the smallest scenario that fails."""
+"""Random runs of a scenario, which other processes can play, and the smallest failing scenario."""
 
 import functools
 import hashlib
@@ -21,33 +21,33 @@ from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.project import Additions, ProjectTree, Workspace
 
-# py_trees' blackboard is the process's, and a worker of a cluster may have several threads.
+# py_trees' blackboard is global to the process, and a worker may have several threads.
 _ALONE = threading.Lock()
-# Making a scenario smaller plays it again and again.
+# Minimising a scenario plays it again and again.
 _MOST_TRIALS = 400
 
 
 class UndecidedRunError(SarError):
-    """A run depends on a value that is not known."""
+    """A run depends on an unknown value."""
 
     exit_status = 1
 
 
 class ChangedTreeError(SarError):
-    """The files of a tree are not those that a sweep began with."""
+    """The files of a tree have changed since the start of a sweep."""
 
 
 @dataclass(frozen=True)
 class ScenarioRuns:
-    """Plays a scenario with the seeds that it is given.
+    """Plays a scenario with given seeds.
 
     Attributes:
         tree: The tree file, by its whole path.
-        content: `content_of` the tree; workers refuse to play another one.
+        content: The `content_of` the tree; workers reject another one.
         additions: The user's additions to its project.
         scenario: The scenario, as the text of a file.
-        path: What the file is called.
-        unusual: The probability with which a leaf of which the scenario says nothing answers what is not usual.
+        path: The name of the file.
+        unusual: The probability with which an unscripted leaf gives another than its default answer.
         counted: The events to count, such as `NotifyBase acknowledged`.
     """
 
@@ -60,7 +60,7 @@ class ScenarioRuns:
     counted: tuple[str, ...] = ()
 
     def __call__(self, seeds: Sequence[int]) -> list[Played]:
-        """Return what comes of a run for each seed."""
+        """Return the result of a run for each seed."""
         with _ALONE:
             replays = _replays(self)
             return [replays.outcome(seed) for seed in seeds]
@@ -69,8 +69,8 @@ class ScenarioRuns:
         """Return the tree and the scenario.
 
         Raises:
-            TreeError: If anything is wrong with them; carries the findings.
-            ChangedTreeError: If the tree's files are not those that the sweep began with.
+            TreeError: If they have errors; carries the findings.
+            ChangedTreeError: If the tree's files have changed since the start of the sweep.
         """
         stage = _stage(self.tree, self.content, self.additions)
         return understand(parse_yaml(self.scenario, self.path, ""), stage)
@@ -87,7 +87,7 @@ class ScenarioRuns:
         """Return the events to count.
 
         Raises:
-            TreeError: If there is no such leaf, or it does nothing of the kind.
+            TreeError: If there is no such leaf or event.
         """
         if not self.counted:
             return []
@@ -106,7 +106,7 @@ class ScenarioRuns:
 
 
 class _Replays:
-    """What a worker keeps of some runs: their tree, compiled once.
+    """The cache of a worker for some runs: their tree, compiled once.
 
     Args:
         runs: The runs.
@@ -126,7 +126,7 @@ class _Replays:
             self._tree = None
 
     def outcome(self, seed: int) -> Played:
-        """Return what comes of a run."""
+        """Return the result of a run."""
         player = self._player(seed)
         run, choices = player.run, player.scripted.choices
         if run.is_undecided:
@@ -147,12 +147,12 @@ class _Replays:
         return self._tree.play(replace(self._scenario, seed=seed))
 
 
-# A row comes again after all others; of very many, some trees are compiled again.
+# A row returns after all others. With very many rows some trees are compiled again.
 _replays = functools.lru_cache(maxsize=16)(_Replays)
 
 
 def content_of(tree: ProjectTree) -> str:
-    """Return a checksum of the texts of a tree, of what it includes, and of its palettes."""
+    """Return a checksum of the texts of a tree, its includes, and its palettes."""
     files = [*tree.forest.files, *tree.forest.others, *tree.palettes]
     return hashlib.sha256("\0".join(file.source.text for file in files).encode()).hexdigest()
 
@@ -161,15 +161,14 @@ def content_of(tree: ProjectTree) -> str:
 def _stage(path: Path, content: str, additions: Additions) -> Stage:
     tree = Workspace(additions).load(path)
     if content_of(tree) != content:
-        raise ChangedTreeError(f"{path}, or what belongs to it, has changed since the sweep began")
+        raise ChangedTreeError(f"{path}, or one of its files, has changed since the sweep started")
     return stage_of(tree)
 
 
 def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
-    """Return the text of a scenario with some of its keys changed; below `facts` and `parameters`, some of theirs.
+    """Return the text of a scenario with some keys changed; below `facts` and `parameters`, some of theirs.
 
-    What it says of a trace is left out: runs by chance have none in common. Where it expects nothing and does not
-    say when it ends, the root must succeed.
+    The expected trace is removed: random runs have none in common. Without an expectation or end condition, the root must succeed.
     """
     said = {**scenario}
     for key, value in changes.items():
@@ -183,21 +182,21 @@ def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object
 
 
 class _Group(NamedTuple):
-    """Some choices of one leaf, one after the other, that are the same."""
+    """Some equal consecutive choices of one leaf."""
 
     leaf: str
     step: Mapping[str, object]
 
 
 def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
-    """Return a scenario without chance that fails as a run does, with as few answers as were found to be needed.
+    """Return a scenario without randomness that fails as a run does, with as few answers as necessary.
 
     Args:
-        runs: What was played.
+        runs: The runs.
         seed: The seed of a run that has failed.
 
     Returns:
-        The text of the file; None if what the leaves did cannot be said in a scenario, as where two have the same path.
+        The text of the file; None if a scenario cannot express it, such as for two leaves with the same path.
     """
     player = runs.play(seed)
     said = parse_yaml(runs.scenario, runs.path, "").root.data
@@ -233,7 +232,7 @@ def _kinds(missed: Sequence[Failure]) -> list[str]:
 
 
 def _groups(player: ScenarioPlayer) -> list[_Group]:
-    """Return what was chosen for each leaf in turn, with as few words as possible."""
+    """Return the choices for each leaf in order, as short as possible."""
     leaves = player.run.simulated.leaves
     names = Counter(word for leaf in leaves for word in {leaf.name, leaf.tag})
     by_leaf: dict[str, list[Drawn]] = {}

@@ -1,4 +1,4 @@
-"""Scripted runs: as text, tick by tick, as JSON, and as JUnit's XML, which continuous integration shows as tests."""
+"""Scripted runs as text, tick by tick, as JSON, and as JUnit XML for continuous integration."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ def trace(run: Run) -> str:
 
 
 def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[int, str]:
-    """Return a label for each leaf, by its number: its name, or the part of its path that distinguishes it from others of the name."""
+    """Return a label for each leaf, by its number: its name, or the distinguishing part of its path."""
     return {
         leaf.number: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves
     }
@@ -38,7 +38,7 @@ def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
     for count in range(2, len(leaf.path) + 1):
         if sum(other.path[-count:] == leaf.path[-count:] for other in namesakes) == 1:
             return "/".join(leaf.path[-count:])
-    # The same all the way up: two of one name side by side.
+    # The whole paths are equal: two siblings of one name.
     return f"{leaf.name} ({namesakes.index(leaf) + 1})"
 
 
@@ -46,10 +46,12 @@ def verdict(run: Run, failures: Sequence[Failure]) -> str:
     """Return a scenario's unmet expectations, or that all are met; for a run without a scenario, the reason of its end."""
     scenario = run.scenario
     if not (scenario.path or failures):
-        said = "Every leaf answered what is usual."
+        said = "Every leaf gave its default answer."
         by_root = run.ended and scenario.until is None
         return (
-            f"{said} A run ends when the root succeeds or fails; --until says when else." if by_root else said
+            f"{said} A run ends when the root succeeds or fails. Set another end with --until."
+            if by_root
+            else said
         )
     title = f"{scenario.path}: '{scenario.name}'" if scenario.path else f"'{scenario.name}'"
     if not failures:
@@ -59,7 +61,7 @@ def verdict(run: Run, failures: Sequence[Failure]) -> str:
 
 
 def failure_line(run: Run, failure: Failure) -> str:
-    """Return an unmet expectation with its place."""
+    """Return an unmet expectation with its location."""
     place = f"{run.scenario.path}:{failure.line}: " if failure.line and run.scenario.path else ""
     return f"{place}{failure.expected}: {failure.message}"
 
@@ -130,8 +132,8 @@ class _Writer:
 def _end(run: Run) -> str:
     last = f"tick {len(run.ticks)} ({run.time_sec:g} s)"
     if run.trouble:
-        return f"broken off in {last}: {run.trouble}"
-    return f"{'ended' if run.ended else 'broken off, without an end,'} after {last}: root {run.root}"
+        return f"aborted in {last}: {run.trouble}"
+    return f"{'ended' if run.ended else 'aborted, without an end,'} after {last}: root {run.root}"
 
 
 def _facts_at_the_end(run: Run) -> list[str]:
@@ -156,7 +158,7 @@ class PlayedScenario:
         run: Its run; None if it is invalid.
         failures: The expectations that were not met.
         problem: The reason why it is invalid.
-        is_finding: Whether that is a mistake in it, or that nobody knows what a node of the tree does; else it could not be read.
+        is_finding: Whether that is an error in it, or a node of unknown behaviour; else it could not be read.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What can be found out about the runs of a loaded tree: simulated, proved, watched, compared and predicted."""
+"""Analyses of a loaded tree's runs: simulation, verification, monitoring, comparison and prediction."""
 
 import functools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 def _start_values(
     tree: ProjectTree, params: str | Path | StartValues | None, binding: Binding
 ) -> StartValues:
-    """Return what a parameter file says of the runs of a tree, without ROS; what is surprising in it is noted.
+    """Return the start values in a parameter file for the runs of a tree, without ROS; unusual ones are reported.
 
     Raises:
         ParameterFileError: If ROS would refuse or misread the file.
-        ParameterError: If the mission cannot begin with the parameters.
+        ParameterError: If the mission cannot start with the parameters.
     """
     if params is None or isinstance(params, StartValues):
         return params or StartValues()
@@ -46,12 +46,12 @@ def _start_values(
 def stage_of(
     tree: ProjectTree, tree_id: str | None = None, params: str | Path | StartValues | None = None
 ) -> "Stage":
-    """Return the stage on which scenarios are played.
+    """Return the object that simulates scenarios.
 
     Args:
         tree: The tree file.
-        tree_id: The tree that is played if a scenario names none; by default the one that the file executes.
-        params: The mission's ROS parameter file, or what it says; by default, leaves say what facts are at the start.
+        tree_id: The tree to simulate if a scenario names none; by default the one that the file executes.
+        params: The mission's ROS parameter file, or its content; by default, leaves declare the start values of facts.
 
     Raises:
         TreeError: If there are errors.
@@ -108,16 +108,16 @@ def watch_tree(
     tree_id: str | None = None,
     clock: Callable[[], float] = lambda: 0.0,
 ) -> "PropertyWatch":
-    """Return what watches a run of a tree for properties.
+    """Return the monitor of a run of a tree for properties.
 
     Args:
         tree: The tree file.
         watched: The tree that is ticked.
         properties: As for `LoadedTree.verify`.
-        facts: The facts as they are when the run begins; they override what the file says.
+        facts: The facts at the start of the run; they override those of the file.
         parameters: The keys of the root blackboard.
         tree_id: As for `LoadedTree.verify`.
-        clock: Returns the time, seconds since the run began.
+        clock: Returns the time, seconds since the run's start.
 
     Raises:
         TreeError, UndecidableError: As `LoadedTree.verify`.
@@ -157,8 +157,8 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         record: The events of the run.
         names: The names of the nodes that ran, in pre-order.
         properties: As for `LoadedTree.verify`.
-        is_over: Whether the run was over by its own condition.
-        start: The parameters and facts with which it began; *facts* override them, and they override what files say of facts.
+        is_over: Whether the run met its own end condition.
+        start: The parameters and facts at its start; *facts* override them, and they override files' facts.
         facts: As for `LoadedTree.verify`.
         params: As for `LoadedTree.verify`.
         tree_id: As for `LoadedTree.verify`.

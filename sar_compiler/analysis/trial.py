@@ -1,4 +1,4 @@
-"""Trying the runs of a tree file before it is run; nothing else is imported for a file in which there is nothing to try."""
+"""Try the runs of a tree file before it is run; other modules are imported only if there is something to try."""
 
 import shlex
 from collections.abc import Callable
@@ -43,13 +43,13 @@ def try_within(
 
 
 def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:
-    """Return findings about ticks that raise, as far as a budget goes; none for a file with errors.
+    """Return findings about ticks that raise, within a budget; none for a file with errors.
 
-    A tree whose ticks raise nothing, since it has neither keys nor scripts, is not even compiled.
+    A tree without keys and scripts cannot raise, and is not even compiled.
 
     Args:
         tree: The tree file.
-        budget: Returns how much may be tried of the file; called only where there is something to try.
+        budget: Returns the budget for the file; called only if there is something to try.
     """
     if tree.is_malformed or any(each.severity is Severity.ERROR for each in tree.findings_of_the_tree):
         return []
@@ -63,7 +63,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Dia
     from sar_compiler.analysis.proofs import try_runs
 
     limit, is_chosen = budget(), forest.main_tree() is None
-    # What a rule has found in the same place is the same mistake, and so is what another tree's run has.
+    # A rule's finding at the same location is the same error, and so is one of another tree's run.
     told = {(each.source.path, each.span) for each in tree.findings if each.severity is not Severity.INFO}
     raised = []
     for number, element in enumerate(executable):
@@ -82,7 +82,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Dia
 
 
 def _may_raise(tree: Element, registry: Registry) -> bool:
-    """Return whether a tree has keys or scripts, which have values only in a run."""
+    """Return whether a tree has keys or scripts, which only have values in a run."""
     return any(
         "{" in text or name in CONDITIONS or _is_script(element.tag, name, registry)
         for element in tree.iterate()

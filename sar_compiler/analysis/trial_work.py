@@ -1,7 +1,7 @@
 """How much work goes into trying the runs of tree files."""
 
 WORK = 1 << 24
-"""How much is tried of a file unless somebody says otherwise: some 80,000 ticks of 10 nodes, or 4,000 of 4,000."""
+"""The default budget for a file: some 80,000 ticks of 10 nodes, or 4,000 of 4,000."""
 _FILES_TRIED = 10
 """For how many files there is so much work; of more files less is tried of each, down to a sixteenth."""
 

@@ -1,4 +1,4 @@
-"""Trying the runs of a tree, shortest first, for ticks that raise, until there was enough work."""
+"""Search the runs of a tree within a budget for ticks that raise, the shortest runs first."""
 
 import time
 import traceback
@@ -24,24 +24,24 @@ from sar_compiler.runtime.variables import UnknownVariableError, unknown_value_o
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Span
 
 _MOST_TOLD = 4
-"""The most ticks of a run that are told."""
+"""The maximum number of a run's ticks that are listed."""
 
 _MOST_FOUND = 8
-"""The most places of a tree where ticks raise that are told."""
+"""The maximum number of a tree's raising locations that are reported."""
 
 _A_TICK, _PREPARING = 200, 4000
-"""What a tick costs beside its nodes; what it costs to prepare a node."""
+"""The cost of a tick without its nodes, and the cost of preparing a node."""
 
 
 class TrialBudget:
-    """How much may be tried: an amount of work, which is the same on every machine, or a time.
+    """A search budget: an amount of work, which is the same on every machine, or a time.
 
-    Work is counted in nodes: a tick costs those of its tree, and to prepare a tree costs what many ticks do.
+    Work is counted in nodes: a tick costs those of its tree, and preparing a tree costs as much as many ticks.
 
     Args:
         work: The work; None for any amount.
         seconds: The processor time; None for any.
-        is_spent: Whether nothing more may be tried, for whatever other reason.
+        is_spent: Whether the search must stop for another reason.
 
     Attributes:
         spent: The work so far.
@@ -60,7 +60,7 @@ class TrialBudget:
         self._end_of_share = self._end
 
     def allot(self, trees: int) -> None:
-        """Give the next tree its share of what is left, with so many trees still to come."""
+        """Give the next tree its share of the rest, with this many trees still to come."""
         if self._work is not None:
             self._share = self.spent + (self._work - self.spent) // trees
         if self._end is not None:
@@ -68,7 +68,7 @@ class TrialBudget:
             self._end_of_share = now + (self._end - now) / trees
 
     def take(self, work: int) -> bool:
-        """Take some work; return False if there is not so much left."""
+        """Use some work; return False if not enough is left."""
         if self._share is not None and self.spent + work > self._share:
             self.is_limited = True
             return False
@@ -81,14 +81,14 @@ class TrialBudget:
 
 
 class NameInTree(str):
-    """The name of a node, by which what it raises is found in the file."""
+    """The name of a node, by which its error is located in the file."""
 
     __slots__ = ("bound",)
     bound: BoundNode
 
 
 def mark(binding: Binding) -> None:
-    """Have errors of a bound tree's nodes name the nodes themselves."""
+    """Let errors of a bound tree's nodes name the nodes themselves."""
     for bound in binding.nodes():
         name = NameInTree(bound.name)
         name.bound = bound
@@ -96,14 +96,14 @@ def mark(binding: Binding) -> None:
 
 
 class _Raised(NamedTuple):
-    """What a tick raises, and the ticks up to that one, each as the state before it and its choices."""
+    """A raising tick with the ticks before it, each as its previous state and its choices."""
 
     error: Exception
     ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]
 
 
 def can_prepare(binding: Binding, budget: TrialBudget) -> bool:
-    """Return whether a budget is enough to prepare a tree, and take what that costs."""
+    """Return whether a budget is enough to prepare a tree, and use its cost."""
     nodes = count_within_limits(binding.main, Collector())
     return nodes is not None and budget.take(nodes * _PREPARING)
 
@@ -115,17 +115,17 @@ def findings_of_runs(
     how_to_see: str,
     known: Iterable[Diagnostic],
 ) -> list[Diagnostic]:
-    """Return the findings about shortest runs in which ticks raise, one for each place; none that were not found in time.
+    """Return the findings about the shortest runs with raising ticks, one for each location, as far as found in time.
 
     Args:
         simulated: The tree with stub leaves; it is used up.
         binding: The same tree, whose nodes are marked.
-        budget: How much may be tried.
+        budget: The search budget.
         how_to_see: The command that shows such a run.
-        known: What the rules have found: what raises for the same reason is not told again.
+        known: The findings of the rules: errors with the same cause are not reported again.
 
     Raises:
-        UndecidableError: If the ticks of the tree cannot be gone through.
+        UndecidableError: If the ticks of the tree cannot be enumerated.
     """
     stepper = TreeStepper(Prepared.of(simulated), without_properties().rules)
     cost = _A_TICK + len(stepper.flat.nodes)
@@ -161,12 +161,12 @@ def findings_of_runs(
 def _search(
     steps: TickSteps, take: Callable[[], bool], place_of: Callable[[Exception], object]
 ) -> list[_Raised]:
-    """Return the first tick that raises at each place, breadth first; a run that has come to its end is not followed beyond it.
+    """Return the first raising tick of each location, by breadth-first search; stops at terminal states.
 
     Args:
         steps: The ticks.
         take: Returns whether one more may be tried.
-        place_of: Returns the place of an error; None for one that counts for nothing.
+        place_of: Returns the location of an error; None for one to ignore.
     """
     start = steps.start()
     origins: dict[bytes, bytes | None] = {start: None}
@@ -223,7 +223,7 @@ def _run_words(ticks: list[list[Event]]) -> str:
 
 
 class _Doubts:
-    """Tells errors that only the simulation has: what real leaves and the mission write is not known here."""
+    """Detects errors of the simulation alone: the values that real leaves and the mission write are unknown here."""
 
     def __init__(self, binding: Binding) -> None:
         accesses = [access for tree in binding.trees() for access in key_accesses_of(tree).accesses]
@@ -232,7 +232,7 @@ class _Doubts:
         self._written = {access.key for access in accesses if access.kind in writing}
 
     def is_doubtful(self, error: Exception) -> bool:
-        """Return whether an error may be none in a real run: a value is not known, or a key is empty that something else may have written."""
+        """Return whether an error may not occur in a real run: a value is unknown, or another node may write an empty key."""
         return unknown_value_of(error) is not None or any(
             key not in self._written or f"{ROOT_SIGN}{key}" in self._all for key in _empty_keys(error)
         )
@@ -260,7 +260,7 @@ def _place(error: Exception, binding: Binding) -> BoundNode:
 
 
 def _names_of_raising(error: Exception) -> list[object]:
-    """Return the names of the objects whose methods an error came through, the innermost first."""
+    """Return the names of the objects whose methods an error passed through, the innermost first."""
     calls = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
     return [getattr(call.get("self"), "name", None) for call in reversed(calls)]
 
@@ -280,11 +280,11 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE)
 
 
 class Mistaken:
-    """The attributes of a bound tree with such findings, and the keys that get their values from them.
+    """The attributes of a bound tree with such findings, and the keys that receive their values.
 
     Args:
         binding: The tree.
-        findings: What the rules have found.
+        findings: The findings of the rules.
     """
 
     def __init__(self, binding: Binding, findings: Iterable[Diagnostic]) -> None:
@@ -296,12 +296,12 @@ class Mistaken:
         self._keys = {key for place in self._attributes for key in self._written(*place)}
         links = [*self._links()]
         before = -1
-        while before != len(self._keys):  # a subtree in another one has it from there
+        while before != len(self._keys):  # a subtree of a subtree receives it from there
             before = len(self._keys)
             self._keys |= {inner for outer, inner in links if outer in self._keys}
 
     def explains(self, bound: BoundNode, attribute: str) -> bool:
-        """Return whether one of them explains an error of a node's attribute; of any attribute, where that is not known."""
+        """Return whether one of them explains an error of a node's attribute; of any attribute, if it is unknown."""
         return (bound, attribute) in self._attributes or any(
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )
@@ -318,7 +318,7 @@ class Mistaken:
                 yield tree, each.key, each.kind
 
     def _links(self) -> Iterator[tuple[tuple[BoundTree, str], tuple[BoundTree, str]]]:
-        """Yield the keys that are passed to subtrees, each with that in there."""
+        """Yield the keys that are passed to subtrees, each with its inner key."""
         for tree in dict.fromkeys(self._trees.values()):
             for use in tree.uses:
                 if use.subtree is not None:

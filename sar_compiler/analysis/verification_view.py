@@ -60,11 +60,11 @@ def verification_data(verification: Verification) -> dict[str, object]:
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return how the answers have changed: a line for each question, and then a run for each that is worse.
+    """Return the changes of the results: a line for each property, and a run for each that is worse.
 
     Args:
-        comparison: The answers.
-        names: What the trees are called, the one before and the one now.
+        comparison: The changes.
+        names: The names of the trees, the previous one and the present one.
         seconds: The duration of both verifications, in seconds.
     """
     labels = leaf_labels(comparison.now.leaves)
@@ -78,7 +78,7 @@ def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str
 
 
 def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return how the answers have changed as a JSON object; see `comparison_as_text`."""
+    """Return the changes of the results as a JSON object; see `comparison_as_text`."""
     sides = zip(("before", "now"), names, (comparison.before, comparison.now), strict=True)
     data = {
         "worse": comparison.worse,
@@ -128,7 +128,7 @@ def _trace_lines(verdict: Verdict, trace: Trace, labels: Mapping[int, str]) -> I
     first = len(trace.ticks) - trace.loop
     for number, tick in enumerate(trace.ticks):
         if number == first:
-            yield "  from here on for ever:"
+            yield "  from here on forever:"
         yield from _tick_lines(number + 1, tick, labels)
 
 
@@ -162,7 +162,7 @@ def _summary(verification: Verification, seconds: float) -> Iterator[str]:
 
 
 def _tally(verification: Verification) -> str:
-    """Return how many answers there are of each kind."""
+    """Return the number of results of each kind."""
     counts = Counter(verdict.outcome for verdict in verification.verdicts)
     broken = "does not hold" if counts[ProofStatus.BROKEN] == 1 else "do not hold"
     kinds = [
@@ -176,21 +176,21 @@ def _tally(verification: Verification) -> str:
 
 
 def _answer(verdict: Verdict) -> str:
-    """Return an answer, with what no run shows."""
+    """Return a result, with its limits."""
     shown = verdict.trace is not None or not verdict.reason
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
 
 
 def _limits(verification: Verification) -> Iterator[str]:
-    """Yield how the answers were found, and of what there is no proof."""
+    """Yield notes on the search, and on parts without proof."""
     if verification.branches:
         yield f"{verification.branches} parallel branches share nothing, and were searched apart: {verification.searches} searches."
     yield from merging_notes(verification.merged)
     for tag, cls in verification.by_semantics:
-        yield f"<{tag}> ({cls}) was taken to do what its semantics say; of its own methods nothing is proved."
+        yield f"<{tag}> ({cls}) was replaced by its semantics. Its own methods are not verified."
     if verification.complete:
         return
-    how = "it was stopped there" if verification.stopped else "--max-states says how many are looked at"
+    how = "it was stopped there" if verification.stopped else "raise the limit with --max-states"
     yield f"Not proved beyond {count_text(verification.states, 'state')}: there are more; {how}."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)

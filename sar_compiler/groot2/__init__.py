@@ -1,4 +1,4 @@
-"""What others see of a tree while it is ticked: its nodes by number, their statuses, Groot2's protocol."""
+"""Monitoring of a ticked tree by Groot2: nodes by number, their statuses, and the protocol."""
 
 PUBLIC_MODULES = ("groot2_extension",)
 """The modules that other parts may import."""

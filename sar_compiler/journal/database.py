@@ -640,8 +640,7 @@ class JournalFile:
 
     @contextmanager
     def _transaction(self, *, durable: bool = True) -> Iterator[None]:
-        # With NORMAL a commit survives the process but not the machine. SQLite itself syncs when the file's integrity
-        # needs it.
+        # With NORMAL a commit survives the process but not the machine. SQLite syncs by itself when it must.
         if durable is not self._durable:
             self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
             self._durable = durable

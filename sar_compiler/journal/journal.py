@@ -98,8 +98,7 @@ class Journal:
 
     Args:
         file: The file, open and locked; None for a journal without a file, such as the initial one of a mission's state.
-        aside: The backup name of the file if it is another mission's, before a new one is created at its path; None to
-            continue the file.
+        aside: The backup name of the file if it is another mission's and a new one follows; None to continue the file.
         apply: Applies each event to a state, if no mission is attached.
 
     Attributes:
@@ -139,8 +138,7 @@ class Journal:
         self._facts = [*known.facts()] if known is not None else []
         self._about = known.about() if known is not None else {}
         self._has_begun = self.is_resumed
-        # The time of the last entry, of events and observations. The system's clock may be changed, and does not order
-        # entries.
+        # The time of the last entry, of events and observations. The system's clock may change.
         self._number = known.last_number() if known is not None else 0
         # The number of the run, also without a file.
         self._run = 1

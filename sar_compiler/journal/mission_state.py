@@ -594,7 +594,7 @@ class MissionState:
     def _finish(self, landmarks: Iterable[Mapping[str, Any]]) -> None:
         for kind, name in ((each["kind"], each["name"]) for each in landmarks):
             landmark = self.situation.landmarks[kind, name]
-            # The initial state was reached before the run.
+            # The state before the run.
             if (
                 landmark.level >= Level.DONE
                 and not self.situation.kind_of(landmark).is_found

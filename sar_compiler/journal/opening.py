@@ -78,11 +78,10 @@ def open_journal(place: Path, *, resume: bool = False, anew: bool = False, is_na
             mission was stopped by its operator.
 
     Raises:
-        JournalError: If there is no mission to resume, or an unfinished one; if a run in another process writes to it,
-        or it is no journal.
+        JournalError: If there is no mission to resume, or an unfinished one, or another process writes to it, or it is no journal.
     """
     if resume and not os.path.exists(place):  # noqa: PTH110 - which raises nothing
-        raise JournalError(f"there is no journal {place}to resume. Omit --resume")
+        raise JournalError(f"there is no journal {place} to resume. Omit --resume")
     file = JournalFile.open(place)
     try:
         return _judged(file, resume=resume, anew=anew, is_named=is_named)

@@ -1,4 +1,4 @@
-"""Leaving out rows of a journal that repeat a status: a node that runs on and only says something else, of which a reader needs the last.
+"""Omit journal rows that repeat a running node's status with another message; a reader needs the last one.
 
 A leaf that drives says in every tick how far it is; such rows are most of a long journal. What a reader computes of statuses
 (`mission_state`, `reports.why`, `reports.leaf_statistics`) is the same without them, because a tick in which nothing else has changed
@@ -27,7 +27,7 @@ def condensed(rows: Iterable[RawRow], parents: Sequence[int | None]) -> Iterator
         rows: The rows.
         parents: The number of each node's parent, by the node's number.
     """
-    # Of the nodes that run: what their last row says besides tick and message. Then the last of the rows that repeat, by node.
+    # For each running node the fields of its last row besides tick and message, then the last repeated row.
     running: dict[int, str] = {}
     held: dict[int, RawRow] = {}
     for row in rows:

@@ -1,4 +1,4 @@
-"""The language server: what editors ask about tree files while they are typed."""
+"""The language server: answers editors' requests about tree files during editing."""
 
 PUBLIC_MODULES = ("features",)
 """The modules that other parts may import."""

@@ -1,4 +1,4 @@
-"""What an editor can ask of the server, by the names of the Language Server Protocol."""
+"""The requests of an editor that the server answers, by their names in the Language Server Protocol."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,14 +24,14 @@ def tree_server(
     options: Sequence[str],
     new_budget: Callable[[], Budget],
 ) -> TreeServer:
-    """Return a server with all that it can be asked.
+    """Return a server with all its features.
 
     Args:
         version: The version of this project.
         additions: The user's additions to any project's configuration.
-        command: What starts `sar-compile`.
-        options: The options from which the additions come.
-        new_budget: Returns what a check may take.
+        command: The command that starts `sar-compile`.
+        options: The options that define the additions.
+        new_budget: Returns the budget of a check.
     """
     server = TreeServer(version, additions, command, options, new_budget)
     _add_texts(server)
@@ -96,7 +96,7 @@ def _add_help(server: TreeServer) -> None:
 
 
 async def _tree(server: TreeServer, uri: str) -> ProjectTree | None:
-    """Return a file as it is; None while it cannot be understood."""
+    """Return a file as it is; None while it cannot be parsed."""
     file = await server.settled(uri)
     return file.current_tree if file else None
 
@@ -105,7 +105,7 @@ def _formatted(server: TreeServer, tree: ProjectTree) -> list[lsp.TextEdit]:
     """Return the edit that gives a file its canonical form.
 
     Raises:
-        JsonRpcInvalidParams: If it has none.
+        JsonRpcInvalidParams: If it has no canonical form.
     """
     source = tree.source
     try:
@@ -162,7 +162,7 @@ def _add_names(server: TreeServer) -> None:
 
 @contextmanager
 def _refusing() -> Iterator[None]:
-    """Have the editor show why something cannot be done."""
+    """Show in the editor why an action is impossible."""
     try:
         yield
     except SarError as error:

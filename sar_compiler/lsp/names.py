@@ -1,4 +1,4 @@
-"""Where a name stands: of a tree, of a key of the blackboard, of a node that others refer to."""
+"""The locations of a name: of a tree, of a blackboard key, of a node that others refer to."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,16 +24,16 @@ _WRITES = (AccessKind.WRITE, AccessKind.BOTH, AccessKind.CHANGE)
 
 
 class RenamingError(SarError):
-    """A name cannot be changed everywhere it stands."""
+    """A name cannot be changed at all its locations."""
 
 
 class Spot(NamedTuple):
-    """A place where a name stands.
+    """A location of a name.
 
     Attributes:
         source: The file.
-        span: Where in it.
-        is_origin: Whether it is what the others mean: the tree itself, a writer of the key, the node.
+        span: The range in the file.
+        is_origin: Whether it is the definition: the tree itself, a writer of the key, the node.
     """
 
     source: Source
@@ -42,14 +42,14 @@ class Spot(NamedTuple):
 
 
 class NamedThing(NamedTuple):
-    """What a name in a file means.
+    """The meaning of a name in a file.
 
     Attributes:
         name: The name.
-        spots: Where it stands.
-        refusal: Why it cannot be changed; empty if it can.
-        taken: The names that others of its kind have.
-        is_key: Whether it stands in scripts, where a name has letters, digits and '_' alone.
+        spots: Its locations.
+        refusal: The reason why it cannot be changed; empty if it can.
+        taken: The names of others of its kind.
+        is_key: Whether it is used in scripts, which allow only letters, digits and '_'.
     """
 
     name: str
@@ -60,7 +60,7 @@ class NamedThing(NamedTuple):
 
 
 class _Pointed(NamedTuple):
-    """The attribute that a place is in: its element, its name, and the character of its value."""
+    """The attribute at a location: its element, its name, and the character of its value."""
 
     element: Element
     attribute: str
@@ -68,11 +68,11 @@ class _Pointed(NamedTuple):
 
 
 def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) -> NamedThing | None:
-    """Return what the name at a place of a file means; None if there is no name.
+    """Return the meaning of the name at a location in a file; None if there is no name.
 
     Args:
         tree: The file.
-        offset: The place.
+        offset: The location.
         beside: Other files that may use its trees, as they include it.
     """
     main = tree.forest.main
@@ -89,7 +89,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
 
 
 def _in_node(tree: ProjectTree, files: Sequence[TreeFile], pointed: _Pointed) -> NamedThing | None:
-    """Return what a name in an attribute of a node means: another node, or a key."""
+    """Return the meaning of a name in an attribute of a node: another node, or a key."""
     bound, around = _bound(tree, pointed.element)
     if bound is None or around is None:
         return None
@@ -133,7 +133,7 @@ def _bound(tree: ProjectTree, element: Element) -> tuple[BoundNode | None, Bound
 
 
 def _files(tree: ProjectTree, beside: Iterable[ProjectTree]) -> list[TreeFile]:
-    """Return the file, what it includes, all files of its set, and those that include it."""
+    """Return the file, its includes, all files of its set, and the files that include it."""
     own, tree_set = real_path(tree.path), tree.project.tree_set
     users = (each.forest for each in beside if own in map(_place, each.forest.files))
     forests = (*users, *(tree_set.forests.values() if tree_set else ()), tree.forest)
@@ -172,13 +172,13 @@ def _of_node(around: BoundTree, meant: BoundNode) -> NamedThing:
         for attribute, target in each.references.items():
             if target is meant and attribute in each.element.attributes:
                 spots.append(Spot(each.element.source, each.element.value_span(attribute)))
-    return NamedThing(meant.name, tuple(spots), "the names of nodes are in scenarios and properties as well")
+    return NamedThing(meant.name, tuple(spots), "names of nodes are also used in scenarios and properties")
 
 
 def _of_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key: str) -> NamedThing:
     accesses = tree.context.key_accesses[around]
     spots = [spot for each in accesses.accesses if each.key == key for spot in _spots_of_access(each)]
-    # A port that is remapped, and a key that is only removed, are no accesses.
+    # Remapping a port, and removing a key, are not accesses.
     for node in around.nodes:
         spots += _in_braces(node, key)
     users = [*_users(files, around.name)]
@@ -187,14 +187,14 @@ def _of_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key
     inner = (use.element for use in around.uses)
     refusal = ""
     if key.startswith(ROOT_SIGN):
-        refusal = "a key of the root is everybody's, and may be a parameter of the mission"
+        refusal = "a key of the root is visible in all trees, and may be a parameter of the mission"
     elif any(each.attributes.get(AUTOREMAP) == "true" for each in (*users, *inner)):
         refusal = f"with {AUTOREMAP}, keys of the same name in other trees are the same entry"
     elif accesses.is_open:
         refusal = "a node of this tree accesses keys in ways that the file does not show"
     told = {
         (each.source.path, each.span): each for each in reversed(spots)
-    }  # the first of a place, which says most
+    }  # the first one of a location, which says most
     taken = frozenset({*accesses.keys, *(name for each in users for name in each.attributes)})
     return NamedThing(key, tuple(told.values()), refusal, taken, is_key=True)
 
@@ -212,7 +212,7 @@ def _spots_of_access(access: KeyAccess) -> Iterator[Spot]:
 
 
 def _in_braces(node: BoundNode, key: str) -> Iterator[Spot]:
-    """Yield where attributes name a key, in braces or as names of keys, whatever becomes of it."""
+    """Yield the locations of keys in attributes, in braces or as names of keys, for any use."""
     element = node.element
     for attribute, text in element.attributes.items():
         parameter = node.spec.parameters.get(attribute)
@@ -223,7 +223,7 @@ def _in_braces(node: BoundNode, key: str) -> Iterator[Spot]:
 
 
 def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
-    """Yield the elements in whose place a tree is ticked."""
+    """Yield the elements that tick a tree."""
     for tree in (each for file in files for each in file.trees):
         for element in tree.iterate():
             if element.tag == SUBTREE_TAG and element.attributes.get("ID") == name:
@@ -231,7 +231,7 @@ def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
 
 
 def _in_models(files: Iterable[TreeFile], name: str, key: str) -> Iterator[Spot]:
-    """Yield where a port of a tree is described."""
+    """Yield the descriptions of a tree's port."""
     for models in (each for file in files for each in file.root.children if each.tag == MODEL_TAG):
         for model in models.children:
             if model.tag == SUBTREE_TAG and model.attributes.get("ID") == name:
@@ -243,22 +243,22 @@ def check_renaming(thing: NamedThing) -> None:
     """Check whether a name can be changed.
 
     Raises:
-        RenamingError: If it cannot.
+        RenamingError: If it cannot be renamed.
     """
     if thing.refusal:
         raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
 
 
 def renamed(thing: NamedThing, name: str) -> list[tuple[Spot, str]]:
-    """Return the text for each place of a name that is changed.
+    """Return the new text for each location of a name.
 
     Raises:
-        RenamingError: If it cannot be changed, or not to this one.
+        RenamingError: If it cannot be changed to this one.
     """
     check_renaming(thing)
     if not (_KEY if thing.is_key else _TREE).fullmatch(name):
         listed = "letters, digits and '_'" if thing.is_key else "letters, digits, '_', '.' or '-'"
-        raise RenamingError(f"'{name}' is no name: write {listed}")
+        raise RenamingError(f"'{name}' is not a valid name. Write {listed}")
     if name in thing.taken - {thing.name}:
-        raise RenamingError(f"'{name}' is there already: both would be the same")
+        raise RenamingError(f"'{name}' already exists. Choose another name")
     return [(spot, name) for spot in thing.spots]

@@ -1,7 +1,7 @@
-"""What can be written at a place of a text that is not complete: tags, attributes, values, keys and trees.
+"""Completions at a position in an incomplete text: tags, attributes, values, keys and trees.
 
-A text is half typed when an editor asks, so where the place is in it is read off the text before it alone. What can
-be written there comes from the registry, and from what the file said when it was understood last.
+The text is incomplete when an editor sends the request, so the position is determined from the text before it alone. The
+completions come from the registry, and from the file when it was last parsed.
 """
 
 import re
@@ -43,12 +43,12 @@ _NAMES_TREE = {(SUBTREE_TAG, "ID"), (ROOT_TAG, "main_tree_to_execute")}
 
 
 class WrittenPlace(NamedTuple):
-    """What is being written at a place.
+    """The context of a position.
 
     Attributes:
-        tag: The tag of the element; None if it is the tag itself that is written.
-        attribute: The attribute whose value is written; None if it is no value.
-        value: What is before the place in the value.
+        tag: The tag of the element; None if the tag itself is being typed.
+        attribute: The attribute whose value is being typed; None if it is no value.
+        value: The part of the value before the position.
     """
 
     tag: str | None = None
@@ -57,12 +57,12 @@ class WrittenPlace(NamedTuple):
 
 
 class Offer(NamedTuple):
-    """Something that can be written.
+    """A completion.
 
     Attributes:
         kind: `tag`, `attribute`, `value`, `key` or `tree`.
-        text: What is written.
-        doc: What it means.
+        text: The text to insert.
+        doc: Its description.
     """
 
     kind: str
@@ -71,7 +71,7 @@ class Offer(NamedTuple):
 
 
 def place_in(text: str, offset: int, form: Form) -> WrittenPlace | None:
-    """Return what is being written at a place; None where nothing can be offered."""
+    """Return the context of a position; None if there are no completions."""
     return _in_xml(text[:offset]) if form is Form.XML else _in_yaml(text[:offset])
 
 
@@ -106,7 +106,7 @@ def _in_yaml(before: str) -> WrittenPlace | None:
 
 
 def _yaml_tag_around(before: str, indent: int) -> str | None:
-    """Return the tag of the mapping that a line with so many blanks before it is in."""
+    """Return the tag of the mapping that contains a line with this indent."""
     for line in reversed(before.split("\n")):
         blanks = len(line) - len(line.lstrip(" "))
         if line.strip() and not line.lstrip().startswith("#") and blanks < indent:
@@ -116,12 +116,12 @@ def _yaml_tag_around(before: str, indent: int) -> str | None:
 
 
 def offers_at(place: WrittenPlace, registry: Registry, tree: ProjectTree | None, form: Form) -> list[Offer]:
-    """Return what can be written at a place.
+    """Return the completions at a position.
 
     Args:
-        place: The place.
-        registry: What tags mean.
-        tree: The file as it was understood last; None if it never was.
+        place: The position.
+        registry: The registered tags.
+        tree: The file when it was last parsed; None if it never was.
         form: The form of the file.
     """
     if place.tag is None:
@@ -144,7 +144,7 @@ def _attributes(tag: str, registry: Registry, tree: ProjectTree | None) -> Itera
         yield from (Offer("attribute", name) for name in _ROOT_ATTRIBUTES[tag])
         return
     if tag == SUBTREE_TAG:
-        yield Offer("attribute", "ID", "The tree that is ticked in its place.")
+        yield Offer("attribute", "ID", "The tree that is ticked as its child.")
         yield Offer("attribute", AUTOREMAP, "Remaps every key to that of the same name around the subtree.")
         yield from (Offer("attribute", key, "A key of the subtree.") for key in _keys(tree))
     for parameter in _parameters(registry.variants(tag)).values():
@@ -186,12 +186,12 @@ def _keys(tree: ProjectTree | None) -> list[str]:
 
 
 def _nodes_meant(parameter: Parameter, tree: ProjectTree | None) -> list[str]:
-    """Return the names of the nodes that a reference may mean."""
+    """Return the names of the nodes to which a reference can refer."""
     nodes = (node for each in (tree.context.trees if tree else ()) for node in each.nodes)
     return sorted({node.name for node in nodes if node.spec.is_of(parameter)})
 
 
 def page_of_tag(tag: str, registry: Registry) -> str | None:
-    """Return what a tag means, with its ports and possible answers; None if it means nothing."""
+    """Return the description of a tag, with its ports and possible outcomes; None for an unknown tag."""
     specs = registry.variants(tag) or ([subtree()] if tag == SUBTREE_TAG else [])
     return nodes_as_text(specs) if specs else None

@@ -1,7 +1,7 @@
-"""The text of a file that is open in an editor, and findings that go where their text goes.
+"""The text of an open file, and findings that move with it.
 
-While a tag is half typed, most of a file cannot be understood, and what was found there would vanish until the tag is
-closed. So the findings of the last text that could be understood stay, but those whose own text was edited.
+While a tag is incomplete, most of a file cannot be parsed, and its findings would vanish until the tag is closed. So the
+findings of the last text that could be parsed stay, except those whose own text was edited.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -16,12 +16,12 @@ from sar_compiler.tree.gathering import FORMS, is_of_another_kind
 
 
 class Edit(NamedTuple):
-    """One piece of text in place of another.
+    """A replacement of one piece of text.
 
     Attributes:
-        start: The offset of the first character that goes.
-        end: The offset behind the last one.
-        length: The number of characters that come.
+        start: The offset of the first character to remove.
+        end: The offset after the last one.
+        length: The number of inserted characters.
     """
 
     start: int
@@ -30,12 +30,12 @@ class Edit(NamedTuple):
 
     @property
     def growth(self) -> int:
-        """By how many characters the text grows."""
+        """The number of characters by which the text grows."""
         return self.length - (self.end - self.start)
 
 
 def edit_between(old: str, new: str) -> Edit:
-    """Return the smallest edit that makes one text of another."""
+    """Return the smallest edit from one text to another."""
     most = min(len(old), len(new))
     start = _most(most, lambda low, high: old[low:high] == new[low:high])
     ends = len(old), len(new)
@@ -47,7 +47,7 @@ def edit_between(old: str, new: str) -> Edit:
 
 
 def _most(limit: int, are_alike: Callable[[int, int], bool]) -> int:
-    """Return how many characters of two texts are alike, up to a limit, given whether those from one number to another are."""
+    """Return the number of equal characters of two texts up to a limit, given a comparison of ranges."""
     alike, different = 0, limit + 1
     while different - alike > 1:
         middle = (alike + different) // 2
@@ -59,12 +59,12 @@ def _most(limit: int, are_alike: Callable[[int, int], bool]) -> int:
 
 
 class Placed(NamedTuple):
-    """A finding in a text that is edited.
+    """A finding in an edited text.
 
     Attributes:
-        finding: The finding, as it was found.
-        start: The offset of the first character that it is about.
-        end: The offset behind the last one.
+        finding: The original finding.
+        start: The offset of its first character.
+        end: The offset after its last one.
         is_touched: Whether its own text was edited since.
     """
 
@@ -79,7 +79,7 @@ class Placed(NamedTuple):
         return cls(finding, *finding.source.offsets(finding.span))
 
     def moved(self, edit: Edit) -> "Placed":
-        """Return where it is after an edit."""
+        """Return its position after an edit."""
         if edit.end <= self.start:
             return self._replace(start=self.start + edit.growth, end=self.end + edit.growth)
         if edit.start > self.end:
@@ -90,17 +90,17 @@ class Placed(NamedTuple):
 
 @dataclass
 class OpenText:
-    """A text that is edited, and what is known of it.
+    """An edited text with its analysis.
 
     Attributes:
         path: The file.
         text: The text.
-        version: The editor's number of the text.
-        shown: The findings about it, where they are now.
+        version: The editor's version number of the text.
+        shown: The findings about it, at their present positions.
         elsewhere: The findings about other files, such as those that it includes.
-        tree: The file as it was understood last; None before.
-        is_checked: Whether all this is about the text as it is.
-        seen: By which texts of other open files it was checked, by their names.
+        tree: The file when it was last parsed; None before.
+        is_checked: Whether the analysis is of the present text.
+        seen: The texts of other open files with which it was checked, by their names.
     """
 
     path: Path
@@ -119,22 +119,22 @@ class OpenText:
 
     @property
     def form(self) -> Form:
-        """In which form it is written."""
+        """Its form."""
         return FORMS.get(self.path.suffix.lower(), Form.XML)
 
     def is_foreign(self) -> bool:
-        """Return whether it is no tree, and was none since it was opened: editors bring all XML and YAML here."""
+        """Return whether it has not been a tree since it was opened: editors send all XML and YAML files."""
         is_other = is_of_another_kind(self.text, self.form)
         self._was_tree = self._was_tree or bool(self.text.strip() and not is_other)
         return is_other and not self._was_tree
 
     @property
     def current_tree(self) -> ProjectTree | None:
-        """The file as it is now; None while it cannot be understood, or is not yet."""
+        """The file in its present state; None while it cannot be parsed, or before."""
         return self.tree if self.tree is not None and self.tree.source.text == self.text else None
 
     def change(self, text: str, version: int | None) -> None:
-        """Take a new text."""
+        """Store a new text."""
         edit = edit_between(self.text, text)
         self.text, self.version, self.is_checked = text, version, False
         self.shown = [each.moved(edit) for each in self.shown]
@@ -143,22 +143,22 @@ class OpenText:
         self._edited = self._grown(edit)
 
     def _grown(self, edit: Edit) -> tuple[int, int]:
-        """Return the place that is being typed at: edits that touch each other are of one."""
+        """Return the position of typing: adjacent edits belong together."""
         start, end = edit.start, edit.start + edit.length
         if self._edited is None or edit.end < self._edited[0] or edit.start > self._edited[1]:
             return start, end
         return min(start, self._edited[0]), max(end, self._edited[1] + edit.growth)
 
     def settle(self) -> None:
-        """Take what is typed as it is meant: the file is saved."""
+        """Treat the text as complete, because the file was saved."""
         self._edited = None
 
     def take(self, tree: ProjectTree | None, findings: Iterable[Diagnostic]) -> None:
-        """Take the findings about the text as it is.
+        """Store the findings about the present text.
 
         Args:
-            tree: The file; None if its project's configuration has mistakes.
-            findings: What was found in it and elsewhere.
+            tree: The file; None if its project's configuration has errors.
+            findings: The findings in it and in other files.
         """
         findings = list(findings)
         own = real_path(self.path)
@@ -174,12 +174,12 @@ class OpenText:
             elsewhere = list(dict.fromkeys([*elsewhere, *self._sound_elsewhere]))
         else:
             self._sound, self._sound_elsewhere = found, elsewhere
-        # What ticks raise stays until runs are tried again.
+        # The errors of ticks stay until runs are tried again.
         found += [each for each in self._raised if not each.is_touched]
         self.shown, self.elsewhere = sorted(found, key=lambda each: each.start), elsewhere
 
     def take_raised(self, findings: Iterable[Diagnostic]) -> None:
-        """Take what ticks of the text as it is raise."""
+        """Store the errors of ticks of the present text."""
         before = {id(each.finding) for each in self._raised}
         own = real_path(self.path)
         self._raised = [Placed.of(each) for each in findings if real_path(Path(each.source.path)) == own]
@@ -187,7 +187,7 @@ class OpenText:
         self.shown = sorted([*kept, *self._raised], key=lambda each: each.start)
 
     def _is_half_typed(self, tree: ProjectTree | None, found: Iterable[Placed]) -> bool:
-        """Return whether more is wrong than before only because something is not written to its end."""
+        """Return whether new errors result only from an incomplete text."""
         if tree is not None and tree.is_malformed:
             return True
         if self._edited is None:

@@ -1,8 +1,8 @@
-"""The server: what an editor is told of the files that are open in it.
+"""The language server: its open files, their checks, and the messages to the editor.
 
-Texts are taken in the order in which they come. A check goes on in a thread of its own, one at a time and within a budget: each change
-is answered at once by the findings so far, moved with the text, and again when the text has been checked. A request that the editor
-cancels ends, with the process that it has started.
+Texts are processed in order. A check runs in a thread of its own, one at a time and within a budget. Each change is answered
+at once with the findings so far, moved with the text, and again after the check. A request that the editor cancels ends, with
+the process that it has started.
 """
 
 import asyncio
@@ -49,23 +49,23 @@ _KINDS = {
     "tree": lsp.CompletionItemKind.Module,
 }
 COMMANDS = {"verify": "sar.verify", "simulate": "sar.simulate"}
-"""The subcommands of `sar-compile` behind the lenses, with the commands that an editor asks for."""
+"""The subcommands of `sar-compile` for the lenses, with the commands that an editor requests."""
 _IDLE_SEC = 0.5
-"""How long nothing is typed before runs are tried."""
+"""The pause in typing before runs are tried."""
 
 
 _OfThread = TypeVar("_OfThread")
 
 
 class _IdleBudget(TrialBudget):
-    """How much may be tried while nothing is typed."""
+    """The budget for trying runs while typing pauses."""
 
     def __init__(self, interrupted: threading.Event) -> None:
         super().__init__(WORK)
         self._interrupted = interrupted
 
     def take(self, work: int) -> bool:
-        """Take some work; return False if there is not so much left, or the text has changed."""
+        """Use some work; return False if not enough is left, or the text has changed."""
         return not self._interrupted.is_set() and super().take(work)
 
 
@@ -75,9 +75,9 @@ class TreeServer(LanguageServer):
     Args:
         version: The version of this project.
         additions: The user's additions to any project's configuration.
-        command: What starts `sar-compile`.
-        options: The options from which the additions come.
-        new_budget: Returns what a check may take.
+        command: The command that starts `sar-compile`.
+        options: The options that define the additions.
+        new_budget: Returns the budget of a check.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class TreeServer(LanguageServer):
         self._options = options
         self._additions = additions
         self._open: dict[str, OpenText] = {}
-        self._texts: Mapping[Path, str] = {}  # those that a check goes by
+        self._texts: Mapping[Path, str] = {}  # the settings that affect a check
         self._unchanged: dict[Path, tuple[FileIdentity | str | None, TreeFile]] = {}
         self._loader = self._new_loader()
         self._wanted: dict[str, None] = {}
@@ -113,13 +113,13 @@ class TreeServer(LanguageServer):
         return Workspace(self._additions, self._read, note, [check_mission])
 
     def open_folders(self, uris: Iterable[str]) -> None:
-        """Let the files in the folders that are open in the editor belong together."""
+        """Treat the files in the editor's open folders as one set."""
         folders = [path for uri in uris if (path := to_fs_path(uri)) is not None]
         self._additions = self._additions._replace(folders=tuple(map(Path, folders)))
         self.renew()
 
     def _tell(self, problem: str) -> None:
-        """Have it shown, once, why nothing can be said of a file, from the thread of the checks."""
+        """Show once why a file cannot be checked, from the thread of the checks."""
         self._log(lsp.MessageType.Error, problem)
         if problem not in self._problems:
             self._problems.add(problem)
@@ -127,11 +127,11 @@ class TreeServer(LanguageServer):
             self._loop.call_soon_threadsafe(self.window_show_message, message)
 
     def _log(self, kind: lsp.MessageType, text: str) -> None:
-        """Have a message logged, from the thread of the checks."""
+        """Log a message, from the thread of the checks."""
         self._loop.call_soon_threadsafe(self.window_log_message, lsp.LogMessageParams(kind, text))
 
     def _read(self, path: Path) -> TreeFile:
-        """Read a file as the editor has it; one that is unchanged only once, as each change checks the files around too."""
+        """Read a file in the editor's version; an unchanged one only once, as each change also checks other files."""
         text = self._texts.get(real_path(path))
         content = read_file(path, TREE) if text is None else None
         version = text if content is None else content.identity
@@ -144,34 +144,34 @@ class TreeServer(LanguageServer):
     # Texts
 
     def opened(self, uri: str, text: str, version: int) -> None:
-        """Take a file that was opened."""
+        """Store a file that was opened."""
         path = to_fs_path(uri)
         if path is not None:
             self._open[uri] = OpenText(Path(path), text, version)
             self._want(uri)
 
     def changed(self, uri: str, text: str, version: int) -> None:
-        """Take a change, and tell the findings so far where they are now."""
+        """Apply a change, and send the findings so far at their new positions."""
         if uri in self._open:
             self._open[uri].change(text, version)
             self._publish(uri)
             self._want(uri)
 
     def saved(self, uri: str) -> None:
-        """Check a file that was saved, and with it all others that are open."""
+        """Check a file that was saved, and all other open files."""
         if uri in self._open:
             self._open[uri].settle()
         self.renew()
 
     def closed(self, uri: str) -> None:
-        """Forget a file's text; what is wrong with it is no longer told unless another file includes it."""
+        """Forget a file's text; its findings are no longer sent unless another file includes it."""
         self._open.pop(uri, None)
         self._wanted.pop(uri, None)
         self._publish(uri, *self._told.pop(uri, ()))
         self.renew()
 
     def renew(self) -> None:
-        """Check all open files anew: something has changed beside them."""
+        """Check all open files again: something has changed outside them."""
         self._loader = self._new_loader()
         for uri in self._open:
             self._want(uri)
@@ -204,7 +204,7 @@ class TreeServer(LanguageServer):
                 checked.clear()
 
     async def _is_idle(self) -> bool:
-        """Return whether nothing is typed for a while."""
+        """Return whether typing pauses."""
         self._awoken.clear()
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._awoken.wait(), _IDLE_SEC)
@@ -254,7 +254,7 @@ class TreeServer(LanguageServer):
         return tree, findings
 
     async def _in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
-        """Return the result of some work on a file; None, and report why, if it takes more than its budget."""
+        """Return the result of some work on a file; None with a report if it exceeds its budget."""
         budget = self._new_budget()
 
         def work() -> _OfThread | None:
@@ -262,14 +262,14 @@ class TreeServer(LanguageServer):
                 return budget.run(function)
             except BudgetSpentError:
                 self._tell(f"{path}: not checked: {budget.reason}")
-                # What was left behind may have ended anywhere in it.
+                # The abandoned check may have stopped anywhere in it.
                 self._loader = self._new_loader()
                 return None
 
         return await self._loop.run_in_executor(self._thread, work)
 
     async def _try_runs(self, uri: str) -> None:
-        """Try the runs of a file while nothing is typed, and tell what they raise."""
+        """Try the runs of a file while typing pauses, and send their errors."""
         file = self._open.get(uri)
         tree = file.current_tree if file is not None else None
         if file is None or tree is None:
@@ -280,7 +280,7 @@ class TreeServer(LanguageServer):
             file.take_raised(found)
             self._publish(uri)
 
-    # What is told
+    # Messages
 
     def _publish(self, *uris: str) -> None:
         for uri in uris:
@@ -294,7 +294,7 @@ class TreeServer(LanguageServer):
                 self._publish_about(about)
 
     def _publish_about(self, uri: str) -> None:
-        """Tell all that is known of one file: by itself, and by those that include it."""
+        """Send all findings about one file: its own, and those of files that include it."""
         file = self._open.get(uri)
         told: dict[object, lsp.Diagnostic] = {}
         if file is not None:
@@ -324,7 +324,7 @@ class TreeServer(LanguageServer):
         )
 
     def range_of(self, source: Source, start: int, end: int) -> lsp.Range:
-        """Return a stretch of a text in the editor's units."""
+        """Return a range of a text in the editor's units."""
         return lsp.Range(self._position(source, start), self._position(source, end))
 
     def _position(self, source: Source, offset: int) -> lsp.Position:
@@ -334,7 +334,7 @@ class TreeServer(LanguageServer):
         return lsp.Position(line - 1, units)
 
     def offset_of(self, file: OpenText, position: lsp.Position) -> int:
-        """Return the offset of an editor's place in a text."""
+        """Return the offset of an editor's position in a text."""
         source = Source(str(file.path), file.text, NO_SPANS)
         starts, codec = source.line_starts, self.workspace.position_codec
         if position.line >= len(starts):
@@ -351,13 +351,13 @@ class TreeServer(LanguageServer):
     # Requests
 
     async def settled(self, uri: str) -> OpenText | None:
-        """Return an open file when its text has been checked."""
+        """Return an open file after its text has been checked."""
         while (file := self._open.get(uri)) is not None and not file.is_checked:
             await self._checked.wait()
         return self._open.get(uri)
 
     async def name_at(self, uri: str, position: lsp.Position) -> NamedThing | None:
-        """Return what the name at a place means."""
+        """Return the meaning of the name at a position."""
         file = await self.settled(uri)
         tree = file.current_tree if file is not None else None
         if file is None or tree is None:
@@ -367,7 +367,7 @@ class TreeServer(LanguageServer):
         return name_at(tree, self.offset_of(file, position), beside)
 
     def location(self, spot: Spot) -> lsp.Location:
-        """Return where a name stands."""
+        """Return the locations of a name."""
         uri = from_fs_path(str(real_path(Path(spot.source.path)))) or ""
         return lsp.Location(self._as_opened(uri), self.range_of(spot.source, *spot.source.offsets(spot.span)))
 
@@ -377,7 +377,7 @@ class TreeServer(LanguageServer):
         return next((name for name, each in self._open.items() if str(real_path(each.path)) == path), uri)
 
     def completions(self, file: OpenText, position: lsp.Position) -> list[lsp.CompletionItem]:
-        """Return what can be written at a place."""
+        """Return the completions at a position."""
         form = file.form
         place = None if file.is_foreign() else place_in(file.text, self.offset_of(file, position), form)
         if place is None:
@@ -392,7 +392,7 @@ class TreeServer(LanguageServer):
         ]
 
     def _vocabulary(self, file: OpenText) -> Registry:
-        """Return what tags mean; nothing where what the project names cannot be used, which the findings say."""
+        """Return the known tags; empty if the project cannot be loaded, which the findings report."""
         try:
             if file.tree is not None:
                 return file.tree.context.registry
@@ -401,7 +401,7 @@ class TreeServer(LanguageServer):
             return Registry()
 
     def hover(self, file: OpenText, position: lsp.Position) -> lsp.Hover | None:
-        """Return what the node at a place is, with its ports and possible answers."""
+        """Return the description of the node at a position, with its ports and possible outcomes."""
         tree = file.current_tree
         if tree is None:
             return None
@@ -413,7 +413,7 @@ class TreeServer(LanguageServer):
         )
 
     def actions(self, uri: str, file: OpenText, wanted: lsp.Range) -> list[lsp.CodeAction]:
-        """Return the fixes of the findings in a stretch of text, and one for all that are plain slips."""
+        """Return the fixes of the findings in a range of text, and one for all safe fixes."""
         tree = file.current_tree
         if tree is None or tree.tree_file is None:
             return []
@@ -434,7 +434,7 @@ class TreeServer(LanguageServer):
         safe = fixes(tree.source, tree.tree_file, own)
         if safe:
             edit = self._edit(uri, tree.source, safe)
-            found.append(lsp.CodeAction("Mend all plain slips", lsp.CodeActionKind.SourceFixAll, edit=edit))
+            found.append(lsp.CodeAction("Apply all safe fixes", lsp.CodeActionKind.SourceFixAll, edit=edit))
         return found
 
     def _edit(self, uri: str, source: Source, chosen: Iterable[Fix]) -> lsp.WorkspaceEdit:
@@ -469,10 +469,10 @@ class TreeServer(LanguageServer):
         return found
 
     async def run_command(self, what: str, uri: str, tree_id: str | None) -> bool:
-        """Run a subcommand of `sar-compile` on a text as it is, and show what it says.
+        """Run a subcommand of `sar-compile` on the present text, and show its output.
 
         Returns:
-            Whether it found nothing.
+            Whether it found no problem.
         """
         file = self._open.get(uri)
         if file is None:
@@ -486,7 +486,7 @@ class TreeServer(LanguageServer):
         number = self.protocol.msg_id
         request = None if number is None else self.protocol._request_futures.get(number)  # noqa: SLF001
         if request is not None:
-            # pygls cancels the answer to the request, and not what makes it.
+            # pygls cancels the answer to the request, but not its computation.
             request.add_done_callback(lambda _: _kill(process))
         output, _ = await process.communicate(file.text.encode())
         said = output.decode("utf-8", "replace").strip().replace("<stdin>", str(file.path))
@@ -494,7 +494,7 @@ class TreeServer(LanguageServer):
         kind = lsp.MessageType.Info if is_fine else lsp.MessageType.Warning
         self.window_log_message(lsp.LogMessageParams(kind, said))
         told = "in order" if is_fine else "not in order"
-        message = f"{what} {file.path.name}: {told}; the server's log has it in full"
+        message = f"{what} {file.path.name}: {told}. The server's log has the full text"
         self.window_show_message(lsp.ShowMessageParams(kind, message))
         return is_fine
 
@@ -505,11 +505,11 @@ def _kill(process: asyncio.subprocess.Process) -> None:
 
 
 def _depends(file: OpenText, path: Path) -> bool:
-    """Return whether what is found in a file depends on another one."""
+    """Return whether the findings of a file depend on another one."""
     tree = file.tree
     if tree is None:
         return False
-    tree_set = tree.forest.tree_set  # that of the check; the project has another one by now
+    tree_set = tree.forest.tree_set  # the project of the check, which may have been replaced
     return (tree_set is not None and tree_set.is_read) or any(
         real_path(Path(each.source.path)) == real_path(path) for each in tree.forest.files
     )

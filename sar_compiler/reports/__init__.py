@@ -1,4 +1,4 @@
-"""What is reported of a mission afterwards: explanations, statistics and reports."""
+"""Explanations, statistics and reports of a mission after its run."""
 
 PUBLIC_MODULES = (
     "checked_journal",

@@ -52,7 +52,7 @@ def suited(executor: Executor, node: Node) -> Executor:
     if isinstance(node.executor, Executor) or not (has_coroutine or any(node.guards)):
         return executor
     node.get_logger().info(
-        f"A {'service has a coroutine' if has_coroutine else 'guard condition is there'}needs a wait set. "
+        f"A {'service with a coroutine' if has_coroutine else 'guard condition'} needs a wait set. "
         "Callbacks run in a SingleThreadedExecutor, whose turns take longer."
     )
     if hasattr(executor, "serve_apart"):  # the node serves a simulated world as well

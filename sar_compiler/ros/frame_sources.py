@@ -175,8 +175,7 @@ class FrameSources:
             if before is None and len(self._static) >= _MOST_FRAMES:
                 continue
             rivals = before.rivals if before is not None else frozenset[bytes]()
-            # A later transform of the same publisher is a correction. One of another publisher conflicts
-            # while both are present.
+            # A later transform of the same publisher is a correction. One of another publisher is a conflict.
             if (
                 before is not None
                 and number <= before.number

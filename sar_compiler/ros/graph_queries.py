@@ -219,7 +219,7 @@ class RosGraph:
         several = {topic: nodes for topic, nodes in self._publishing().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
-            f"topic {topic}: published by {names_in_words(sorted(nodes))}; stop all but one"
+            f"topic {topic}: published by {names_in_words(sorted(nodes))}. Stop all but one"
             for topic, nodes in sorted(several.items())
             if single.intersection(*nodes.values())
         ]
@@ -421,8 +421,7 @@ class RosGraph:
         from rclpy.duration import Duration, Infinite
 
         node = self._node
-        # Contrary to its documentation, and to `count_publishers`, rclpy remaps the name here: a foreign name
-        # could become another one.
+        # Contrary to its documentation, and to `count_publishers`, rclpy remaps the name here, also a foreign one.
         find = node.get_subscriptions_info_by_topic if hears else node.get_publishers_info_by_topic
         infos = find(topic, no_mangle=is_service)
         for qos in (each.qos_profile for each in infos):

@@ -138,7 +138,7 @@ class Guardian(RunExtension):
             how = f"by {signal.Signals(-status).name}" if status < 0 else f"with status {status}"
             if self._brief < _ATTEMPTS:
                 self._start()
-                self._complain(f"the guardian has ended, {how}and is replaced")
+                self._complain(f"the guardian has ended, {how}, and is replaced")
             else:
                 self._complain(
                     f"the guardian is gone ({how}). Goals are no longer canceled if this process crashes"

@@ -184,8 +184,7 @@ class _Hosted:
         ):
             raise KeyboardInterrupt
         else:
-            # The executor has a thread of its own and the main thread waits for something else, or it is an executor of
-            # events, which logs exceptions.
+            # The executor has a thread of its own while the main one waits for something else, or it is one of events, which logs exceptions.
             threading.Timer(_SOON_SEC, self._interrupt).start()
 
     def _interrupt_workers(self) -> None:

@@ -28,8 +28,7 @@ class OrderError(SarError):
 def missions_in_sight(node: Node) -> list[MissionClaim]:
     """Return the missions that drive a robot, by their claims; a mission that drives none claims nothing.
 
-    On a busy machine nodes discover each other late. The search continues for some time after a node was discovered, or
-    while a claim is missing.
+    On a busy machine nodes discover each other late. The search continues for a while after a discovery, or without a claim.
 
     Args:
         node: The node that listens, which must be spun elsewhere.

@@ -318,8 +318,7 @@ class MissionRecording(RunExtension):
     """Records a mission in an MCAP file, whether or not any of it is published.
 
     In addition to the topics of `ros.mission_recording.RECORDED` it records `behavior_tree_log` and `~/tree` as in
-    `ros.mission_publisher`, and `mission_log` (`rcl_interfaces/msg/Log`): the entries of the run's journal that no
-    other topic has.
+    `ros.mission_publisher`, and `mission_log` (`rcl_interfaces/msg/Log`): the other entries of the run's journal.
 
     Args:
         node: The mission's node.

@@ -70,8 +70,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         except Exception as error:  # noqa: BLE001 - raised again, in words
             self._stopped = self._shut_down = True
             give_up(self.root, error, node)
-        # py_trees would only log the error and continue as if the node had been reset: a `Timeout` around it would
-        # start over each time.
+        # py_trees would only log the error and continue as if the node had been reset: a `Timeout` would start over each time.
         for behaviour in self.root.iterate():
             insist_on_status(behaviour)
 

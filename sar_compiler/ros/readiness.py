@@ -321,8 +321,7 @@ def _stuck(states: Mapping[str, str], named: str) -> tuple[str, str]:
         named: The node that the lifecycle manager names; empty if it names none.
     """
     if named in states:
-        # The manager performs each step on all nodes in turn: a node that is one step ahead has performed it, and its
-        # answer was lost.
+        # The manager performs each step on all nodes in turn: the answer of a node that is one step ahead was lost.
         others = {state for name, state in states.items() if name != named}
         if states[named] == "active" or (states[named] == "inactive" and "unconfigured" in others):
             done = "activated" if states[named] == "active" else "configured"
@@ -474,7 +473,9 @@ class Readiness:
             self._localised.may_publish = not first
         # Questions are asked, and answers heard, also while something must be there before anything is changed.
         others: list[str] = []
-        with suppress(SarError) if first else nullcontext():  # it is raised again when nothing goes before it
+        with (
+            suppress(SarError) if first else nullcontext()
+        ):  # it is raised again once no other requirement precedes it
             others = [line for step in self._steps if (line := step()) is not None]
         lines = [*first.values()] or others
         advice = self._graph.advice(self._endpoints) if lines and not first else ""
@@ -514,8 +515,7 @@ def wait_until_ready(
     Args:
         executor: The executor of the node.
         readiness: The requirements to wait for.
-        timeout_sec: The time limit, in seconds of the steady clock. It starts when no requirement is checked that will
-            be fulfilled by itself.
+        timeout_sec: The time limit, in seconds of the steady clock. It starts when none is left that will be fulfilled by itself.
         should_stop: Returns whether to stop waiting. The function then returns normally.
 
     Raises:

@@ -32,8 +32,7 @@ class StopSignals:
     Attributes:
         came_at: The time of the first request to stop, steady seconds; None before.
         is_noticed: Whether the program has seen the request by `came`.
-        ends_unnoticed: Whether a request that stays unnoticed for 1 s ends the process: during the start there is
-            nothing to cancel.
+        ends_unnoticed: Whether a request that stays unnoticed for 1 s ends the process, as during the start.
         last_words: Called in that thread before an immediate end, which it can delay by 1 s at most; returns the exit
             status of that end, or None for the signal's.
     """

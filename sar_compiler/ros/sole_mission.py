@@ -85,8 +85,7 @@ class SoleMission(Requirement):
     Args:
         node: The mission's node.
         actions: The actions, with resolved or relative names.
-        look_sec: How long to look for others before the start, seconds. The time restarts when a node appears, because
-            that may be a mission's.
+        look_sec: How long to look for others before the start, seconds. It restarts when a node appears.
         claims: Whether to claim the actions, or only to look.
     """
 

@@ -45,8 +45,7 @@ class TickWatch:
         cancel: Cancels the node's goals after the limit; None if that is not wanted, as in a simulation.
         cancel_sec: The limit, steady seconds.
         signals: The requests to stop.
-        end: Ends the process after a signal, from the watching thread, if the ticking one is blocked; called with the
-            blocking location.
+        end: Ends the process after a signal, from the watching thread, if the ticking one is blocked; receives the location.
         settle_sec: How long the ticking thread may be blocked after it has noticed the signal, steady seconds.
         on_beat: Called in the executor's thread with each heartbeat.
 

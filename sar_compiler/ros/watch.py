@@ -383,10 +383,7 @@ class _Localisation:
             )
         x, y, yaw = self._robot.pose
         self._publisher.publish(estimated_pose(self._node, x, y, yaw))
-        return (
-            f"The localisation is back. Its last pose is sent again, ({x:.2f}, {y:.2f}): the odometry shows no "
-            "movement."
-        )
+        return f"The localisation is back. Its last pose ({x:.2f}, {y:.2f}) is sent again: the odometry shows no movement."
 
     def _look_for_transform(self) -> Iterable[str]:
         lost = self._robot.lost_transforms()
@@ -411,7 +408,7 @@ def refuse_parameters(node: Node, names: Collection[str]) -> None:
     def judge(parameters: list[Parameter]) -> SetParametersResult:
         fixed = [each.name for each in parameters if each.name.partition(".")[0] in names]
         reason = (
-            f"{', '.join(fixed)}is only read before the start. Stop the run, and start it with the new value"
+            f"{', '.join(fixed)} is only read before the start. Stop the run, and start it with the new value"
         )
         return SetParametersResult(successful=not fixed, reason=reason if fixed else "")
 

@@ -1,7 +1,7 @@
-"""The page of a run, in a browser: live, or of what a journal has.
+"""The browser page of a run: live, or replayed from a journal.
 
-A page is fed entries, as `Journal.listen` and `JournalFile.stream` have them. They are folded here (`page_state`); a browser is sent the state and its
-changes, and draws them. Nothing here imports ROS or knows a mission.
+A page receives entries, as from `Journal.listen` and `JournalFile.stream`. They are folded here (`page_state`). A browser
+receives the state and its changes, and draws them. Nothing here imports ROS or knows a mission.
 """
 
 PUBLIC_MODULES = ("run_page",)

@@ -12,11 +12,11 @@ from sar_compiler.tree.json_values import json_text, json_value
 from sar_compiler.web.page_state import PageState, all_changes
 from sar_compiler.web.replay import Replay
 
-# How often news are sent, and how often a page hears that the run lives, in seconds.
+# Interval between updates, and between heartbeats to a page, in seconds.
 _NEWS_SEC, _BEAT_SEC = 0.1, 1.0
-# So many entries are taken at once: whoever takes them holds Python's lock for some milliseconds.
+# The number of entries that are processed at once: processing holds Python's lock for some milliseconds.
 _AT_ONCE = 100
-# A browser that does not read is let go when so many characters wait for it; it comes again.
+# A browser that does not read is disconnected when this many characters wait for it. It reconnects.
 _WAITING = 8_000_000
 
 
@@ -31,17 +31,17 @@ def message(event: str, data: object) -> str:
 
 
 class ReplayFeed:
-    """The recorded states of journals for a page of replay, which requests each moment.
+    """The recorded states of journals for a replay page, which requests each time.
 
     Args:
-        replay: What they have.
-        hello: What the page is told first, as JSON values; `robots` are the names of the robots.
+        replay: The recordings.
+        hello: The first message to the page, as JSON values; `robots` are the names of the robots.
     """
 
     def __init__(self, replay: Replay, hello: dict[str, object]) -> None:
         self._replay = replay
         self._hello = {**hello, "mode": "replay", "end": replay.end}
-        # One moment after the other, beside whoever else is answered.
+        # One request after the other, in parallel with other answers.
         self._reader = ThreadPoolExecutor(1, "replay")
         self._pages = 0
         self._ended = False
@@ -50,14 +50,14 @@ class ReplayFeed:
         """Return the state at a time as JSON; see `Replay.moment`.
 
         Raises:
-            JournalError: If a journal cannot be read any more.
+            JournalError: If a journal has become unreadable.
         """
         return await asyncio.get_running_loop().run_in_executor(
             self._reader, lambda: as_json(self._replay.moment(time, since))
         )
 
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the events for a browser: the duration of the recording, then heartbeats, without which the server is gone."""
+        """Yield the events for a browser: the duration of the recording, then heartbeats that show the server is alive."""
         self._pages += 1
         try:
             yield message("hello", self._hello)
@@ -76,7 +76,7 @@ class ReplayFeed:
 
 
 class _Browser:
-    """A browser that follows a run; made in the task that sends to it."""
+    """A browser that follows a run; created in the task that sends to it."""
 
     def __init__(self) -> None:
         self._waiting: asyncio.Queue[str] = asyncio.Queue()
@@ -88,7 +88,7 @@ class _Browser:
         return self._waiting.empty()
 
     def put(self, text: str) -> bool:
-        """Queue a text; drop a browser that has too much waiting and return False, as it has missed something."""
+        """Queue a text; drop a browser whose queue is full and return False, because it has missed something."""
         if self._size > _WAITING:
             if self._task is not None:
                 self._task.cancel()
@@ -107,9 +107,9 @@ class LiveFeed:
     """Live events of the runs; a late client first receives the current state.
 
     Args:
-        hello: What the page is told first, as JSON values; `robots` are the names of the robots, `verbs` what can be ordered of each.
-        beat: Returns what a page is told every second, as JSON values; called in the server's thread.
-        robots: How many robots there are.
+        hello: The first message to the page, as JSON values; `robots` are the names of the robots, `verbs` their commands.
+        beat: Returns the heartbeat of every second, as JSON values; called in the server's thread.
+        robots: The number of robots.
     """
 
     def __init__(
@@ -127,15 +127,15 @@ class LiveFeed:
         self._news.append(lambda: _happen(self._states[robot], entry))
 
     def set_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue why a robot's run has failed, as JSON values; from any thread, without blocking."""
+        """Queue the cause of a robot's failed run, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].set_why(why))
 
     def know(self, process: RunProcess, robot: int = 0) -> None:
-        """Queue what is known of a robot's process; from any thread, without blocking."""
+        """Queue the state of a robot's process; from any thread, without blocking."""
         self._news.append(lambda: self._states[robot].know(process))
 
     def offer(self, verbs: Sequence[Mapping[str, Any]], robot: int = 0) -> None:
-        """Queue what can be ordered of a robot, as JSON values; from any thread, without blocking."""
+        """Queue the available commands of a robot, as JSON values; from any thread, without blocking."""
         self._news.append(lambda: self._tell_verbs([*verbs], robot))
 
     def _tell_verbs(self, verbs: list[Mapping[str, Any]], robot: int) -> None:
@@ -146,7 +146,7 @@ class LiveFeed:
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""
         listener = _Browser()
-        # Between these lines nobody else has a turn: what is so, and what comes next, are all there is.
+        # No other task runs between these lines: the state, and the changes after it, are complete.
         self._listeners.add(listener)
         state = message("changes", [state.whole() for state in self._states])
         try:
@@ -158,7 +158,7 @@ class LiveFeed:
             self._listeners.discard(listener)
 
     async def run(self) -> None:
-        """Send what is queued to the browsers until the run has ended."""
+        """Send queued entries to the browsers until the run has ended."""
         loop, due = asyncio.get_running_loop(), 0.0
         while not self._ended:
             await self._tell_news()
@@ -171,7 +171,7 @@ class LiveFeed:
         self._has_told_all = True
 
     def end(self) -> None:
-        """Have `run` send what is left, and end; from any thread."""
+        """Let `run` send the rest and end; from any thread."""
         self._ended = True
 
     async def _tell_news(self) -> None:
@@ -187,7 +187,7 @@ class LiveFeed:
 
 
 def _happen(state: PageState, entry: JournalEntry) -> None:
-    """Apply an entry in the form in which a file has it; one that is no JSON, or changes meanwhile, as a fact that says so."""
+    """Apply an entry in the form of a file. An entry that is not JSON becomes an event that reports this."""
     try:
         data = json_value(json_text(entry.data))
     except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page

@@ -1,4 +1,4 @@
-"""The server of a page, on this machine only, in a thread of its own: what it answers to browsers, and how it serves them."""
+"""The HTTP server of a page, on this machine only, in a thread of its own."""
 
 import asyncio
 import json
@@ -29,13 +29,13 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.web.feed import Feed, ReplayFeed, as_json
 
-# Whatever the port: it may have come through a tunnel. Another name is that of somebody who wants to pass for this machine.
+# With any port, because it may be tunnelled. Other names are rejected: a foreign site may resolve its name to this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
 _LONGEST_ORDER, _LONGEST_NAME, _LONGEST_REASON = 10_000, 60, 200
-# How long an order may take, in seconds; the page waits somewhat longer (`orders.js`).
+# How long a command may take, in seconds. The page waits somewhat longer (`orders.js`).
 _ANSWER_SEC = 10.0
 
-_ONLY_LOOKS = "this page may only look: open the address that the run has printed"
+_ONLY_LOOKS = "this page is read-only. Open the complete address that the run has printed"
 
 _TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 _HEADERS = {
@@ -50,18 +50,18 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
 }
 
-# A report has its style in itself, and needs nothing else.
+# A report contains its styles, and needs no other resource.
 _OF_REPORT = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 
 
 class OrderGiver(NamedTuple):
-    """Who gives an order, and to which robot.
+    """The sender of a command, and its robot.
 
     Attributes:
-        name: What whoever gives it is called; empty if they have not said that.
-        robot: The robot's place among those of the page.
+        name: The name of the sender; empty if not given.
+        robot: The index of the robot among those of the page.
         address: The address of the browser.
-        reason: Why; empty if they have not said that.
+        reason: The reason; empty if not given.
     """
 
     name: str = ""
@@ -70,35 +70,35 @@ class OrderGiver(NamedTuple):
     reason: str = ""
 
     def author(self, page: str) -> CommandAuthor:
-        """Return who gives it on a page."""
+        """Return the description of a sender on a page."""
         return CommandAuthor(f"{self.name or 'an operator'} ({page})", self.reason)
 
 
 class Orders(Protocol):
-    """Carries out the operator's orders."""
+    """Carries out the operator's commands."""
 
     def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
-        """Give an order, from any thread.
+        """Send a command, from any thread.
 
         Args:
-            verb: What is ordered.
-            values: What comes with it.
-            giver: By whom, to which robot.
+            verb: The name of the command.
+            values: The values of its fields.
+            giver: The sender, and the robot.
 
         Returns:
-            Whether it was accepted, and what was said to it; cancelled, it is not carried out.
+            Whether it was accepted, and the answer; if the call is cancelled, it is not carried out.
 
         Raises:
-            SarError: If there is no such verb, or a value is wrong.
+            SarError: If there is no such command, or a value is wrong.
         """
 
 
 class Tool(NamedTuple):
-    """What an engineer can ask of a run on the page.
+    """A query about a run for engineers on the page.
 
     Attributes:
-        ask: Returns the answer as JSON values, in a thread of its own; raises a `SarError` for what cannot be.
-        is_free: Whether anybody may ask it, because it changes nothing; else the token is needed.
+        ask: Returns the answer as JSON values, in a thread of its own; raises a `SarError` for an impossible query.
+        is_free: Whether no token is needed, because it changes nothing.
     """
 
     ask: Callable[[Mapping[str, Any]], object]
@@ -106,17 +106,17 @@ class Tool(NamedTuple):
 
 
 Tools = Mapping[str, Tool]
-"""The tools of a page, by their names; the answer of `report` is a page of its own."""
+"""The tools of a page, by their names. The answer of `report` is a complete page."""
 
 
 def page_app(feed: Feed, token: str, orders: Orders | None = None, tools: Tools | None = None) -> ASGIApp:
-    """Return the application: the page, its events, the orders, and the tools.
+    """Return the application: the page, its events, the commands, and the tools.
 
     Args:
-        feed: What the page is told.
-        token: What whoever gives orders must know.
-        orders: Who carries them out; None if nobody does.
-        tools: What can be asked.
+        feed: The source of the page's events.
+        token: The access token for commands.
+        orders: Carries out the commands; None if there are none.
+        tools: The available queries.
     """
     static = {path.name: path.read_bytes() for path in files(__package__).joinpath("static").iterdir()}
     static |= {"signs.css": style.style().encode(), "signs.js": style.script().encode()}
@@ -150,16 +150,16 @@ def page_app(feed: Feed, token: str, orders: Orders | None = None, tools: Tools 
 
 
 def _knows(token: str, request: Request) -> bool:
-    """Return whether whoever requests something knows the token."""
+    """Return whether a request has the access token."""
     given = request.headers.get("authorization", "")
     return compare_digest(given.encode(), f"Bearer {token}".encode())
 
 
 async def _order(orders: Orders | None, token: str, request: Request) -> Response:
-    """Give an order, and return the answer to it.
+    """Carry out a command, and return its answer.
 
     Raises:
-        HTTPException: If nobody carries out orders, or it is none.
+        HTTPException: If there are no commands, or it is invalid.
     """
     if orders is None:
         raise HTTPException(404)
@@ -176,10 +176,10 @@ async def _order(orders: Orders | None, token: str, request: Request) -> Respons
 
 
 async def _ask(tools: Tools, token: str, request: Request) -> Response:
-    """Return the answer of a tool.
+    """Return the answer of a query.
 
     Raises:
-        HTTPException: If there is none, or what it is asked is no JSON object.
+        HTTPException: If there is no such query, or its values are not a JSON object.
     """
     tool = tools.get(request.path_params["tool"])
     if tool is None:
@@ -197,7 +197,7 @@ async def _report(tools: Tools, request: Request) -> Response:
     """Return the report of a robot's mission.
 
     Raises:
-        HTTPException: If there is none, or the robot is no number.
+        HTTPException: If there is no report, or the robot is not a number.
     """
     tool = tools.get("report")
     if tool is None:
@@ -210,7 +210,7 @@ async def _report(tools: Tools, request: Request) -> Response:
 
 
 def _robot(request: Request) -> int:
-    """Return the place of the robot that a request is about; raises an `HTTPException` if that is no number."""
+    """Return the robot's index in a request; raises an `HTTPException` if it is not a number."""
     try:
         return int(request.query_params.get("robot", 0))
     except ValueError:
@@ -218,10 +218,10 @@ def _robot(request: Request) -> int:
 
 
 async def _moment(feed: Feed, request: Request) -> Response:
-    """Return what a replay shows at a time.
+    """Return the state of a replay at a time.
 
     Raises:
-        HTTPException: If there is none, or the time is no number.
+        HTTPException: If there is no replay, or the time is not a number.
     """
     if not isinstance(feed, ReplayFeed):
         raise HTTPException(404)
@@ -243,7 +243,7 @@ def _static(name: str, content: bytes) -> Response:
 
 async def _refuse(_: Request, error: Exception) -> Response:
     status = error.status_code if isinstance(error, HTTPException) else 500
-    return PlainTextResponse("there is nothing here\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
+    return PlainTextResponse("page not found\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
 
 
 def _answer(status: int, text: str) -> Response:
@@ -251,10 +251,10 @@ def _answer(status: int, text: str) -> Response:
 
 
 async def _values(request: Request) -> Mapping[str, Any]:
-    """Return what an order comes with.
+    """Return the values of a command.
 
     Raises:
-        HTTPException: If it is too long, or no JSON object.
+        HTTPException: If they are too long, or not a JSON object.
     """
     if request.headers.get("content-type", "").partition(";")[0] != "application/json":
         raise HTTPException(415)
@@ -280,16 +280,16 @@ async def _give_order(orders: Orders, verb: str, values: Mapping[str, Any], give
         return _answer(400, str(error))
     except (TimeoutError, asyncio.TimeoutError):
         if given.cancel():
-            return _answer(503, "the mission is busy: the order was not given")
-        return _answer(504, "the order was given, and is not answered yet: look at the log")
+            return _answer(503, "the mission is busy. The command was not sent")
+        return _answer(504, "the command was sent but not answered yet. Check the log")
     return JSONResponse({"accepted": accepted, "message": said})
 
 
 def _guard(app: ASGIApp) -> ASGIApp:
-    """Refuse requests from other origins, and restrict by headers what a browser may do with an answer.
+    """Rejects requests from other origins, and restricts by headers how a browser may use an answer.
 
     Args:
-        app: What is guarded.
+        app: The protected application.
     """
 
     async def answer(scope: Scope, receive: Receive, send: Send) -> None:
@@ -301,7 +301,7 @@ def _guard(app: ASGIApp) -> ASGIApp:
             await send(message)
 
         if scope["type"] == "http":
-            refusal = PlainTextResponse("this is not for other sites\n", 403)
+            refusal = PlainTextResponse("requests from other sites are not allowed\n", 403)
             answering = app if _is_own(Headers(scope=scope)) else refusal
             await answering(scope, receive, send_with_headers)
 
@@ -313,20 +313,19 @@ def _is_own(headers: Headers) -> bool:
     name, colon, port = host.rpartition(":")
     if not colon or host.endswith("]"):
         name, port = host, "80"
-    # A page that was opened by one of these names may be asked by another.
+    # A page at one of these names may send requests to another of them.
     names = [host, *(f"{each}:{port}" for each in _NAMES)]
     return name in _NAMES and port.isdecimal() and origin in (None, *(f"http://{each}" for each in names))
 
 
 PORT = 8043
-"""The port, unless another one is asked for."""
+"""The default port."""
 _ADDRESS = "127.0.0.1"
-# So many connections it has at once, from whomever, and so many that are not accepted yet: each takes a file descriptor of the
-# mission's process.
+# Limits for connections in total, and for those not accepted yet: each uses a file descriptor of the mission's process.
 _CONNECTIONS, _BACKLOG = 32, 16
-# How long a browser has to read the last news, in seconds.
+# Time for a browser to read the last updates, in seconds.
 _LAST_WORDS_SEC = 1.0
-# How long a browser may take to say what it wants, in seconds.
+# Time limit for a request's head, in seconds.
 _REQUEST_SEC = 10.0
 
 
@@ -341,14 +340,14 @@ class _Protocol(H11Protocol):
     _answered: object = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take a connection; close it if there are too many."""
+        """Accept a connection; close it if there are too many."""
         super().connection_made(transport)
         if len(self.connections) > _CONNECTIONS:
             transport.abort()
         self._watch()
 
     def data_received(self, data: bytes) -> None:
-        """Take data; limit the time in which the head of a request must end."""
+        """Receive data; limit the time in which the head of a request must end."""
         super().data_received(data)
         self._watch()
 
@@ -359,7 +358,7 @@ class _Protocol(H11Protocol):
 
     def _watch(self) -> None:
         """Start the time limit of a request's head at its first byte, however slowly the others come."""
-        if self.cycle is not self._answered:  # the head is whole, and is being answered
+        if self.cycle is not self._answered:  # the head is complete, and is being answered
             self._answered = self.cycle
             self._forget()
         elif self._deadline is None and (self.cycle is None or self.cycle.response_complete):
@@ -375,17 +374,17 @@ class PageServer:
     """Serves a page, from `start` to `close`.
 
     Args:
-        feed: What the page is told.
-        port: The port; None for the usual one, or any that is free if that is taken; 0 for any that is free.
-        orders: Who carries out the operator's orders; None if nobody does.
-        tools: What an engineer can ask.
+        feed: The source of the page's events.
+        port: The port; None for the default one, or a free one if that is in use; 0 for any free one.
+        orders: Carries out the operator's commands; None if there are none.
+        tools: The queries for engineers.
 
     Attributes:
         port: The port that it has.
-        token: What whoever gives orders must know; a part of the address.
+        token: The access token for commands, a part of the address.
 
     Raises:
-        PageError: If there is no such port to have.
+        PageError: If the port cannot be used.
     """
 
     def __init__(
@@ -415,11 +414,11 @@ class PageServer:
 
     @property
     def url(self) -> str:
-        """The address to open; the browser sends what follows the # with orders only."""
+        """The address to open; the browser sends the part after the # only with commands."""
         return f"http://{_ADDRESS}:{self.port}/{f'#{self.token}' if self._is_secret else ''}"
 
     def start(self) -> None:
-        """Begin to serve."""
+        """Start the server."""
         self._thread.start()
 
     def wait(self, timeout_sec: float | None = None) -> bool:
@@ -428,7 +427,7 @@ class PageServer:
         return not self._thread.is_alive()
 
     def close(self) -> None:
-        """Send the browsers what is left, and end the server."""
+        """Send the rest to the browsers, and end the server."""
         self._feed.end()
         if self._thread.is_alive():
             self._told.wait(_LAST_WORDS_SEC)
@@ -448,7 +447,7 @@ def _bind(port: int | None) -> socket.socket:
     """Return a socket at a port.
 
     Raises:
-        PageError: If it cannot be had.
+        PageError: If the port cannot be used.
     """
     if port is None:
         try:
@@ -456,13 +455,13 @@ def _bind(port: int | None) -> socket.socket:
         except PageError:
             return _bind(0)
     made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    # A page whose run has just ended has the port for some time still.
+    # The page of a run that has just ended still occupies the port for some time.
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         made.bind((_ADDRESS, port))
         made.listen(_BACKLOG)
     except OSError as error:
         made.close()
-        message = f"port {port} cannot be had for the page ({error.strerror}): choose another one, --web-port, or 0 for any"
+        message = f"port {port} cannot be used for the page ({error.strerror}). Choose another one with --web-port, or 0 for any"
         raise PageError(message) from error
     return made

@@ -12,20 +12,20 @@ from sar_compiler.journal.mission_state import IDLE, MissionState, RunProcess
 from sar_compiler.journal.situation import EventTime, Landmark, with_author
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
-# A longer log keeps its last lines, and of those before them facts and warnings; a longer trail loses every second point.
+# A longer log keeps its last lines, and of earlier ones events and warnings. A longer trail loses every second point.
 _LOG, _RECENT, _IMPORTANT, _TRAIL = 2000, 300, 1400, 1000
-# The log of ROS comes so many lines later than what happened meanwhile, at most.
+# The log of ROS is late by this number of lines at most.
 _LATE = 50
 
 PageChange = dict[str, Any]
-"""What has changed of a page's state, as JSON values: what `PageState.change` returns."""
+"""The changes of a page's state as JSON values, returned by `PageState.change`."""
 
 
 class GrowingList:
-    """A list that tells its reader the changes only: the first changed place, and the values from there.
+    """A list that reports only its changes: the first changed index, and the values from there.
 
     Attributes:
-        values: What is in it.
+        values: Its content.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class GrowingList:
         self.values.append(value)
 
     def insert(self, place: int, value: Any) -> None:
-        """Add a value at a place."""
+        """Insert a value at an index."""
         self.values.insert(place, value)
         self._told = min(self._told, place)
 
@@ -51,20 +51,20 @@ class GrowingList:
         self.values, self._told = values, 0
 
     def news(self) -> dict[str, Any] | None:
-        """Return what has come since the last call."""
+        """Return the changes since the last call."""
         at, self._told = self._told, len(self.values)
         return {"at": at, "values": self.values[at:]} if at < len(self.values) else None
 
 
 class PageState:
-    """What a page shows of a robot after some entries.
+    """The page's view of a robot after some entries.
 
-    Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`, `drive`, `map`, `times` of these,
-    `kinds` by name, `landmarks` by kind and name (null for one that is gone), `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log`
-    and `trail`, from a place on. With `begin` nothing of what was known before holds.
+    Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
+    `drive`, `map`, `times` of these, `kinds` by name, `landmarks` by kind and name (null for one that has disappeared),
+    `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log` and `trail`, from an index on. `begin` drops earlier values.
 
     Args:
-        robot: Whose state it is: its place among the robots of a page.
+        robot: The robot's index among those of a page.
 
     Attributes:
         robot: The same.
@@ -75,13 +75,13 @@ class PageState:
         self._passed = 0.0
         self._began = 0.0
         self._mission = MissionState()
-        # What others have found out of the run.
+        # The results of others' analyses of the run.
         self._why: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
         self._log, self._trail = GrowingList(), GrowingList()
-        # When the last lines of the log were said, in seconds since 1970.
+        # The times of the log's last lines, in seconds since 1970.
         self._walls: list[float] = []
-        # Where the last fact is in the log; what it says in a sentence comes behind it.
+        # The index of the last event in the log; its sentence follows it.
         self._fact: int | None = None
         self.tell_anew()
 
@@ -98,7 +98,7 @@ class PageState:
         """Apply an entry to the state.
 
         Raises:
-            TypeError: If it has what is no JSON value.
+            TypeError: If a value is not JSON.
         """
         mission = self._mission
         if entry.kind == events.RUN_BEGAN and mission.runs and entry.run <= mission.runs[-1].number:
@@ -119,24 +119,24 @@ class PageState:
         self._touched.add("time")
 
     def let_pass(self, seconds: float) -> None:
-        """Move the time to so many seconds after the last entry."""
+        """Set the time to this many seconds after the last entry."""
         self._passed = seconds
         self._touched.add("time")
 
     def set_why(self, why: Mapping[str, Any]) -> None:
-        """Add why the run has failed, as JSON values; another run forgets it."""
+        """Add the cause of the run's failure, as JSON values; a new run removes it."""
         self._why = why
         self._touched.add("why")
 
     def know(self, process: RunProcess) -> None:
-        """Take what is known of the process that runs the mission."""
+        """Update the state of the process that runs the mission."""
         before = condition(self._mission)
         self._mission.process = process
         if condition(self._mission) != before:
             self._touched.add("condition")
 
     def change(self) -> PageChange | None:
-        """Return what has changed since the last call; None for nothing."""
+        """Return the changes since the last call; None without changes."""
         if self._is_new:
             change = self.whole()
             self._log.news(), self._trail.news()
@@ -156,7 +156,7 @@ class PageState:
         return change
 
     def whole(self) -> PageChange:
-        """Return the whole state, as a change of an empty one."""
+        """Return the full state as a diff against the empty state."""
         return {
             "begin": True,
             "robot": self.robot,
@@ -184,7 +184,7 @@ class PageState:
         )
 
     def _on_status(self, entry: JournalEntry) -> None:
-        if entry.data["status"] != IDLE:  # a status stays, as something former, until there is something else
+        if entry.data["status"] != IDLE:  # an ended status stays until the next one
             self._nodes.add(entry.data["node"])
 
     def _on_pose(self, _: JournalEntry) -> None:
@@ -207,14 +207,14 @@ class PageState:
         self._landmarks.update(dict.fromkeys([*keys, *self._gone]))
         self._rasters.update(each["name"] for each in data.get("rasters", ()))
         if "kinds" in data or not self._gone.isdisjoint(keys):
-            # What an earlier run has shown need not be there any more; what was gone and came again is the last one.
+            # Landmarks of an earlier run may no longer exist. The last one of a name is valid.
             self._is_new = True
         if self._fact is not None and (said := data.get("said")):
             *when, _ = self._log.values[self._fact]
             self._log.put(self._fact, [*when, with_author(str(said), CommandAuthor.of(data))])
 
     def _add_line(self, level: str, text: str, stamp: float | None = None) -> int:
-        """Add a line to the log, one with a stamp in front of what came later; return its place."""
+        """Add a line to the log, a stamped one before later lines; return its index."""
         now, lines, walls = self._mission.now, self._log.values, self._walls
         wall = now.wall if stamp is None else min(now.wall, stamp)
         of_run = sum(1 for line in lines[-len(walls) :] if line[0] == now.run) if walls else 0
@@ -284,7 +284,7 @@ class PageState:
         return self._mission.situation.rasters[name]._asdict()
 
     def _north(self) -> float | None:
-        """Return where north is: an angle in the frame `map`, radians from its x axis; None if nobody knows."""
+        """Return the direction of north: an angle in the frame `map`, radians from its x axis; None if unknown."""
         place = Georeference.among(self._mission.parameters)
         return None if place is None else math.radians(place.heading)
 
@@ -354,7 +354,7 @@ class PageState:
     }
     _TIMED = (events.POSE, events.PLAN, events.MAP)
     _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms"))
-    # The parts that are replaced as they are, in the order in which they are told.
+    # The parts that are replaced as a whole, in the order of transmission.
     _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
         "run": _run,
         "time": lambda self: self._mission.now.time + self._passed,
@@ -380,5 +380,5 @@ class PageState:
 
 
 def all_changes(states: Iterable[PageState]) -> list[PageChange]:
-    """Return what has changed of robots' states since the last call."""
+    """Return the changes of robots' states since the last call."""
     return [change for state in states if (change := state.change()) is not None]

@@ -1,4 +1,4 @@
-"""What engineers can ask on the page of a run: the blackboard, breakpoints, and what another answer would have led to."""
+"""Queries for engineers on the page of a run: the blackboard, breakpoints, and the effect of other leaf outcomes."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.verify.counterfactual import Consequence, Retrospect
     from sar_compiler.ros.engine import Engine
 
-# How long breakpoints hold a tree after the last browser has asked for them, in seconds.
+# How long breakpoints pause a tree after the last query of a browser, in seconds.
 _PATIENCE_SEC = 10.0
-# So many entries of a run are kept for questions while it goes on.
+# The number of a run's entries that are stored for queries during the run.
 _MOST_ENTRIES = 100_000
-_NO_TREE = "the tree is not made yet, or is too large to be asked"
+_NO_TREE = "the tree is not built yet, or is too large for queries"
 
 
 class ToolError(SarError):
-    """Something that cannot be asked, or not just now."""
+    """A query is impossible, or not possible now."""
 
 
 class LiveTools:
     """The tools of a run in this process.
 
     Args:
-        log: Called with what breakpoints do, in words, and with where one holds the tree; that is empty when the tree continues.
+        log: Called with messages about breakpoints, and with the node that pauses the tree; empty when it continues.
     """
 
     def __init__(self, log: Callable[[str, str], object]) -> None:
@@ -58,16 +58,16 @@ class LiveTools:
 
     @property
     def tools(self) -> Tools:
-        """What can be asked."""
+        """The available queries."""
         return {
             "entries": Tool(self._blackboard),
             "breakpoints": Tool(self._change_breakpoints, is_free=False),
-            # It takes the processor from the mission for a moment.
+            # It takes processor time from the mission for a moment.
             "otherwise": Tool(self._what_if.ask, is_free=False),
         }
 
     def begin(self, tree: CompiledTree, engine: "Engine") -> None:
-        """Take the tree, and what ticks it."""
+        """Receive the tree and the engine that ticks it."""
         with suppress(TooManyNodesError):
             self._begin(NumberedTree(tree), tree, engine)
 
@@ -78,16 +78,16 @@ class LiveTools:
         self._breakpoints.wake = getattr(engine, "wake", self._breakpoints.wake)
 
     def take(self, entry: JournalEntry) -> None:
-        """Take an entry of the run."""
+        """Process an entry of the run."""
         if len(self._entries) < _MOST_ENTRIES and entry.kind in (RUN_BEGAN, STATUS):
             self._entries.append(entry)
 
     def look(self) -> None:
-        """Let a held tree continue where nobody looks any more; called now and then."""
+        """Let a paused tree continue if no browser queries it any more; called now and then."""
         self._breakpoints.release_if_abandoned()
 
     def end(self) -> None:
-        """Hold the tree no more."""
+        """Stop pausing the tree."""
         self._breakpoints.clear()
 
     def _log_breakpoint(self, text: str) -> None:
@@ -95,7 +95,7 @@ class LiveTools:
         where = (
             ""
             if held is None
-            else f"The tree is held at a breakpoint before '{held.name}'. A drive under way goes on."
+            else f"The tree is paused at a breakpoint before '{held.name}'. An active drive continues."
         )
         self._log(text, where)
 
@@ -108,7 +108,7 @@ class LiveTools:
         ]
 
     def _change_breakpoints(self, values: Mapping[str, Any]) -> object:
-        """Set a breakpoint at a node (`node`, `is_set`), or go on (`goes_on`); return where they are, and which holds the tree."""
+        """Set a breakpoint at a node (`node`, `is_set`), or continue (`goes_on`); return all, and the one that pauses the tree."""
         if self._tree is None:
             raise ToolError(_NO_TREE)
         self._breakpoints.keep_alive()
@@ -125,12 +125,12 @@ class LiveTools:
 
     def _set(self, number: object, *, is_set: bool) -> None:
         if not (isinstance(number, int) and 0 <= number < len(self._behaviours)):
-            raise ToolError(f"there is no node {number} that can be held")
+            raise ToolError(f"there is no node {number} that can be paused")
         if not is_set:
             self._breakpoints.remove(self._behaviours[number])
             return
         if self._use_breakpoints is None:
-            raise ToolError("this engine cannot hold a tree within a tick: leave --engine out")
+            raise ToolError("this engine cannot pause a tree within a tick. Omit --engine")
         self._use_breakpoints(self._breakpoints)
         self._breakpoints.add(self._behaviours[number])
 
@@ -148,7 +148,7 @@ def _shown(key: str, entry: Entry) -> dict[str, object]:
 
 
 class WhatIf:
-    """What another answer of a leaf would have led to, in a run that was recorded.
+    """Counterfactual queries about a recorded run: the effect of another outcome of a leaf.
 
     Args:
         entries: Returns the entries of a robot's run.
@@ -160,10 +160,10 @@ class WhatIf:
         self._lock = Lock()
 
     def ask(self, values: Mapping[str, Any]) -> object:
-        """Return what each other answer of a leaf (`node`) in a tick (`tick`) of a run (`run`) of a robot would have led to.
+        """Return the effect of each other outcome of a leaf (`node`) in a tick (`tick`) of a run (`run`) of a robot.
 
         Raises:
-            SarError: If that cannot be said.
+            SarError: If it cannot be determined.
         """
         robot, run, node, tick = (int(values.get(name, 0)) for name in ("robot", "run", "node", "tick"))
         with self._lock:
@@ -193,11 +193,11 @@ class WhatIf:
 
 
 def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object] | None = None) -> Tools:
-    """Return the tools of a page of journals.
+    """Return the queries for a page of journals.
 
     Args:
         paths: The journals.
-        reading: Is entered while one is read; by default nothing is.
+        reading: Entered while one is read; by default nothing is.
     """
     alone = reading or nullcontext()
 
@@ -219,7 +219,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
 
 
 def _consequence_data(found: "Consequence", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
-    """Return what an answer leads to as JSON values; conditions that say nothing special are left out."""
+    """Return the effect of an outcome as JSON values, without conditions of no interest."""
 
     def is_told(answer: Event) -> bool:
         look = looks[answer.number] if answer.number < len(looks) else None

@@ -1,7 +1,7 @@
-"""The recorded states of journals at any time, for a page of replay.
+"""The recorded states of journals at any time, for a replay page.
 
-The state at a time is folded from the nearest checkpoint before it: the state itself, packed, after every so many entries. Checkpoints are made when a journal is
-opened, and kept in memory; the journal is only read.
+The state at a time is folded from the nearest earlier checkpoint: the state itself, packed, after a number of entries.
+Checkpoints are created when a journal is opened, and kept in memory. The journal is only read.
 """
 
 import bisect
@@ -17,22 +17,22 @@ from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.web.page_state import PageState, all_changes
 
 Explain = Callable[[Path], Mapping[str, Any] | None]
-"""Returns why the mission of a journal has failed, as JSON values; None if it has not."""
+"""Returns the cause of a mission's failure from a journal, as JSON values; None if it has not failed."""
 
-# Robots whose clocks are farther apart have nothing to do with each other, in seconds.
+# Robots whose clocks differ by more are unrelated, in seconds.
 _APART = 24 * 3600
-# A checkpoint has so many entries behind it at least; and there are so many checkpoints at most.
+# The minimum number of entries between checkpoints, and the maximum number of checkpoints.
 _LEAST, _CHECKPOINTS = 2000, 400
 
 
 class TrackPlace(NamedTuple):
-    """A place in a robot's track, in which runs follow each other without the time between them.
+    """A position in a robot's track, in which runs follow each other without the time between them.
 
     Attributes:
-        entry: The place in the journal's stream.
+        entry: The position in the journal's stream.
         end: The time there, in seconds since the first run's beginning.
-        began: The time of the mission's clock at which the present run began.
-        before: The time at which it did, in seconds since the first run's beginning.
+        began: The time of the mission's clock at the start of the present run.
+        before: The time of that start, in seconds since the first run's start.
     """
 
     entry: StreamPlace = StreamPlace()
@@ -41,17 +41,17 @@ class TrackPlace(NamedTuple):
     before: float = 0.0
 
     def behind(self, entry: JournalEntry) -> "TrackPlace":
-        """Return the place behind the next entry."""
+        """Return the position after the next entry."""
         began, before = (entry.time, self.end) if entry.kind == RUN_BEGAN else (self.began, self.before)
         end = max(self.end, before + entry.time - began)
         return TrackPlace(self.entry.behind(entry), end, began, before)
 
 
 class Checkpoint(NamedTuple):
-    """A saved state at a place of the track.
+    """A saved state at a position of the track.
 
     Attributes:
-        place: Up to which entry.
+        place: The position.
         packed: The state.
     """
 
@@ -64,12 +64,12 @@ class ReplayTrack:
 
     Args:
         path: The journal.
-        explain: Says why its mission has failed.
+        explain: Returns the cause of its mission's failure.
 
     Attributes:
-        first: The time of the mission's clock at its beginning; None if nothing has begun.
-        last: The place of its end.
-        shift: How much later than the replay it begins, in seconds.
+        first: The time of the mission's clock at its start; None if no run has started.
+        last: The position of its end.
+        shift: The delay of its start after the replay's, in seconds.
 
     Raises:
         JournalError: If it cannot be read.
@@ -77,7 +77,7 @@ class ReplayTrack:
 
     def __init__(self, path: Path, explain: Explain) -> None:
         self._path = path
-        # First of all: it takes away the locks of whoever reads the file in this process.
+        # Before all else: it releases the locks of other readers of the file in this process.
         self._is_written = is_locked(path)
         self.shift = 0.0
         self.first: float | None = None
@@ -102,13 +102,13 @@ class ReplayTrack:
         self.last = place
 
     def at(self, time: float, robot: int) -> PageState:
-        """Return the state at a time, in seconds since the replay's beginning; it is changed by the next call.
+        """Return the state at a time, in seconds since the replay's start; the next call changes it.
 
-        The last one is gone on with, where it is near enough; else it is told anew.
+        The last state is advanced if it is near enough. Otherwise a checkpoint is restored.
         """
         until = min(time - self.shift, self.last.end)
         before = bisect.bisect_right(self._checkpoints, until, key=lambda each: each.place.end)
-        # Who plays it goes on, over a checkpoint as well: what has changed is less than all there is.
+        # Playback advances the state, also over a checkpoint: the changes are smaller than the full state.
         nearest = self._checkpoints[before - 2].place if before > 1 else TrackPlace()
         if self._place.entry < nearest.entry or self._place.end > until:
             self._state, self._place = self._state_at(before)
@@ -117,14 +117,14 @@ class ReplayTrack:
             self._state.let_pass(until - self._place.end)
         self._state.robot = robot
         is_last = self._place.entry >= self.last.entry
-        # Of a run that has ended the journal itself says that.
+        # The journal itself contains the end of a run that has ended.
         self._state.know(RunProcess(is_gone=is_last and not self._is_written))
         if self.why is not None and is_last:
             self._state.set_why(self.why)
         return self._state
 
     def _state_at(self, count: int) -> tuple[PageState, TrackPlace]:
-        """Return the state of the last of the first *count* checkpoints, and its place."""
+        """Return the state of the last of the first *count* checkpoints, and its position."""
         if not count:
             return PageState(), TrackPlace()
         place, packed = self._checkpoints[count - 1]
@@ -134,7 +134,7 @@ class ReplayTrack:
         with JournalFile.reading(self._path) as file:
             for entry in file.stream_behind(self._place.entry):
                 place = self._place.behind(entry)
-                # A mission may have gone on since in this journal.
+                # A mission may have continued in this journal since.
                 if place.end > until or place.entry > self.last.entry:
                     break
                 self._state.take(entry)
@@ -146,10 +146,10 @@ class Replay:
 
     Args:
         paths: The journals.
-        explain: Says why a mission has failed.
+        explain: Returns the cause of a mission's failure.
 
     Attributes:
-        end: The length of it, in seconds.
+        end: Its length, in seconds.
 
     Raises:
         JournalError: If one cannot be read.
@@ -169,12 +169,12 @@ class Replay:
         """Return the state at a time as JSON values: its `number`, its `time`, and `changes` for each robot.
 
         Args:
-            time: The time, in seconds since the beginning.
-            since: The number of the moment that the asker was told last; the changes are those since then if nobody has asked
-                for another one in between, else all there is.
+            time: The time, in seconds since the start.
+            since: The number of the client's last state. The result has the changes since then if no other state was
+                requested in between, else the full state.
 
         Raises:
-            JournalError: If a journal cannot be read any more.
+            JournalError: If a journal has become unreadable.
         """
         states = [track.at(time, robot) for robot, track in enumerate(self._tracks)]
         if since != self._number:

@@ -1,4 +1,4 @@
-"""The page of a run of `sar-run`, and of journals; what it takes is imported only where somebody wants one."""
+"""The page of a run of `sar-run`, and of journals; its dependencies are imported only when it is requested."""
 
 import sys
 import time
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sar_compiler.execution.verb_calls import VerbCalls
     from sar_compiler.project import Workspace
 
-# How often journals of other processes are looked at, in seconds; they are written once a second.
+# Interval between reads of other processes' journals, in seconds; they are written once a second.
 _LOOK_SEC = 0.5
 
 
@@ -44,11 +44,11 @@ class RunPage(RunExtension):
 
     Args:
         run: The run.
-        port: The port; None for any that is free.
+        port: The port; None for any free one.
         opens: Whether to open the page in a browser.
 
     Raises:
-        PageError: If the port cannot be had.
+        PageError: If the port cannot be used.
     """
 
     def __init__(self, run: "RunSetup", port: int | None = None, *, opens: bool = False) -> None:
@@ -58,7 +58,7 @@ class RunPage(RunExtension):
         self._place = run.journal.place
         journal, node, verbs = run.journal, run.node, run.mission.verbs()
         calls = VerbCalls(node, verbs, run.orders.sign)
-        # Its own, for it is read in the server's thread; the mission's says what becomes of it.
+        # A copy for the server's thread. The mission's object reports its changes.
         clock = NodeTime(node)
 
         def tell(text: str, held: str) -> None:
@@ -84,7 +84,7 @@ class RunPage(RunExtension):
         feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
         for entry in journal.earlier():
             feed.take(entry)
-        # Apart: a page on which nobody says why goes on.
+        # Separately: the page continues without an explanation.
         for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
             journal.listen(listener)
         self._orders = _OwnOrders(calls)
@@ -95,11 +95,11 @@ class RunPage(RunExtension):
             open_page(self._server.url)
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
-        """Let the tree be asked."""
+        """Allow queries of the tree."""
         self._tools.begin(tree, engine)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Serve it no more; on a terminal that is Ctrl-C's to say, unless that is how the run has ended."""
+        """Stop serving; on a terminal Ctrl-C does so, unless it has ended the run."""
         self._has_ended = self._orders.has_ended = True
         self._tools.end()
         if has_begun and self._is_looked_at and not self._run.signals.came:
@@ -113,34 +113,34 @@ class RunPage(RunExtension):
         return is_terminal and not self._run.options.supervision.is_there
 
     def _report(self, _: Mapping[str, Any]) -> str:
-        """Return the report, once it takes no time from the mission, and nobody writes the journal."""
+        """Return the report once the run is over, so that neither the mission nor the journal is affected."""
         if not self._is_staying:
-            raise ToolError("the run goes on; sar-journal report writes one meanwhile")
+            raise ToolError("the run is still active. Use sar-journal report meanwhile")
         return report_page(self._place)
 
     def _stay(self) -> None:
         self._is_staying = True
-        print_error(f"The run has ended, and its page stays until Ctrl-C: {self._server.url}")
+        print_error(f"The run has ended. Its page stays open until Ctrl-C: {self._server.url}")
         while not self._run.signals.wait(_LOOK_SEC) and not self._server.wait(0.0):
             pass
         self._server.close()
 
 
 def open_page(url: str) -> None:
-    """Open a page in a browser, as the system has it; nothing waits for that."""
+    """Open a page in the system's browser, without waiting for it."""
 
     def show() -> None:
         if not webbrowser.open(url):
-            print_error(f"There is no browser to open {url} in.")
+            print_error(f"No browser was found. Open {url}")
 
     Thread(target=show, name="browser", daemon=True).start()
 
 
 class _OwnOrders:
-    """The orders to the robot of this process.
+    """Carries out the commands to the robot of this process.
 
     Args:
-        calls: Who carries them out.
+        calls: Carries out the commands.
     """
 
     def __init__(self, calls: "VerbCalls") -> None:
@@ -148,10 +148,10 @@ class _OwnOrders:
         self.has_ended = False
 
     def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> Future[tuple[bool, str]]:
-        """Give an order; see `VerbCalls.give`.
+        """Send a command; see `VerbCalls.give`.
 
         Raises:
-            VerbError: If it is none.
+            VerbError: If it is invalid.
         """
         if self.has_ended:
             message = "the run has ended"
@@ -160,11 +160,11 @@ class _OwnOrders:
 
 
 def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
-    """Serve a page that shows journals again, one for each robot, until Ctrl-C.
+    """Serve a replay page of journals, one for each robot, until Ctrl-C.
 
     Raises:
         JournalError: If one cannot be read.
-        PageError: If the port cannot be had.
+        PageError: If the port cannot be used.
     """
     from sar_compiler.project import Workspace
 
@@ -176,11 +176,11 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
 
 
 def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
-    """Serve a page of missions in other processes, by what they write to their journals, until Ctrl-C; orders go to their nodes.
+    """Serve a page of missions in other processes from their journals until Ctrl-C; commands go to their nodes.
 
     Raises:
         JournalError: If a file is no journal, or cannot be read.
-        PageError: If the port cannot be had.
+        PageError: If the port cannot be used.
     """
     team = _Team(paths)
     tools = journal_tools(paths, team.reading)
@@ -193,15 +193,15 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
 
 
 class _Team:
-    """What a page is told of missions in other processes.
+    """The data for a page of missions in other processes.
 
     Args:
         paths: Their journals.
 
     Attributes:
-        feed: What the page is told.
-        orders: What carries out orders; None where there is no ROS.
-        reading: Is held by whoever reads a journal: to see whether somebody writes it takes away the locks of other readers in this process.
+        feed: The events for the page.
+        orders: Carries out commands; None without ROS.
+        reading: Held while a journal is read: the check for a writer releases the locks of other readers in this process.
     """
 
     feed: LiveFeed
@@ -215,7 +215,7 @@ class _Team:
         self._heard = [time.monotonic() for _ in paths]
 
     def look(self) -> None:
-        """Tell what is new.
+        """Send new entries.
 
         Raises:
             JournalError: If a file is no journal, or cannot be read.
@@ -240,7 +240,7 @@ class _Team:
             self.feed.set_why(why, robot)
 
     def beat(self) -> dict[str, object]:
-        """Return what a page is told every second."""
+        """Return the heartbeat of every second."""
         if self.orders is None:
             return {}
         return {"verbs": [self.orders.available(robot) for robot, _ in enumerate(self._followers)]}
@@ -257,10 +257,10 @@ def _why_of(explained: Explanation) -> dict[str, Any] | None:
 
 
 class _TellsWhy:
-    """Tells a page at the end of a run why the mission has failed.
+    """Sends a page the cause of the mission's failure at the end of a run.
 
     Args:
-        feed: What the page is told.
+        feed: The events for the page.
     """
 
     def __init__(self, feed: LiveFeed) -> None:
@@ -268,7 +268,7 @@ class _TellsWhy:
         self._inquiry = Inquiry()
 
     def take(self, entry: JournalEntry) -> None:
-        """Take an entry of the run."""
+        """Process an entry of the run."""
         self._inquiry.take(entry)
         if entry.kind == RUN_ENDED:
             why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
@@ -294,13 +294,13 @@ def _serve(
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return what the robots are called: by their namespaces, as journals at the default place have them, if that is enough."""
+    """Return the robots' names: their namespaces, from journals at the default path, if these are unique."""
     stems = [path.stem for path in paths]
     spaces = [stem.partition(".")[0] for stem in stems]
     return spaces if len(set(spaces)) == len(stems) else stems
 
 
 def _form(verb: Verb) -> dict[str, Any]:
-    """Return what the page must know of a verb, as JSON values."""
+    """Return the data of a command for the page, as JSON values."""
     own = {name: value for name, value in verb._asdict().items() if name not in ("service_type", "fill")}
     return {**own, "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields]}

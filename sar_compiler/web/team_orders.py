@@ -1,4 +1,4 @@
-"""Orders to missions in other processes, by the services of their nodes."""
+"""Commands to missions in other processes, by the services of their nodes."""
 
 import getpass
 import socket
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 class TeamOrders:
-    """Carries out orders to several robots.
+    """Carries out commands to several robots.
 
     Args:
-        node: The node that calls.
+        node: The node that sends them.
     """
 
     def __init__(self, node: "Node") -> None:
@@ -32,43 +32,43 @@ class TeamOrders:
         self._calls: dict[int, tuple[str, VerbCalls]] = {}
 
     def know(self, robot: int, began: JournalEntry) -> list[Verb]:
-        """Take the beginning of a robot's run; return what can be ordered of its mission, nothing where that is not installed."""
+        """Process the start of a robot's run; return its mission's commands, empty if that is not installed."""
         from sar_compiler.execution.order_record import RemoteSignature
         from sar_compiler.execution.verb_calls import VerbCalls
 
         mission, name = run_of(began), str(began.data["run"].get("node") or "")
         verbs = [*mission.verbs()] if mission is not None and name else []
-        # A node that comes again has the same services.
+        # A node that returns has the same services.
         if verbs and self._calls.get(robot, ("",))[0] != name:
             sign = RemoteSignature(self._node, name).sign
             self._calls[robot] = name, VerbCalls(self._node, verbs, sign, name)
         return verbs
 
     def available(self, robot: int) -> list[str]:
-        """Return the verbs that a robot heeds just now."""
+        """Return the commands that a robot accepts now."""
         return self._calls[robot][1].available() if robot in self._calls else []
 
     def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
-        """Give an order; see `VerbCalls.give`.
+        """Send a command; see `VerbCalls.give`.
 
         Raises:
-            VerbError: If it is none, or its robot is not known.
+            VerbError: If it is invalid, or its robot is unknown.
         """
         if giver.robot not in self._calls:
-            raise VerbError("nothing can be ordered of this robot: its mission is not known here")
+            raise VerbError("no commands to this robot: its mission is not installed here")
         return self._calls[giver.robot][1].give(verb, values, giver.author(self._page))
 
 
 @contextmanager
 def ordering(complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
-    """Yield what carries out orders; None where there is no ROS, about which is complained if it is broken."""
+    """Yield the object that carries out commands; None without ROS, with a warning if ROS is broken."""
     from sar_compiler.ros.middleware import MiddlewareError, require_middleware
     from sar_compiler.ros.serving import spinning_node
 
     try:
         require_middleware()
     except MiddlewareError as error:
-        complain(f"There are no orders on this page: {error}")
+        complain(f"There are no commands on this page: {error}")
         yield None
         return
     if find_spec("rclpy") is None:
@@ -79,10 +79,10 @@ def ordering(complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
 
 
 def run_of(began: JournalEntry) -> MissionRun | None:
-    """Return a run of the mission whose journal begins with an entry; None if no such mission is installed."""
+    """Return a run of the mission named in a journal's first entry; None if no such mission is installed."""
     try:
         mission = load_missions()[began.data["mission"]]
-        # A journal may be anybody's, so no file that it names is read. What was read of one is among the parameters.
+        # A journal may come from anyone, so no file that it names is read. The content of such a file is among the parameters.
         given = began.data["run"]["parameters"].items()
         return mission.begin(
             ParameterReader({name: value for name, value in given if name not in mission.path_parameters})
@@ -94,5 +94,5 @@ def run_of(began: JournalEntry) -> MissionRun | None:
 def _user() -> str:
     try:
         return getpass.getuser()
-    except (KeyError, OSError):  # nobody has the process's number
+    except (KeyError, OSError):  # the process has no number
         return "somebody"

@@ -76,7 +76,7 @@ def test_the_file_that_has_changed_is_named(tree, changed, capsys):
     said = refusal(tree)
     assert said is not None
     assert said.startswith("whole.xml is not what Ada approved on 2")
-    assert f": {changed} has changed; look at it, then: sar-compile approve whole.xml" in said
+    assert f": {changed} has changed. Review it, then run: sar-compile approve whole.xml" in said
 
 
 def test_a_file_that_is_included_now_and_one_that_is_not_any_more_are_named(tree, capsys):
@@ -85,7 +85,7 @@ def test_a_file_that_is_included_now_and_one_that_is_not_any_more_are_named(tree
     write("whole.xml", '<include path="other.xml"/>', WHOLE, main="Whole")
     said = refusal(tree)
     assert said is not None
-    for each in ("whole.xml has changed", "other.xml is new", "part.xml is not part of it any more"):
+    for each in ("whole.xml has changed", "other.xml is new", "part.xml is no longer a part of it"):
         assert each in said
 
 
@@ -211,14 +211,14 @@ def test_a_record_that_was_damaged_approves_nothing(tree, text, capsys):
     approve(capsys, tree)
     (record,) = approval_folder().iterdir()
     record.write_text(text, encoding="utf-8")
-    assert "is no record of an approval: delete it" in str(refusal(tree))
+    assert "is not a valid approval. Delete it" in str(refusal(tree))
 
 
 def test_what_cannot_be_kept_is_not_approved(tree, capsys):
     approval_folder().parent.parent.mkdir(parents=True, exist_ok=True)
     approval_folder().parent.write_text("in the way", encoding="utf-8")
     status, _, said = approve(capsys, tree)
-    assert (status, "cannot store that" in said) == (2, True)
+    assert (status, "cannot store the approval of" in said) == (2, True)
 
 
 def test_who_names_no_file_is_told_what_to_name(capsys):
@@ -411,11 +411,11 @@ class TestAFolderOfOthers:
         approve(capsys, tree)
         approval_folder().chmod(mode)
         said = str(refusal(tree))
-        assert said.startswith(f"no approval in {approval_folder()} counts: others may write there.")
+        assert said.startswith(f"approvals in {approval_folder()} are ignored: other users can write there.")
         assert said.endswith(f"chmod go-w {approval_folder()}")
         for arguments in (["--list"], ["--revoke", tree], [tree]):
             status, _, complaint = approve(capsys, *arguments)
-            assert (status, "others may write there" in complaint) == (2, True)
+            assert (status, "other users can write there" in complaint) == (2, True)
         approval_folder().chmod(0o700)
         assert refusal(tree) is None
 
@@ -424,14 +424,14 @@ class TestAFolderOfOthers:
         approve(capsys, tree)
         (record,) = approval_folder().iterdir()
         record.chmod(mode)
-        assert f"no approval in {record} counts: others may write there." in str(refusal(tree))
+        assert f"approvals in {record} are ignored: other users can write there." in str(refusal(tree))
 
     def test_a_folder_above_that_everybody_can_write_is_refused_unless_it_is_sticky(self, tree, capsys):
         approve(capsys, tree)
         above = approval_folder().parent.parent
         above.chmod(0o777)
         said = str(refusal(tree))
-        assert said.startswith(f"no approval in {above} counts: everybody may write there.")
+        assert said.startswith(f"approvals in {above} are ignored: all users can write there.")
         assert said.endswith(f"chmod o-w {above}")
         above.chmod(0o1777)
         assert refusal(tree) is None

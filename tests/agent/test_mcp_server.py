@@ -449,4 +449,4 @@ def test_nobody_offers_all_files_by_not_saying_which(work, folder, monkeypatch, 
     monkeypatch.setenv("HOME", str(work))
     monkeypatch.chdir(work if folder == "~" else folder)
     status, _, said = run(capsys, "mcp")
-    assert (status, "name the folder of the trees, --root FOLDER" in said) == (2, True)
+    assert (status, "Name the folder of the trees with --root FOLDER" in said) == (2, True)

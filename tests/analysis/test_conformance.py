@@ -193,7 +193,7 @@ def test_of_a_leaf_that_answers_twice_in_a_tick_it_is_the_answer_that_cannot_be(
 
 def test_a_leaf_whose_turn_it_was_not_is_told_with_what_would_have_come():
     misfit = Flights(TWO).misfit(("RUNNING", "two RUNNING"))
-    assert (misfit.event, misfit.why) == ("two RUNNING", "in no run is it this leaf's turn there")
+    assert (misfit.event, misfit.why) == ("two RUNNING", "no run ticks this leaf there")
     assert set(misfit.possible) == {"one SUCCESS", "one FAILURE", "one RUNNING"}
 
 

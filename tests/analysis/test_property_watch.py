@@ -220,7 +220,7 @@ def test_an_answer_that_a_leaf_has_not_declared_is_an_assumption_that_failed():
 
 def test_what_is_owed_is_broken_by_an_end_and_open_where_the_run_is_stopped():
     properties = "properties: {p: {after: A SUCCESS, eventually: B SUCCESS}}\nend: root == 'SUCCESS' && idle"
-    for is_over, alarms in ((True, ["Property broken: p (owed at the end)"]), (False, [])):
+    for is_over, alarms in ((True, ["Property violated: p (pending at the end)"]), (False, [])):
         watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
         assert taken(watch, (1, "SUCCESS")) == []
         watch.end_tick("SUCCESS")

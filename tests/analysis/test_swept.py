@@ -186,5 +186,5 @@ def test_a_tree_that_has_changed_since_the_sweep_began_is_not_played(tmp_path):
     assert len(again([1])) == 1
     _replays.cache_clear()
     _stage.cache_clear()
-    with pytest.raises(ChangedTreeError, match="has changed since the sweep began"):
+    with pytest.raises(ChangedTreeError, match="has changed since the sweep started"):
         play([2])

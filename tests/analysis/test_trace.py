@@ -68,13 +68,13 @@ def test_facts_and_keys_are_written_as_a_script_would():
 
 def test_a_run_that_does_not_end_says_so():
     text = trace(played("ticks: 2\nleaves: {NavigateToBase: RUNNING}", "<NavigateToBase/>"))
-    assert "broken off, without an end, after tick 2 (0.5 s): root RUNNING" in text
+    assert "aborted, without an end, after tick 2 (0.5 s): root RUNNING" in text
 
 
 def test_a_run_that_cannot_go_on_says_why():
     text = trace(played("name: x", '<Script code="a = 1"/>'))
     assert text.startswith("tick 1, 0 s: not finished\n")
-    assert "broken off in tick 1 (0 s): 'Script'" in text
+    assert "aborted in tick 1 (0 s): 'Script'" in text
 
 
 def test_namesakes_are_told_apart_by_what_is_around_them():

@@ -86,7 +86,7 @@ def test_a_tree_that_is_gone_is_asked_for(why, tree):
 
 
 def test_a_journal_that_does_not_name_the_file_asks_for_it(why, tree):
-    assert "say --tree-file TREE" in why(tree_file=None)
+    assert "Add --tree-file TREE" in why(tree_file=None)
     assert "instead of FAILURE" in why("--tree-file", tree)
 
 
@@ -106,7 +106,7 @@ def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
 def test_the_options_of_the_run_that_are_missing_are_named(why):
     said = why(nodes=(), options=[["--nodes", NODES[1]], ["--model", "ros:jazzy"]])
     assert "cannot be loaded without options of that run: no node is called 'A'" in said
-    assert f"give them as well: --nodes {NODES[1]}\n" in said
+    assert f"Add them: --nodes {NODES[1]}\n" in said
     assert "instead of FAILURE" in why()
 
 

@@ -162,7 +162,7 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     end = ForcedEnd("sar-run", stage.node, leaf, signals, None, 1.0, before_message=stage.output.leave)
     assert end.hurry() == ADRIFT
     assert stage.done == ["cancelled", "closed"]
-    assert "what is under way was told to stop" in capsys.readouterr().err
+    assert "leaves were stopped" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wanted", [None, True, False])

@@ -64,7 +64,7 @@ def test_without_a_scenario_every_leaf_answers_what_is_usual(capsys, tree):
     assert status == 0
     assert "  NavigateToZone  arrived (SUCCESS)\n" in out
     assert out.endswith(
-        "\nEvery leaf answered what is usual. A run ends when the root succeeds or fails; --until says when else.\n\n"
+        "\nEvery leaf gave its default answer. A run ends when the root succeeds or fails. Set another end with --until.\n\n"
     )
 
 
@@ -83,14 +83,14 @@ def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
     status, out, _ = run(capsys, path, "--nodes", "tests.analysis.verify.leaves")
     assert status == 1
     assert out.startswith(
-        "tick 1, 0 s: not finished\n  M  SUCCESS\n  keys: d = unknown\nbroken off in tick 1 (0 s): "
+        "tick 1, 0 s: not finished\n  M  SUCCESS\n  keys: d = unknown\naborted in tick 1 (0 s): "
     )
     assert "'M' writes 'd' when it runs" in out
 
 
 def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):
     _, out, _ = run(capsys, tree, "--until", "tick == 2")
-    assert out.endswith("\nEvery leaf answered what is usual.\n\n")
+    assert out.endswith("\nEvery leaf gave its default answer.\n\n")
 
 
 def test_an_expectation_that_does_not_hold_has_status_1(capsys, tree, scenario):
@@ -149,7 +149,7 @@ def test_an_option_that_cannot_be_meant_is_refused(capsys, tree, option, said):
         ("att == 'base'", "--until: 'att' is neither a fact nor a key of this tree; there is "),
         (
             "at = 'base'",
-            "--until: a condition only looks at 'at' and does not change it; write == to compare",
+            "--until: a condition only reads 'at' and must not change it; write == to compare",
         ),
     ],
 )
@@ -163,7 +163,7 @@ def test_the_number_of_ticks_that_is_asked_for_is_no_failure(capsys, tree, scena
     path = scenario("leaves: {NavigateToZone: RUNNING}")
     status, out, _ = run(capsys, tree, "--scenario", path, "--ticks", 3)
     assert status == 0
-    assert "broken off, without an end, after tick 3 (1 s): root RUNNING" in out
+    assert "aborted, without an end, after tick 3 (1 s): root RUNNING" in out
 
 
 def test_the_end_can_be_asked_for(capsys):
@@ -226,7 +226,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
         for tag in ("RecoveryNode", "Twice")
     ]
     assert (
-        "or the palette that knows it (--model nav2:jazzy or nav2:kilted or nav2:main); or say in the scenario"
+        "or the palette that describes it (--model nav2:jazzy or nav2:kilted or nav2:main); or name its replacement in the scenario"
         in err
     )
     partly = scenario("controls: {RecoveryNode: Fallback}", "partly.yaml")

@@ -98,7 +98,7 @@ def test_the_smallest_failure_is_written_as_a_scenario_that_fails(capsys):
     options = ("--scenario", "day.yaml", "--runs", 50, "--jobs", 1)
     status, out, _ = run(capsys, "search_and_rescue", *options, "-o", "small.yaml")
     assert status == 1
-    command = out.splitlines()[-1].partition("play it again: sar-compile ")[2].split()
+    command = out.splitlines()[-1].partition("Replay it with: sar-compile ")[2].split()
     assert command[-1] == "small.yaml"
     assert main(command) == 1
     assert "does not hold" in capsys.readouterr().out

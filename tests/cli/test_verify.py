@@ -275,7 +275,7 @@ def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
     assert "5 answers: 5 proved" in out
     status, out, err = run(document("<TickingMystery><AdvanceZone/></TickingMystery>"), *nodes)
     assert (status, out) == (1, "")
-    assert "error[only-described]: <TickingMystery> has methods of its own" in err
+    assert "error[only-described]: <TickingMystery> has its own methods" in err
 
 
 def test_a_file_of_properties_says_what_stands_for_a_class_with_methods_of_its_own(run):

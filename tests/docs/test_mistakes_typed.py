@@ -32,7 +32,7 @@ FILES = {
 # What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
 TYPED = {
     "… cannot be run like this; nothing has moved": "sar-run {folder}/wrong.xml",
-    "there is no journal …to resume. Omit --resume": "sar-run --resume --journal {folder}/none",
+    "there is no journal … to resume. Omit --resume": "sar-run --resume --journal {folder}/none",
     "cannot read …: …": "sar-run nowhere.xml",
     "there is no tree file '…', nor a shipped tree of that name": "sar-run nowhere",
     "no node is called '…'": "sar-run {folder}/wrong.xml",
@@ -79,7 +79,7 @@ BESIDE_A_JOURNAL = {
 }
 # Messages that need no row on the page, because they say what to write instead.
 PLAIN = {
-    "there is no journal …to resume. Omit --resume",
+    "there is no journal … to resume. Omit --resume",
     "… cannot be run like this; nothing has moved",
     "… already exists and is not overwritten. Choose another name",
     "the name of a tree file is empty",

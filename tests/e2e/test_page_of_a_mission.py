@@ -101,7 +101,7 @@ def story(tmp_path_factory):
         again = fly("--resume", "--web-port", port)
         page.wait_for("#clock", "run 2").wait_for("#condition strong", "paused")
         seen["resumed"] = page.zone("zone_a")
-        page.order("resume", "this page may only look")
+        page.order("resume", "this page is read-only")
         page.open(address(again)[0])
         page.order("resume", "Resume: done")
         page.wait_for("#now", "navigating to zone_b")

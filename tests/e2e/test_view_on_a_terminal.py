@@ -171,7 +171,7 @@ def test_on_a_terminal_the_page_of_an_ended_run_stays_until_ctrl_c_and_the_statu
     browser = f'{sys.executable} -c \'import sys; open("{seen}", "w").write(sys.argv[1])\' %s'
     options = ("--sim", "empty", "--view", "web", "--web-port", 0, "--open")
     terminal = begin("sar-run", path, *options, columns=200, env={"BROWSER": browser})
-    terminal.wait_for("The run has ended, and its page stays until Ctrl-C: http://")
+    terminal.wait_for("The run has ended. Its page stays open until Ctrl-C: http://")
     url = address(terminal.rows)
     with urllib.request.urlopen(url.partition("#")[0]) as page:  # noqa: S310 - the one that was printed
         assert page.status == 200

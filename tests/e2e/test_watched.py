@@ -61,7 +61,7 @@ def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):
     assert [event.current_status for event in found["/behavior_tree_log"][-1].event_log] == ["IDLE", "IDLE"]
     again = start("sar-run", tree, "--record", file)
     assert again.end() == 2
-    assert f"sar-run: --record: {file} is there already, and is not written over" in again.output
+    assert f"sar-run: --record: {file} already exists and is not overwritten" in again.output
 
 
 def test_a_recording_has_its_ending(tree):

@@ -472,7 +472,9 @@ LONG: dict[str, dict[str, Phase]] = {
             ["{tree}", "--view", "web", "--web-port", "0", "--until", "forever"], "The page of this run"
         ),
         "page of a run that has ended": Phase(
-            ["{done}", "--view", "web", "--web-port", "0"], "its page stays until Ctrl-C", kind=OnTerminal
+            ["{done}", "--view", "web", "--web-port", "0"],
+            "Its page stays open until Ctrl-C",
+            kind=OnTerminal,
         ),
         "view on a terminal": Phase(
             ["{tree}", "--view", "text", "--until", "forever"], "cycle", kind=OnTerminal

@@ -13,7 +13,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 RESILIENT = "search_and_rescue_resilient"
 STILL_MOVING = "a goal may still be active, and the robot may still be moving: NavigateToZone"
 ENDLESS = [{"drive": None}]
-LOST = "the robot may still be moving"
+LOST = "The robot may still be moving"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -81,7 +81,7 @@ def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_n
     wait_until_heard(navigation, "feedback" if feedback else "asked")
     navigation.kill()
     quiet = "sent no feedback for 2 s, and node bt_navigator does not answer"
-    run.wait_for(f"the server has {quiet if feedback else 'answered nothing for 10 s'}; {LOST}")
+    run.wait_for(f"the server has {quiet if feedback else 'not answered for 10 s'}. {LOST}")
 
 
 def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed(
@@ -147,7 +147,7 @@ def test_a_robot_that_drives_on_after_an_abort_is_stopped_before_the_next_attemp
     navigation = serve("navigation", odometry=True, goals=[drives_on, {}])
     run = fly(RESILIENT, settle_timeout_sec=30.0)
     run.wait_for(
-        "The robot moves (0.30 m/s, 0.00 rad/s) although its goal has ended and nobody else's is active"
+        "The robot moves (0.30 m/s, 0.00 rad/s) although its goal has ended and no other goal is active"
     )
     assert navigation.wait_for("follow_path cancelled")["all"]
     run.wait_for("The robot stands.")

@@ -11,7 +11,7 @@ from tests.processes import children_of
 pytestmark = pytest.mark.ros
 
 GONE = "the mission is gone"
-REPLACED = "the guardian has ended, by SIGKILLand is replaced"
+REPLACED = "the guardian has ended, by SIGKILL, and is replaced"
 
 
 def told_deaths(run):
@@ -44,7 +44,7 @@ def test_a_goal_that_does_not_end_is_told_to_be_under_way(driving, manner):
     run.send(signal.SIGKILL)
     run.wait_for(f"{GONE}, and /navigate_to_pose does not end its goal: the robot may still be moving")
     assert server.active == 1
-    assert "was told to cancel" not in run.output
+    assert "was asked to cancel" not in run.output
 
 
 def test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way(driving):

@@ -152,7 +152,7 @@ def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
         (["--resume", "--new"], "not allowed with"),
         (["--check", "--resume"], "--check begins nothing"),
         (["--journal", "none", "--resume"], "--journal none does not go with"),
-        (["--resume"], "so to resume. Omit --resume"),
+        (["--resume"], " to resume. Omit --resume"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(start, tree, state, arguments, words):

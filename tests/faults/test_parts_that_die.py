@@ -105,7 +105,7 @@ def test_a_navigator_that_is_killed_alone_is_told_and_costs_no_attempt_though_it
     flight.mission.wait_for(
         "waits to send its goal again: the server has sent no feedback for 2 s, and node bt_navigator does not answer"
     )
-    flight.mission.wait_for("everything is cancelled (")
+    flight.mission.wait_for("Cancelling every goal (")
     flight.stands()
     flight.begin_again("bt_navigator")
     flight.completes_at_no_cost()

@@ -72,11 +72,11 @@ def test_a_second_server_is_told_and_one_of_the_navigation_ends_the_run(fly, ser
     run = fly(RESILIENT)
     navigation.wait_for("accepted")
     serve("survivors")
-    run.wait_for("service detect_survivor: two servers answer to /detect_survivor: stop one.")
+    run.wait_for("service detect_survivor: two servers answer to /detect_survivor. Stop one.")
     serve("navigation", goals=ENDLESS)
-    run.wait_for("action navigate_to_pose: two servers answer to /navigate_to_pose: stop one.")
+    run.wait_for("action navigate_to_pose: two servers answer to /navigate_to_pose. Stop one.")
     assert run.end() == 1, run.output
-    assert "sar-run: action navigate_to_pose: two servers answer to /navigate_to_pose: stop one" in run.output
+    assert "sar-run: action navigate_to_pose: two servers answer to /navigate_to_pose. Stop one" in run.output
     navigation.wait_for("ended", how="cancel")
 
 
@@ -151,7 +151,7 @@ def test_a_simulator_that_was_killed_and_started_again_is_given_the_last_pose_an
     world.kill()
     mission.wait_for("waits to send its goal again")
     again = start("sar-sim", "run", "--keep", places, env=env).wait_for("runs")
-    mission.wait_for("The localisation is back, and is given its last pose again")
+    mission.wait_for("The localisation is back. Its last pose")
     assert mission.end() == 0, mission.output
     assert "far from the robot's" not in again.output
 
@@ -200,7 +200,7 @@ def test_parameters_that_cannot_change_in_flight_are_refused(fly, serve):
         "zones.zone_a.x",
         "use_sim_time",
     ]
-    assert all("stop the run, and start it with the new value" in reason for reason in reasons)
+    assert all("Stop the run, and start it with the new value" in reason for reason in reasons)
     assert run.stop(within_sec=5.0) == 130
 
 

@@ -64,7 +64,7 @@ def test_what_is_no_journal_is_said_if_it_stays_so(place):
     follower = JournalFollower(place)
     for _ in range(_TRIES - 1):
         assert follower.news() == []
-    with pytest.raises(JournalError, match="is it a journal"):
+    with pytest.raises(JournalError, match="damaged, or not a journal"):
         follower.news()
 
 

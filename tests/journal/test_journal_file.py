@@ -165,7 +165,7 @@ def test_a_database_of_another_program_is_no_journal(place):
     other.close()
     before = place.read_bytes()
     for open_file in (JournalFile.open, JournalFile.read):
-        assert "no journal of a mission" in refused(open_file, place)
+        assert "not the journal of a mission" in refused(open_file, place)
     assert place.read_bytes() == before
 
 

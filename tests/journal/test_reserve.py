@@ -93,7 +93,7 @@ def test_what_a_full_disk_has_kept_from_the_journal_is_written_in_its_order_once
     assert len(mission.said) == 2
     assert "cannot be written (" in mission.said[0]
     assert (
-        "the mission goes on, writing is tried again each second, and facts are kept beside it"
+        "The mission continues, writing is retried each second, and facts are kept beside it"
         in mission.said[0]
     )
     assert "is written again and has the events of the meantime." in mission.said[1]
@@ -135,7 +135,7 @@ def test_a_mission_that_was_over_while_its_disk_was_full_is_over(place):
     mission.journal.note("base_reached")
     mission.journal.end(Ending.OVER, 0, "Mission complete.")
     mission.journal.close()
-    assert "lacks are in the reserve beside it" in mission.said[-1]
+    assert "are in the reserve beside it" in mission.said[-1]
     assert read(place)["runs"][-1]["ending"] == "over"
     assert kinds(place) == ["base_reached"]
     with pytest.raises(JournalError, match="is over"):
@@ -276,7 +276,7 @@ def test_a_damaged_reserve_is_refused_in_words(place, content):
     reserve.close(is_needed=True)
     for opened in (JournalFile.read, JournalFile.open):
         with pytest.raises(
-            JournalError, match=r"mission.journal-reserve is damaged \(.*move it away to go without"
+            JournalError, match=r"mission.journal-reserve is damaged \(.*Move it away to continue without"
         ):
             opened(place)
 

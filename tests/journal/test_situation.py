@@ -144,7 +144,7 @@ def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
     ],
 )
 def test_a_figure_or_gauge_that_is_no_number_is_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(TypeError, match="is no number"):
+    with pytest.raises(TypeError, match="is not a number"):
         Situation().take(**wrong)
 
 
@@ -299,11 +299,11 @@ def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission(
 
     journal.attach(Mission())
     journal.begin({}, {})
-    journal.raise_alarm("Property broken: p", "property_broken", property="p")
+    journal.raise_alarm("Property violated: p", "property_broken", property="p")
     journal.note("photo_taken")
     fact, changed = entries[2:4]
     assert (fact.kind, dict(fact.data)) == ("property_broken", {"property": "p"})
-    assert changed.data == {"said": "Property broken: p", "alarms": [{"text": "Property broken: p"}]}
+    assert changed.data == {"said": "Property violated: p", "alarms": [{"text": "Property violated: p"}]}
     situation = Situation()
     for entry in entries:
         if entry.kind == CHANGED:
@@ -315,5 +315,5 @@ def test_an_alarm_of_a_tree_that_belongs_to_no_mission_is_shown_as_well():
     journal, entries = Journal(), list[JournalEntry]()
     journal.listen(entries.append)
     journal.begin({}, {})
-    journal.raise_alarm("Property broken: p", "property_broken", property="p")
-    assert entries[-1].data["alarms"] == [{"text": "Property broken: p"}]
+    journal.raise_alarm("Property violated: p", "property_broken", property="p")
+    assert entries[-1].data["alarms"] == [{"text": "Property violated: p"}]

@@ -245,7 +245,7 @@ def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
 @pytest.mark.parametrize(
     ("word", "after", "name", "why"),
     [
-        ("{found}", 2, "found-it", "is no name: write letters, digits and '_'"),
+        ("{found}", 2, "found-it", "is not a valid name. Write letters, digits and '_'"),
         ("{found}", 2, "other", "'other' is there already"),
         ('ID="Part"', 5, "Main", "'Main' is there already"),
         ('ID="Part"', 5, "a part", "is no name"),
@@ -268,7 +268,7 @@ def test_a_finding_comes_with_the_fix_that_it_suggests(editor, files):
     question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), context)
     answer = editor.ask(editor.client.text_document_code_action_async(question))
     written = {each.title: each.edit.changes[main.as_uri()][0].new_text for each in answer}
-    assert written == {"Write memory": "memory", "Mend all plain slips": "memory"}
+    assert written == {"Write memory": "memory", "Apply all safe fixes": "memory"}
 
 
 def test_the_fix_of_a_tag_is_that_of_its_end_tag_as_well(editor, files):

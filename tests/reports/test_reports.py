@@ -560,7 +560,7 @@ class TestThePage:
 
     def test_whom_the_mission_was_not_done_with_must_be_passed_on(self):
         step = self.steps(shown(name="survivor_2", level=1))[1]
-        assert step.endswith("The mission was not done with it: pass it on yourself")
+        assert step.endswith("The mission did not finish reporting it: pass it on yourself")
 
     def test_metres_of_the_map_are_no_coordinates_to_go_by(self):
         first, *_, last = self.steps(parameters={})
@@ -731,7 +731,7 @@ class TestThePage:
         assert report_map(state) == ""
 
     def test_a_simulation_says_that_nobody_was_found(self):
-        assert "Simulated: nobody was searched for" in texts(html_report(mission(simulated=True)))
+        assert "Simulated: no real people were involved" in texts(html_report(mission(simulated=True)))
         patrol = MissionState.of([JournalEntry(1, 1, 0.0, 0.0, "run_began", {"simulated": True, "run": {}})])
         assert "\nSimulated\n" in texts(html_report(patrol))
 

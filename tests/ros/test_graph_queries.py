@@ -400,8 +400,8 @@ class TestNamespaces:
         other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
         mission = robots.node("/mission")
         conflict = (
-            "frame 'odom' has two sources on /tf, /amcl and /tb2/amcl: stop one, or give each robot a namespace and "
-            "transforms of its own (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
+            "frame 'odom' has two sources on /tf, /amcl and /tb2/amcl. Stop one, or give each robot its own namespace and "
+            "transforms (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
         )
         ready = self.ready(mission, *self.USES)
         robots.until(lambda: len(mission.get_publishers_info_by_topic("/tf")) == 2, "both publishers")
@@ -488,8 +488,8 @@ class TestNamespaces:
 
 
 BOTH = (
-    "best effort publisher and reliable subscription, volatile publisher and transient local subscription): "
-    'write qos="sensor_data"'
+    "best effort publisher and reliable subscription, volatile publisher and transient local subscription). "
+    'Write qos="sensor_data"'
 )
 
 
@@ -591,8 +591,8 @@ class TestQualityOfService:
         )
         robots.lines(
             ready,
-            "topic battery_state: no message of /driver arrives (best effort publisher and reliable subscription): "
-            'write qos="sensor_data"',
+            "topic battery_state: no message of /driver arrives (best effort publisher and reliable subscription). "
+            'Write qos="sensor_data"',
         )
 
 
@@ -777,7 +777,7 @@ class TestFrames:
         for name, x in (("/tb1/amcl", 1.0), ("/tb2/amcl", 9.0)):
             robots.send_transforms(robots.node(name), ("map", "odom"), x=x)
         look = self.where(robots, "map", "odom")
-        said = "frame 'odom' has two sources on /tf, /tb1/amcl and /tb2/amcl: stop one"
+        said = "frame 'odom' has two sources on /tf, /tb1/amcl and /tb2/amcl. Stop one"
         robots.until(lambda: str(look()).startswith(said), said)
 
     def test_of_three_publishers_of_transforms_it_is_said_that_two_are_the_sources(
@@ -787,7 +787,7 @@ class TestFrames:
             robots.send_transforms(robots.node(name), ("map", "odom"), x=x)
         robots.send_transforms(robots.node("/arm"), ("base_link", "arm"))
         look = self.where(robots, "map", "odom")
-        said = "frame 'odom' has two sources on /tf, among its 3 publishers /arm, /tb1/amcl and /tb2/amcl: stop one"
+        said = "frame 'odom' has two sources on /tf, among its 3 publishers /arm, /tb1/amcl and /tb2/amcl. Stop one"
         robots.until(lambda: str(look()).startswith(said), said)
 
     def test_nodes_that_publish_other_frames_each_are_no_conflict(self, robots: Robots) -> None:
@@ -869,7 +869,7 @@ class TestFrames:
         for name, x in (("/one", 1.0), ("/two", 2.0)):
             robots.send_transforms(robots.node(name), ("map", "dock"), topic="/tf_static", static=True, x=x)
         look = self.where(robots, "map", "dock")
-        said = "frame 'dock' has two sources on /tf_static, /one and /two: stop one"
+        said = "frame 'dock' has two sources on /tf_static, /one and /two. Stop one"
         robots.until(lambda: str(look()).startswith(said), said)
         context.remove(robots.nodes.pop(0))
         robots.until(lambda: not isinstance(look(), str), "a frame of one source")
@@ -974,8 +974,8 @@ class TestLeaves:
         says('; there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
              "`--ros-args -r battery_state:=/tb1/battery_state`")  # fmt: skip
         robots.publish(driver, "/battery_state", BATTERY, reliability="best_effort")
-        says("; no message of /tb1/driver arrives (best effort publisher and reliable subscription): "
-             'write qos="sensor_data"')  # fmt: skip
+        says("; no message of /tb1/driver arrives (best effort publisher and reliable subscription). "
+             'Write qos="sensor_data"')  # fmt: skip
         robots.publish(driver, "/battery_state", BATTERY)
         says("")
         leaf.shutdown()
@@ -987,8 +987,8 @@ class TestLeaves:
              ('; there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
              "`--ros-args -r /battery_state:=/tb1/battery_state`")),
             ("/battery_state", {"durability": "transient_local"},
-             ("; no message reaches /display (volatile publisher and transient local subscription): "
-             'write qos="transient_local"')),
+             ("; no message reaches /display (volatile publisher and transient local subscription). "
+             'Write qos="transient_local"')),
         ],
     )  # fmt: skip
     def test_a_leaf_that_publishes_says_why_nothing_hears_it(

@@ -170,7 +170,7 @@ def test_what_is_there_is_not_written_over(tmp_path):
 
     path = tmp_path / "run.mcap"
     path.write_text("somebody's")
-    with pytest.raises(RecordingError, match=re.escape(f"{path} is there already, and is not written over")):
+    with pytest.raises(RecordingError, match=re.escape(f"{path} already exists and is not overwritten")):
         McapRecorder.create(path, print)
     assert path.read_text() == "somebody's"
 

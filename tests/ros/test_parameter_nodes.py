@@ -342,7 +342,7 @@ class TestArguments:
         assert "parameter zone_order: an empty list" in launch.error("-p", "zone_order:=[]")
 
     def test_use_sim_time_must_be_true_or_false(self, launch: Launch) -> None:
-        assert "use_sim_time: must be true or false, is 3" in launch.error("-p", "use_sim_time:=3")
+        assert "use_sim_time must be true or false, not 3" in launch.error("-p", "use_sim_time:=3")
         assert launch.values(["-p", "use_sim_time:=true"])["use_sim_time"] is True
 
     def test_a_node_name_that_is_none_is_put_in_words(self, ros: Ros) -> None:

@@ -209,7 +209,7 @@ class TestServers:
         [line] = missing(ros, readiness(node, Use.action("navigate_to_pose")))
         assert (
             line
-            == "action navigate_to_pose: two servers answer to /navigate_to_pose, /one and /two: stop one"
+            == "action navigate_to_pose: two servers answer to /navigate_to_pose, /one and /two. Stop one"
         )
         assert said.has("Waiting for", "two servers")
         for server in servers:
@@ -463,8 +463,8 @@ class TestTheBringUpOfNav2:
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has given up starting "
-            'Nav2 up, controller_server failed to configure (controller_server: "Failed to create controller. No plugin."): '
-            "start Nav2 again",
+            'Nav2 up, controller_server failed to configure (controller_server: "Failed to create controller. No plugin."). '
+            "Restart Nav2",
         )
 
     def test_a_check_names_the_pose_where_that_is_what_is_missing(self, ros: Ros) -> None:

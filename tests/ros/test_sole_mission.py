@@ -150,11 +150,11 @@ def test_claims_without_end_are_told_eight_times_and_forgotten(ros: Ros, said: S
     running = mission(ros, "running")
     running.run()
     claims(ros, 300)
-    ros.spin_until(lambda: running.trouble() == "" and said.has("No more missions"), "the end of it")
+    ros.spin_until(lambda: running.trouble() == "" and said.has("Further missions"), "the end of it")
     ros.spin_for(0.3)
     assert running.trouble() == ""
     assert len(running._others) == len(running._told) == 8
-    assert len([line for line in said.lines() if "Another mission wants this robot" in line]) == 8
+    assert len([line for line in said.lines() if "Another mission claims this robot" in line]) == 8
 
 
 def test_one_that_goes_before_is_heeded_among_claims_without_end(ros: Ros) -> None:
@@ -180,4 +180,4 @@ def test_a_node_of_the_same_name_is_told_once_when_it_is_no_shadow(
     )
     ros.spin_for(0.5)
     assert running.trouble() == ""
-    assert len([line for line in said.lines() if "is called" in line]) == 1
+    assert len([line for line in said.lines() if "is also called" in line]) == 1

@@ -129,7 +129,7 @@ def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -
     scene.restart_amcl()
     scene.until(lambda: scene.nav2.given, "the pose")
     assert scene.nav2.given == [(1.5, -2.0)]
-    assert scene.said.has("The localisation is back. Its last pose is sent again, (1.50, -2.00)")
+    assert scene.said.has("The localisation is back. Its last pose (1.50, -2.00) is sent again")
     scene.nav2.navigator = "active"
     scene.until(lambda: scene.said.has("Nav2 is active again."), "the end of the loss")
 
@@ -163,7 +163,9 @@ def test_a_robot_that_has_moved_is_asked_for(scene: Scene) -> None:
 def test_without_odometry_the_operator_is_asked(scene: Scene) -> None:
     scene.begin(odometry=None)
     scene.restart_amcl()
-    scene.until(lambda: scene.said.has("no odometry tells whether the robot has moved"), "the question")
+    scene.until(
+        lambda: scene.said.has("without odometry it is unknown whether the robot has moved"), "the question"
+    )
     assert scene.nav2.given == []
 
 

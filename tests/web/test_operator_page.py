@@ -53,7 +53,7 @@ def patrol(live, browser, crew):
 def test_stop_has_the_robot_stand_at_once_and_asks_whether_that_is_the_end(patrol, crew, browser):
     browser.click(".stop")
     browser.wait(lambda: crew.given == [("pause", "")], "the pause")
-    assert "It stays paused unless the mission is ended here." in browser.text("#ask")
+    assert "The mission stays paused unless you abort it." in browser.text("#ask")
     assert "Sure?" in browser.text("#ask")
     assert browser.text("#ask .no") == "Stay paused"
     browser.type("#ask .no", Keys.ENTER)
@@ -273,7 +273,7 @@ def test_one_stop_has_all_robots_stand_and_asks_whether_that_is_the_end_of_all(t
     browser.click(ALL)
     browser.wait(lambda: sorted(team.given) == [("pause", 0), ("pause", 1)], "both pauses")
     assert browser.text("#ask h2") == "Abort: all robots"
-    assert "They stay paused unless their missions are ended here." in browser.text("#ask")
+    assert "Their missions stay paused unless you abort them." in browser.text("#ask")
     browser.click("#ask .no")
     browser.wait_for("#answer", "robot1: Pause: done; robot2: Pause: refused: not now")
     assert len(team.given) == 2
@@ -311,10 +311,10 @@ def test_one_robot_has_one_stop(patrol, browser):
 def test_that_a_tree_takes_no_orders_is_said_once_that_is_known(team, browser):
     team.heeded = []
     browser.open(team.server.url)
-    browser.wait_for("#orders .to", "Orders to robot1")
+    browser.wait_for("#orders .to", "Commands to robot1")
     assert browser.text("#answer") == ""
     team.heeded = [[], []]
-    browser.wait_for("#answer", "This tree takes no orders.")
+    browser.wait_for("#answer", "This tree accepts no commands.")
 
 
 def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
@@ -325,23 +325,23 @@ def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
     browser.wait_for("#properties summary", "Properties: 3 watched")
     patrol.journal.watch("properties_owed", owed=["b"])
     patrol.journal.clock.advance(42.0)
-    patrol.journal.raise_alarm("Property broken: c", "property_broken", property="c", event="Drive aborted")
+    patrol.journal.raise_alarm("Property violated: c", "property_broken", property="c", event="Drive aborted")
     browser.wait_for("#properties summary", "1 broken, 1 owed, 1 watched")
     cards = browser.js(
         "return [...document.querySelectorAll('#properties li')].map((each) => [...each.children].map((part) => part.textContent))"
     )
     assert cards == [
-        ["c", "✗ broken since 0:42 (Drive aborted)"],
-        ["a", "○ watched", "if broken, the mission is held"],
-        ["b", "… owed: something still has to come", "if broken, the mission is held"],
+        ["c", "✗ violated at 0:42 (Drive aborted)"],
+        ["a", "○ monitored", "a violation pauses the mission"],
+        ["b", "… pending: a required event is missing", "a violation pauses the mission"],
     ]
-    browser.wait_for("#alarms", "Property broken: c")
+    browser.wait_for("#alarms", "Property violated: c")
 
 
 def test_a_run_that_contradicts_what_proofs_assume_says_since_when_on_the_cards(patrol, browser):
     patrol.journal.watch("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
-    browser.wait_for("#properties li", "watched")
+    browser.wait_for("#properties li", "monitored")
     assert not browser.text("#properties p")
     patrol.journal.clock.advance(5.0)
     patrol.journal.raise_alarm("Assumption failed: b", "assumption_failed", assumption="b")
-    browser.wait_for("#properties p", "From 0:05 on the run contradicts what proofs assume")
+    browser.wait_for("#properties p", "From 0:05 on the run contradicts an assumption")

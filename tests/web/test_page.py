@@ -244,7 +244,7 @@ def test_a_place_is_shown_on_the_map_or_not(live, browser):
     button = order_button(browser)
     button.click()
     browser.click("#ask label ~ button")
-    browser.wait_for("#answer", "Escape leaves it")
+    browser.wait_for("#answer", "Escape cancels")
     browser.type("#map", Keys.ESCAPE)
     browser.wait(lambda: browser.text("#answer") == "", "the end of the question")
     browser.click("#map")
@@ -294,7 +294,7 @@ def test_an_area_is_drawn_corner_by_corner_and_closed_at_the_first_one(live, bro
     order_button(browser).click()
     browser.type("#ask input[name=name]", "yard")
     browser.click("#ask label ~ button")
-    browser.wait_for("#answer", "the first one again to close it")
+    browser.wait_for("#answer", "the first one again to close the outline")
     click_at(browser, (-60, -40), (60, -40), (90, 90))
     assert drawn(browser) == 3
     browser.type("#map", Keys.BACKSPACE)
@@ -379,7 +379,7 @@ def test_the_map_is_moved_by_the_mouse_and_by_nothing_else(live, browser):
 def test_who_has_no_token_can_only_look(live, browser):
     run = live(orders=Operator(), verbs=[PAUSE]).begin()
     browser.open(tree_of(run.server).partition("#")[0])
-    browser.wait_for("#answer", "open the address that the run has printed")
+    browser.wait_for("#answer", "open the complete address that the run has printed")
     browser.wait_for("#verbs", "Pause")
     assert not browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled()
 
@@ -485,7 +485,7 @@ def test_what_another_answer_would_have_led_to_is_asked_of_a_leaf(asked, browser
     browser.wait(lambda: browser.text("#otherwise") == "", "nothing of the leaf before")
     browser.allow("409")
     browser.click(button)
-    browser.wait_for("#otherwise", "That is not known: the tree has another shape now")
+    browser.wait_for("#otherwise", "Unknown: the tree has another shape now")
 
 
 def test_the_blackboard_is_shown_where_somebody_opens_it(asked, browser):
@@ -495,7 +495,7 @@ def test_the_blackboard_is_shown_where_somebody_opens_it(asked, browser):
 
 def test_where_no_blackboard_is_kept_its_place_says_so(replay, browser):
     browser.open(tree_of(replay)).click("#board summary")
-    browser.wait_for("#board", "A journal does not keep the blackboard.")
+    browser.wait_for("#board", "A journal does not contain the blackboard.")
 
 
 def mouse(browser, kind, x, y, **said):

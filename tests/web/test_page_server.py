@@ -151,7 +151,7 @@ def test_the_pages_name_nothing_outside_themselves(live, page):
 )
 def test_nothing_else_can_be_reached(live, path):
     status, text, headers = live().ask(path)
-    assert (status, text) == (404, "there is nothing here\n")
+    assert (status, text) == (404, "page not found\n")
     assert "Content-Security-Policy" in headers
 
 
@@ -227,7 +227,7 @@ def test_without_the_token_nobody_gives_orders(live, said):
     run = live(orders=operator)
     status, text = run.order("pause", {}, Authorization=said.format(token=run.server.token))
     assert (status, operator.given) == (403, [])
-    assert "open the address that the run has printed" in text
+    assert "Open the complete address that the run has printed" in text
 
 
 def test_each_run_has_a_token_of_its_own(live):
@@ -257,7 +257,7 @@ def test_what_is_wrong_with_an_order_is_said(live):
 
 @pytest.mark.parametrize(
     ("is_sent", "status", "said"),
-    [(False, 503, "the order was not given"), (True, 504, "the order was given, and is not answered yet")],
+    [(False, 503, "The command was not sent"), (True, 504, "the command was sent but not answered yet")],
 )
 def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
     live, monkeypatch, is_sent, status, said
@@ -430,7 +430,7 @@ def test_a_port_that_is_taken_is_named():
         port = other.getsockname()[1]
         with pytest.raises(
             PageError,
-            match=rf"port {port} cannot be had for the page \(Address already in use\): .*--web-port",
+            match=rf"port {port} cannot be used for the page \(Address already in use\)\. .*--web-port",
         ):
             PageServer(ReplayFeed(Replay([]), {}), port)
 

@@ -318,10 +318,10 @@ def test_a_broken_property_is_an_event_of_the_log_as_well():
     state = run_of(("properties_watched", WATCHED))
     state.change()
     state.take(JournalEntry(3, 1, 0.0, 5.0, "property_broken", {"property": "a", "event": "Drive aborted"}))
-    state.take(JournalEntry(4, 1, 0.0, 5.0, "changed", {"said": "Property broken: a"}))
+    state.take(JournalEntry(4, 1, 0.0, 5.0, "changed", {"said": "Property violated: a"}))
     change = state.change()
     assert change is not None
-    assert change["log"]["values"] == [[1, 4.0, "fact", "Property broken: a"]]
+    assert change["log"]["values"] == [[1, 4.0, "fact", "Property violated: a"]]
     assert [(each["word"], each["since"], each["event"]) for each in change["properties"]["watched"]] == [
         ("broken", 4.0, "Drive aborted"),
         ("watched", None, ""),

@@ -62,7 +62,7 @@ def test_a_breakpoint_holds_the_tree_before_its_node_until_somebody_goes_on(run)
     tick = engine.tick()
     next(tick)
     assert ask(tools, "breakpoints") == {"nodes": [2], "held": 2}
-    assert said[-1][1] == "The tree is held at a breakpoint before 'end'. A drive under way goes on."
+    assert said[-1][1] == "The tree is paused at a breakpoint before 'end'. An active drive continues."
     assert ask(tools, "breakpoints", goes_on=True) == {"nodes": [2], "held": None}
     assert [*tick] == []
     assert said[-1][1] == ""
@@ -100,7 +100,7 @@ def test_what_is_no_node_is_not_held(run, node):
 def test_an_engine_that_cannot_hold_a_tree_is_named(run):
     tools, _, _ = run
     tools._use_breakpoints = None
-    with pytest.raises(ToolError, match="this engine cannot hold a tree within a tick: leave --engine out"):
+    with pytest.raises(ToolError, match=r"this engine cannot pause a tree within a tick\. Omit --engine"):
         ask(tools, "breakpoints", node=1, is_set=True)
 
 

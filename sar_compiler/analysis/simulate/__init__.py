@@ -1,1 +1,1 @@
-"""Scripted runs of a tree: no robot, no ROS, a clock that is moved by hand."""
+"""Scripted runs of a tree, without robot and ROS, on a simulated clock."""

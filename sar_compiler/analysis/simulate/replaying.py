@@ -1,7 +1,7 @@
-"""Runs by a scenario, one after the other, of a tree that was compiled once.
+"""Repeated runs of scenarios on a tree that is compiled once.
 
-All that a tree remembers is in cells and in the entries of its blackboard (`runtime.kernel`), and both can be put back. So each run begins with
-what the first one began with, and depends on its scenario alone.
+The whole state of a tree is in cells and blackboard entries (`runtime.kernel`), which can be restored. So each run starts
+like the first one, and depends on its scenario alone.
 """
 
 from functools import partial
@@ -15,7 +15,7 @@ from sar_compiler.runtime.kernel.table import NotFlatError, flatten
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.user_nodes import UserNode
 
-# What scripts do is remembered by what entries hold: a tree that is not made anew from time to time would remember ever more.
+# The effect of scripts is cached by the values of entries: the cache of a tree that is never replaced would grow forever.
 _MOST_CHOICES = 50_000
 
 
@@ -26,8 +26,8 @@ class ReusedTree:
         simulated: The tree, which was never ticked.
 
     Raises:
-        NotFlatError: If a control or a decorator of it is of a class that is neither the project's nor py_trees': what its
-            objects keep to themselves, nobody can put back.
+        NotFlatError: If a control or a decorator of it is of a class that is neither the project's nor py_trees': the private
+        state of its objects cannot be restored.
         FrozenValueError: If a key holds a value that can neither be copied nor hashed.
 
     Attributes:
@@ -49,11 +49,11 @@ class ReusedTree:
 
     @property
     def is_worn(self) -> bool:
-        """Whether it is time for another tree, because this one remembers too much."""
+        """Whether the tree should be replaced, because its cache is too large."""
         return self._choices >= _MOST_CHOICES
 
     def play(self, scenario: Scenario) -> Player:
-        """Return a run that was played from the start; the one before is over."""
+        """Return a complete run from the start; it ends the one before."""
         clock = self.simulated.clock
         clock.advance(-clock.now())
         self._entries.restore(self._start)

@@ -1,4 +1,4 @@
-"""Runs of a tree by a scenario, on a clock that is moved by hand: leaves that answer what it says, what it expects, coverage."""
+"""Run a tree by a scenario on a simulated clock: scripted leaves, expectations, and coverage."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,10 +36,10 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 
 
 class RunVariables(FactVariables):
-    """The variables of a scenario's conditions, which only read.
+    """The read-only variables of a scenario's conditions.
 
     Attributes:
-        now: What the names of the run itself stand for.
+        now: The values for the names of the run itself.
     """
 
     def __init__(self, simulated: SimulatedTree) -> None:
@@ -68,8 +68,8 @@ class Drawn(NamedTuple):
     Attributes:
         leaf: The leaf.
         answer: The label or the status of the answer.
-        after_sec: For how long it runs before, seconds.
-        usual: Whether that is what the leaf usually answers.
+        after_sec: The running time before it, seconds.
+        usual: Whether it is the leaf's default answer.
     """
 
     leaf: StubLeaf
@@ -79,15 +79,15 @@ class Drawn(NamedTuple):
 
 
 class Scripted:
-    """Chooses the answers of leaves by a scenario; leaves that it does not mention answer by their chances, or what is usual.
+    """Chooses the answers of leaves by a scenario; other leaves answer by their probabilities, or by default.
 
     Args:
-        scenario: What leaves answer, step by step, and what chance decides.
-        variables: What the conditions of steps see.
-        clock: What times are measured with.
+        scenario: The answers of leaves, step by step, and the seed of random choices.
+        variables: The variables for the conditions of steps.
+        clock: The clock for times.
 
     Attributes:
-        choices: What was chosen so far, in order.
+        choices: The choices so far, in order.
     """
 
     def __init__(self, scenario: Scenario, variables: RunVariables, clock: Clock) -> None:
@@ -101,10 +101,10 @@ class Scripted:
         }
 
     def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
-        """Return the scenario's answer, or else the usual one.
+        """Return the scenario's answer, or else the default one.
 
         Raises:
-            ScriptedError: If the leaf cannot answer that now.
+            ScriptedError: If the leaf cannot give that answer now.
         """
         plan = self._plans.get(leaf)
         if plan is None and leaf.is_by_chance:
@@ -121,7 +121,7 @@ class Scripted:
 
 @dataclass(eq=False)
 class _ByChance:
-    """What a leaf of which chances or times are known answers, and after which time: chosen when it begins, as `kernel.chances` does."""
+    """Chooses answer and time of a leaf with known probabilities or times at its start, as `kernel.chances` does."""
 
     leaf: StubLeaf
     random: Random
@@ -163,7 +163,7 @@ class _Plan:
     def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
         """Return the leaf's next answer, and record the choice."""
         if self.leaf.status is not Status.RUNNING:
-            self._current = None  # what was interrupted counts as taken
+            self._current = None  # an interrupted step counts as done
         if self._current is None:
             self._current = self._next(options)
             self._since = self.clock.now()
@@ -176,7 +176,7 @@ class _Plan:
         return nominal(options) if at_once else self._named(choice.answer, options)
 
     def _next(self, options: Sequence[Answer]) -> Drawn:
-        """Return what is chosen of the steps that are left, or else what is usual."""
+        """Return the choice from the remaining steps, or else the default one."""
         step = next((left.step for left in self.steps if left.take(self._holds, self.random)), None)
         usual = nominal(options)
         if step is None:
@@ -207,7 +207,7 @@ class _Plan:
 
 
 def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:
-    """Return the answers that a label or a status names, those with the label first."""
+    """Return the answers with a label or a status, those with the label first."""
     labelled = [answer for answer in options if answer.label == name]
     return labelled + [answer for answer in options if answer.status == name]
 
@@ -216,7 +216,7 @@ _Holds = Callable[[AnswerStep], bool]
 
 
 class _Left:
-    """The number of times that a step can still be taken."""
+    """The number of times that a step can still be used."""
 
     def __init__(self, step: AnswerStep) -> None:
         self.step = step
@@ -224,7 +224,7 @@ class _Left:
         self._chances = 0
 
     def take(self, holds: _Holds, random: Random) -> bool:
-        """Take the step, if that can be now."""
+        """Use the step, if that is possible now."""
         if self._left == 0 or not holds(self.step):
             return False
         self._chances += 1
@@ -252,9 +252,9 @@ class Run:
         simulated: The tree.
         scenario: The scenario.
         ticks: Its ticks.
-        ended: Whether the condition for its end has come true.
-        trouble: What broke it off; empty if nothing did.
-        is_undecided: Whether that is a value that is needed and not known.
+        ended: Whether the end condition has been met.
+        trouble: The reason why it was aborted; empty if it was not.
+        is_undecided: Whether that reason is an unknown value.
     """
 
     simulated: SimulatedTree
@@ -266,7 +266,7 @@ class Run:
 
     @property
     def events(self) -> Iterator[Event]:
-        """What has happened, one by one."""
+        """The events so far, one by one."""
         return (event for tick in self.ticks for event in tick.events)
 
     @property
@@ -276,7 +276,7 @@ class Run:
 
     @property
     def time_sec(self) -> float:
-        """When the last tick was, seconds from the first one."""
+        """The time of the last tick, seconds from the first one."""
         return self.ticks[-1].time_sec if self.ticks else 0.0
 
 
@@ -286,12 +286,12 @@ class Player:
     Args:
         simulated: The tree.
         scenario: The scenario.
-        variables: What its conditions see.
+        variables: The variables of its conditions.
         tick_tree: Ticks the tree, and returns the number of the outcome.
 
     Attributes:
-        run: What has come of it so far.
-        scripted: What has chosen the answers.
+        run: The run so far.
+        scripted: The choices of answers.
     """
 
     def __init__(
@@ -332,14 +332,14 @@ class Player:
         return run.ticks[-1]
 
     def _record(self, events: tuple[Event, ...]) -> TickRecord:
-        """Return what a tick has come to, of which leaves have done something."""
+        """Return the result of a tick in which leaves had events."""
         return TickRecord(events, {}, {})
 
     def is_over(self) -> bool:
-        """Return whether the condition for the end is true now.
+        """Return whether the end condition is met now.
 
         Raises:
-            UntilError: If that cannot be said.
+            UntilError: If it cannot be evaluated.
         """
         try:
             self.run.ended = self._until.holds(self._variables)
@@ -348,7 +348,7 @@ class Player:
         return self.run.ended
 
     def go(self, is_spent: Callable[[], bool] = lambda: False) -> Run:
-        """Tick until the end, until an error, or until a budget is spent, which is asked before each tick."""
+        """Tick until the end, an error, or an exhausted budget, which is checked before each tick."""
         run = self.run
         try:
             while len(run.ticks) < run.scenario.max_ticks and not is_spent():
@@ -388,18 +388,18 @@ class ScenarioPlayer(Player):
 
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
-    """Return the entries of the tree's blackboard, by their keys; those of a subtree with its path before."""
+    """Return the entries of the tree's blackboard, by their keys; a subtree's have its path as prefix."""
     return simulated.compiled.board.values()
 
 
 @dataclass(frozen=True)
 class Failure:
-    """An expectation that does not hold.
+    """A violated expectation.
 
     Attributes:
         expected: The word of the expectation in a scenario; `run` for a run that could not be finished.
-        message: What is the case instead.
-        line: Where the scenario says it; 0 where it does not.
+        message: The actual result.
+        line: Its line in the scenario; 0 for none.
     """
 
     expected: str
@@ -408,7 +408,7 @@ class Failure:
 
 
 def failures(run: Run) -> list[Failure]:
-    """Return what does not hold of the expectations of a run's scenario, but for its trace."""
+    """Return the violated expectations of a run's scenario, except for its trace."""
     if run.trouble:
         return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
     lines = run.scenario.expect.lines
@@ -473,13 +473,13 @@ def _times(number: int) -> str:
 
 @dataclass
 class Covered:
-    """The outcomes seen of one node of the file, in all instances of its tree.
+    """The observed outcomes of one node of the file, in all instances of its tree.
 
     Attributes:
         bound: The node.
         ticked: Whether it was ever ticked.
-        outcomes: All that it can come to, if it is a leaf: the names of its answers.
-        seen: What of it has been seen.
+        outcomes: All possible outcomes of a leaf: the names of its answers.
+        seen: The observed outcomes.
     """
 
     bound: BoundNode
@@ -494,7 +494,7 @@ class Covered:
 
 
 class Coverage:
-    """Collects what runs have shown of the nodes of a file."""
+    """Collects the outcomes of a file's nodes in runs."""
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[str, int, int], Covered] = {}
@@ -521,7 +521,7 @@ class Coverage:
         leaves = {leaf.number: leaf.id for leaf in run.simulated.leaves}
         for behaviour in run.simulated.root.iterate():
             bound = origins[behaviour.id].bound
-            # What is wrapped around a node (conditions, a OneShot) has another name, and is not the node.
+            # The wrappers of a node (conditions, a OneShot) have other names, and are not the node.
             if behaviour.name == bound.name:
                 covered = nodes[behaviour.id] = self._nodes.setdefault(_place(bound), Covered(bound))
                 covered.outcomes = list(dict.fromkeys([*covered.outcomes, *_outcomes(behaviour, bound)]))

@@ -1,4 +1,4 @@
-"""Scenarios, as plain data and read from files; every mistake in one is a finding with its place."""
+"""Scenarios as plain data and from files; every error in a file is a finding with its location."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -45,12 +45,12 @@ class AnswerStep:
 
     Attributes:
         answer: The label or the status of the answer.
-        after_sec: For how long it runs before, seconds.
-        longest_sec: If above `after_sec`, it runs for a time between the two, chosen by chance.
-        when: Takes the step only where this is true; None: always.
-        times: How often the step is taken; None for any number.
-        every: Takes the step only at every n-th chance.
-        chance: The probability with which the step is taken where it could be.
+        after_sec: The running time before it, seconds.
+        longest_sec: If above `after_sec`, the upper bound of a random running time.
+        when: The condition of the step; None: always.
+        times: The number of times that the step is used; None for any number.
+        every: Use the step only at every n-th opportunity.
+        chance: The probability with which a possible step is used.
     """
 
     answer: str
@@ -64,7 +64,7 @@ class AnswerStep:
 
 @dataclass(frozen=True)
 class Bounds:
-    """The number of times that something may happen.
+    """The number of times that an event may happen.
 
     Attributes:
         least: At least.
@@ -86,11 +86,11 @@ class Expectations:
 
     Attributes:
         root: The root's status after the last tick: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
-        ends: Whether the run ends, before it is broken off.
+        ends: Whether the run ends before it is aborted.
         within_ticks: The largest number of ticks to the end.
         within_sec: The longest time to the end, in seconds.
         facts: Facts at the end.
-        order: Each happens after the one before.
+        order: Events that happen one after the other.
         never: None of these happens.
         counts: How often these happen.
         trace: A file that holds the trace.
@@ -116,15 +116,15 @@ class Scenario:
 
     Attributes:
         name: What it is called.
-        path: Its file; empty where there is none.
+        path: Its file; empty for none.
         period_sec: The time between two ticks, seconds.
-        max_ticks: The number of ticks after which it is broken off.
-        until: It ends when this is true; None: when the root has succeeded or failed.
-        scripts: What leaves answer; any other leaf answers what is usual.
-        expect: What must be true of it.
-        seed: Of all that chance decides in it.
-        unusual: The probability with which a leaf of which the scripts say nothing answers what is not usual.
-        warnings: Findings about its file with which it can be played.
+        max_ticks: The number of ticks after which it is aborted.
+        until: The end condition; None: the root has succeeded or failed.
+        scripts: The answers of leaves; any other leaf gives its default answer.
+        expect: The expectations.
+        seed: The seed of all random choices.
+        unusual: The probability with which an unscripted leaf gives another than its default answer.
+        warnings: Findings about its file that do not prevent the run.
     """
 
     name: str = "as usual"
@@ -140,7 +140,7 @@ class Scenario:
 
 
 def read_expectations(value: Value | None, words: LeafWords) -> Expectations:
-    """Read what a scenario expects; reports what cannot be expected."""
+    """Read the expectations of a scenario; reports impossible ones."""
     document, parts = words.document, {} if value is None else value.mapping
     plain = {} if value is None else value.data
     ticks, limit_sec = _within(parts["within"]) if "within" in parts else (None, None)
@@ -210,9 +210,9 @@ _ALWAYS = "always"
 
 
 def read_scripts(value: Value, words: LeafWords) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
-    """Return the steps of each leaf of which a scenario says something.
+    """Return the steps of each leaf that a scenario scripts.
 
-    Where several keys name a leaf, its path counts before its name, and its name before its tag.
+    If several keys name a leaf, its path precedes its name, and its name precedes its tag.
     """
     scripts: dict[StubLeaf, tuple[AnswerStep, ...]] = {}
     ranks: dict[StubLeaf, int] = {}
@@ -227,7 +227,7 @@ def read_scripts(value: Value, words: LeafWords) -> dict[StubLeaf, tuple[AnswerS
 
 
 def _steps(value: Value, words: LeafWords, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
-    """Read one step that is always taken, or a list of steps that are taken once each, but for those every n-th time."""
+    """Read one step that is always used, or a list of steps that are used once each, except those for every n-th time."""
     one = value.items is None
     steps = [_step(item, words, leaves, always=one) for item in value.listed]
     return tuple(step for step in steps if step is not None)
@@ -267,23 +267,23 @@ def _times(value: Value) -> int | None:
 def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf]) -> None:
     for leaf in leaves:
         if all(answer.status != "RUNNING" for answer in leaf.answers):
-            message = f"'{leaf.name}' answers at once: it never runs, so nothing can come after a time"
+            message = f"'{leaf.name}' returns at once and never runs, so it cannot have a time"
             document.report("wrong-value", message, value, hint="leave 'after' out")
 
 
-_EMPTY_HINT = "write leaves: with what they answer, and expect: with what must come of it"
+_EMPTY_HINT = "write leaves: with their answers, and expect: with the expected results"
 
 
 @dataclass(eq=False, repr=False)
 class Stage:
-    """A tree file on which scenarios are played.
+    """A tree file for the simulation of scenarios.
 
     Attributes:
         forest: The file and what it includes.
-        registry: What tags mean.
+        registry: The registered tags.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
-        tree_id: The tree that is played where a scenario names none; by default the one that the file executes.
-        start: Returns what the parameters of a mission say of the runs of a tree.
+        tree_id: The tree to simulate if a scenario names none; by default the one that the file executes.
+        start: Returns the start values of a tree's runs from a mission's parameters.
     """
 
     forest: Forest
@@ -294,7 +294,7 @@ class Stage:
     _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
 
     def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
-        """Return a tree of the file with what a scenario says of its controls and decorators; raises as `binding`."""
+        """Return a tree of the file with a scenario's controls and decorators; raises as `binding`."""
         binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
         files = (*self.palettes, *self.forest.files)
         take_controls(document, controls, binding, self.registry, files)
@@ -304,7 +304,7 @@ class Stage:
         """Return a tree of the file, bound.
 
         Raises:
-            TreeError: If there is none, or anything in it is wrong.
+            TreeError: If there is none, or it has an error.
         """
         wanted = tree_id or self.tree_id
         if wanted not in self._bindings:
@@ -312,7 +312,7 @@ class Stage:
         return self._bindings[wanted]
 
     def play(self) -> "Play":
-        """Return the tree without a scenario: every leaf answers what is usual.
+        """Return the tree without a scenario: every leaf gives its default answer.
 
         Raises:
             TreeError: If the tree cannot be used.
@@ -342,7 +342,7 @@ def read_scenario(path: str | Path, stage: Stage) -> Play:
     """Read a scenario.
 
     Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
+        UnreadableFileError: If the file is missing or cannot be read.
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
     """
     return understand(read_yaml(path, SCENARIO, _EMPTY_HINT), stage)
@@ -396,7 +396,7 @@ def _simulated(
     assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
     """Compile the tree for simulation, with all that is assumed of it."""
-    # What may be assumed depends on the leaves, so the tree is looked at first.
+    # The possible assumptions depend on the leaves, so the tree is analysed first.
     plain = compile_simulated(binding, parameters)
     assumed = assumptions_for(plain)
     return plain if assumed == Assumptions() else compile_simulated(binding, parameters, assumed)

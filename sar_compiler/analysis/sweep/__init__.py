@@ -1,4 +1,4 @@
-"""Many random runs: how often a mission succeeds, for each combination of what is varied."""
+"""Monte Carlo runs: the success rate of a mission for each combination of varied values."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -47,12 +47,12 @@ def wilson(successes: int, runs: int, confidence: float) -> Interval:
     return Interval(low, 1.0 if successes == runs else centre + spread)
 
 
-# So often may workers end with a batch in hand.
+# How often workers may terminate during one batch.
 _MOST_ATTEMPTS = 4
 
 
 class SweepError(SarError):
-    """A sweep cannot go on."""
+    """A sweep cannot continue."""
 
 
 class Played(NamedTuple):
@@ -60,10 +60,10 @@ class Played(NamedTuple):
 
     Attributes:
         seed: Its seed.
-        failure: What was not as expected; empty if it has succeeded.
-        time_sec: How long it took, in seconds of its clock.
-        counts: How often what is counted has happened, by its name.
-        size: How far the run is from a usual one: a smaller one is easier to understand.
+        failure: The unmet expectation; empty if it has succeeded.
+        time_sec: Its duration, in seconds of its clock.
+        counts: The number of each counted event, by its name.
+        size: The distance of the run from a default one: a smaller one is easier to understand.
     """
 
     seed: int
@@ -74,18 +74,18 @@ class Played(NamedTuple):
 
 
 PlayRuns = Callable[[Sequence[int]], list[Played]]
-"""Plays a run for each of some seeds; can be pickled, and does the same wherever it is called."""
+"""Plays a run for each of some seeds. It can be pickled, and gives the same results in any process."""
 
 
 @dataclass(frozen=True)
 class StoppingRule:
-    """When a combination has been played often enough.
+    """The condition under which a combination has been run often enough.
 
     Attributes:
         runs: The largest number of runs.
-        half_width: It is enough once half the width of the confidence interval is no more than this.
+        half_width: It is met once half the width of the confidence interval is no more than this.
         confidence: The confidence of the interval, between 0 and 1.
-        batch: The number of runs after each of which this is looked at.
+        batch: The number of runs between two checks of this condition.
     """
 
     runs: int
@@ -104,14 +104,14 @@ class StoppingRule:
 
 @dataclass(eq=False)
 class SweptRow:
-    """One combination of what is varied.
+    """One combination of the varied values.
 
     Attributes:
-        labels: Its values, by what is varied.
+        labels: The values, by the names of the variables.
         play: Plays it.
-        outcomes: What came of its runs, in the order of their seeds.
+        outcomes: The results of its runs, in the order of their seeds.
         is_done: Whether it was played often enough.
-        asked: The number of runs that workers were asked for.
+        asked: The number of runs requested from workers.
     """
 
     labels: Mapping[str, str]
@@ -126,7 +126,7 @@ class SweptRow:
         return self.is_done or self.asked >= rule.runs
 
     def next_batch(self, rule: StoppingRule, seed: int) -> "_Batch":
-        """Return the next runs to ask workers for."""
+        """Return the next runs to request from workers."""
         first, self.asked = self.asked, min(self.asked + rule.batch, rule.runs)
         return _Batch(self, first, range(seed + first, seed + self.asked))
 
@@ -145,7 +145,7 @@ class _Batch(NamedTuple):
 
 
 ShowRows = Callable[[Sequence[SweptRow]], object]
-"""Is told the rows from time to time."""
+"""Receives the rows from time to time."""
 
 
 def sweep(
@@ -154,14 +154,14 @@ def sweep(
     """Play all rows until each was played often enough.
 
     Args:
-        rows: What is to be played; their outcomes are filled in.
-        rule: When a row was played often enough.
+        rows: The rows, whose outcomes are filled in.
+        rule: The end condition of a row.
         seed: The seed of the first run of each row; the next ones have the next numbers.
-        workers: Who plays.
+        workers: The executor.
         report: Called after each batch.
 
     Raises:
-        SweepError: If workers end again and again with the same runs in hand.
+        SweepError: If workers terminate repeatedly during the same runs.
         Exception: Whatever a run raises.
     """
     waiting: dict[Future[list[Played]], _Batch] = {}
@@ -179,14 +179,16 @@ def sweep(
             except BrokenExecutor as error:
                 attempts[batch] += 1
                 if attempts[batch] == _MOST_ATTEMPTS:
-                    message = f"workers have ended {_MOST_ATTEMPTS} times while they played {_named(batch)}"
+                    message = (
+                        f"workers have terminated {_MOST_ATTEMPTS} times while they played {_named(batch)}"
+                    )
                     raise SweepError(message) from error
                 again.append(batch)
         report(rows)
 
 
 def _next(rows: Sequence[SweptRow], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
-    """Return what is to be played next: what was lost, else a batch of the row with the fewest runs so far."""
+    """Return the next batch: a lost one, else one of the row with the fewest runs so far."""
     if again:
         return again.pop(0)
     row = min((row for row in rows if not row.is_played(rule)), key=lambda row: row.asked, default=None)
@@ -199,6 +201,6 @@ def _named(batch: _Batch) -> str:
 
 
 def smallest_failure(rows: Sequence[SweptRow]) -> tuple[SweptRow, Played] | None:
-    """Return the failed run that is nearest to a usual one, with its row; None if none has failed."""
+    """Return the failed run that is nearest to a default one, with its row; None if none has failed."""
     failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
     return min(failed, key=lambda each: each[1].size, default=None)

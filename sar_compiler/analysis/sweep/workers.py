@@ -1,4 +1,4 @@
-"""Who plays the runs of a sweep: this process, or processes on all cores."""
+"""Workers for the runs of a sweep: this process, or processes on all cores."""
 
 import multiprocessing
 import os
@@ -25,15 +25,15 @@ class Here(Executor):
 
 
 class Workers:
-    """An executor that is made anew if it breaks, because one of its processes was killed.
+    """An executor that is replaced if it breaks, because one of its processes was killed.
 
     Args:
-        make: Makes an executor.
-        count: How much it does at the same time.
-        stop: Stops an executor, and drops what was not begun.
+        make: Creates an executor.
+        count: The number of its parallel tasks.
+        stop: Stops an executor, and drops tasks that have not started.
 
     Attributes:
-        ahead: How much to submit before a result is awaited, so that no worker is idle.
+        ahead: The number of tasks to submit before a result is awaited, so that no worker is idle.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class Workers:
         self._is_over = False
 
     def submit(self, work: "Callable[..., _Result]", *arguments: object) -> "Future[_Result]":
-        """Submit some work; what was under way when the executor broke is lost.
+        """Submit a task; the tasks of a broken executor are lost.
 
         Raises:
-            CancelledError: If nobody wants more.
+            CancelledError: If the executor was stopped.
         """
         if self._is_over:
             raise CancelledError
@@ -65,7 +65,7 @@ class Workers:
     def __exit__(self, error: object, *_: object) -> None:
         self._is_over = True
         if error is not None:
-            # A run may take for ever, and nobody wants its result any more.
+            # A run may take forever, and its result is no longer needed.
             for process in multiprocessing.active_children():
                 process.kill()
         self._stop(self._executor)
@@ -81,7 +81,7 @@ def in_processes(count: int) -> Workers:
 
 
 def live_with_parent() -> None:
-    """Leave Ctrl-C to the process that has begun this one, and end with it however it ends."""
+    """Leave Ctrl-C to the parent process, and end with it in any case."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None  # noqa: S101 - this is a worker

@@ -50,8 +50,7 @@ class ActionLeaf(GoalSender):
     leaf pauses before the next one, whatever the tree does.
 
     A navigation goal that has succeeded does not prove that the robot has arrived: if its own localisation places it
-    farther from the goal than `arrival_tolerance_m` of the run, it has not (`has_not_arrived`). Without a localisation
-    the goal's end decides.
+    farther from the goal than `arrival_tolerance_m` of the run, it has not (`has_not_arrived`). Otherwise the goal's end decides.
 
     Such a goal, and one that Nav2 aborts without an error code (0), failed for a reason other than its target: every failure
     that concerns the target has a code. A leaf that uses Nav2 sends it again, after a pause that doubles. After the third in a
@@ -65,8 +64,7 @@ class ActionLeaf(GoalSender):
         action_type: `"package/action/Name"`, or the Python class.
         action_name: The action's (relative) name.
         server_timeout_sec: How long to wait for a server before the goal is sent.
-        acceptance_timeout_sec: How long to wait for the acceptance of a goal, and for the end of one that this node has
-            sent to a rival.
+        acceptance_timeout_sec: How long to wait for the acceptance of a goal, and for the end of its own goal to a rival.
         feedback_timeout_sec: How long the server may be silent once it has sent feedback; None for no limit. It also
             limits how long a server without feedback may leave other requests unanswered (None: `server_timeout_sec`).
             For a leaf that uses Nav2 the limit is 2 s while `bt_navigator` does not answer.
@@ -74,8 +72,7 @@ class ActionLeaf(GoalSender):
         absence_timeout_sec: How long the server may be missing from the ROS graph while the goal is active.
         hold_timeout_sec: How long an activation waits until the server can accept the goal.
         pause_sec: The first pause between attempts, which doubles with each failure; 0 for none.
-        rivals: Other actions, by their (relative) names, whose server accepts no goal of this one while it executes one
-            of theirs.
+        rivals: Other actions, by their (relative) names, whose goals keep the server from accepting one of this.
         interface: The Python class of the action, once the leaf is set up.
         has_not_arrived: Whether the last goal has succeeded although the robot has not arrived, until it is sent again.
 

@@ -705,7 +705,7 @@ class RosTransform(RosLeaf):
         self.feedback_message = found
         if not self._deadline.passed:
             return Status.RUNNING
-        where = f"the pose of '{self._source}' is in '{self._target}' is unknown"
+        where = f"the pose of '{self._source}' in '{self._target}' is unknown"
         self.complain(f"'{self.name}': {where} within {self.timeout_sec:g} s: {found}")
         return Status.FAILURE
 

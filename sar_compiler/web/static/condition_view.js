@@ -1,4 +1,4 @@
-// The condition of a mission: what the server says of it, unless nothing is heard of the server.
+// The status line of a mission, as sent by the server, or the lost connection to it.
 
 import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
@@ -8,7 +8,7 @@ const COUNTED = ["paused", "waiting", "lost"];
 /** The condition of a run as a page shows it: word, level, reason, and how many seconds it has lasted (null where nobody asks). */
 export function conditionOf(stream, run) {
   const { silent, isReplay, isTold, trouble } = stream;
-  if (isReplay && silent) return { word: "not connected", level: "error", reason: "no other moment can be shown", lasts: null };
+  if (isReplay && silent) return { word: "not connected", level: "error", reason: "no other time can be shown", lasts: null };
   if (trouble) return { word: "trouble", level: "error", reason: trouble, lasts: null };
   if (!isTold) return { word: silent > 4 ? "not connected" : "connecting", level: silent > 4 ? "error" : "quiet", reason: "", lasts: null };
   const { word, level, reason, since } = run.condition;

@@ -1,4 +1,4 @@
-// All that is known of the chosen node.
+// The details of the selected node.
 
 import { clock, duration, html, say } from "./shapes.js";
 
@@ -17,7 +17,7 @@ export function showDetails(place, run, id) {
   const former = state.status && !run.isCurrent(id) ? " (of an earlier activation)" : "";
   const rows = [
     ["node", node.name],
-    ["what it is", node.path],
+    ["type", node.path],
     ["status", state.status ? `${state.status}${former} for ${duration(run.time - state.since)}` : "not ticked yet"],
     ["answer", state.label],
     ["says", state.message],

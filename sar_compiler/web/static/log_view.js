@@ -1,4 +1,4 @@
-// The log, its last lines: what the mission says, and what is true of it.
+// The last lines of the log: the mission's messages, and its changes of state.
 
 import { clock, html } from "./shapes.js";
 

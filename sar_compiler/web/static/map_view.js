@@ -1,4 +1,4 @@
-// The map from above: what the robots know, where they are, where they have been and go, and the landmarks of their missions.
+// The map: the robots' maps, poses, trails and plans, and the landmarks of their missions.
 
 import { inWords } from "./places_view.js";
 import { clock, html, icon, mark, say, set, svg } from "./shapes.js";
@@ -198,7 +198,7 @@ export class MapView {
     const arrow = known
       ? svg("g", { transform: `rotate(${((-north * 180) / Math.PI + 90).toFixed(1)})` }, svg("path", { d: "M0 -15 L6 10 L0 5 L-6 10 Z" }), svg("text", { y: -18, "text-anchor": "middle" }, "N"))
       : svg("g", {}, svg("path", { class: "axes", d: "M-8 -12 V9 H13 M-12 -7 L-8 -13 L-4 -7 M8 5 L14 9 L8 13" }), svg("text", { x: -8, y: -17, "text-anchor": "middle" }, "y"), svg("text", { x: 19, y: 13, "text-anchor": "middle" }, "x"));
-    return svg("g", { class: "north", transform: `translate(${width - 34} 96)` }, svg("title", {}, known ? "north" : "the axes of the map: where north is, is not known"), arrow);
+    return svg("g", { class: "north", transform: `translate(${width - 34} 96)` }, svg("title", {}, known ? "north" : "the axes of the map (north is unknown)"), arrow);
   }
 
   /** Come nearer by a factor, around a point of the screen. */

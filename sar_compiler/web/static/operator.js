@@ -1,4 +1,4 @@
-// The operator's page: the map, one state in words, the orders, and what has happened.
+// The operator's page: the map, the status line, the commands, and the events.
 
 import { conditionOf, showCondition } from "./condition_view.js";
 import { LogView } from "./log_view.js";
@@ -80,6 +80,6 @@ at("legend").addEventListener("toggle", () => map.again());
 document.addEventListener("visibilitychange", () => stream.listen());
 // The address of another run on the same port: with another token.
 window.addEventListener("hashchange", () => location.reload());
-// Who is silent for long is not there.
+// A page that is silent for long is closed.
 setInterval(() => stream.page.change(), 1000);
 stream.listen();

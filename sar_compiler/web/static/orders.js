@@ -1,13 +1,13 @@
-// The operator's orders: STOP, one button for pause and resume, the others; a question where there is something to say or to think over.
+// The operator's commands: STOP, one button for pause and resume, and the others, with a dialog for values or a confirmation.
 
 import { html, say, set } from "./shapes.js";
 
 // The server answers within ten seconds.
 const ANSWER_MS = 12000;
-// How long an answer that is no trouble stays.
+// How long the answer of a successful command stays.
 const READ_MS = 6000;
 const NAME = "sar-operator";
-// How what is typed becomes the value of a field, by its kind; what is no outline is for the mission to refuse.
+// Conversion of typed text to the value of a field, by its kind. The mission rejects an invalid outline.
 const READ = { number: (text) => (text === "" ? null : Number(text)), polygon: (text) => (text === "" ? [] : parsed(text)) };
 
 export class Orders {
@@ -21,7 +21,7 @@ export class Orders {
     this.stop = html("button", { type: "button", class: "stop", disabled: true }, "STOP");
     this.stopAll = html("button", { type: "button", class: "stop-all", disabled: true, hidden: true }, "STOP ALL");
     this.toggle = html("button", { type: "button", class: "toggle", disabled: true });
-    this.more = html("div", { id: "verbs", role: "group", "aria-label": "Other orders" });
+    this.more = html("div", { id: "verbs", role: "group", "aria-label": "Other commands" });
     this.answer = html("p", { id: "answer", role: "status" });
     this.to = html("h2", { class: "to" });
     this.by = html("input", { id: "by", autocomplete: "off", maxlength: 60, value: remembered() });
@@ -65,7 +65,7 @@ export class Orders {
     // To runs that have ended there is nothing more to order; the answer to what has ended them stays.
     const isOver = runs.every((each) => each.run.ended);
     this.place.hidden = isReplay || !verbs.some((each) => each.length) || (isOver && !this.answer.dataset.kind);
-    say(this.to, isTeam ? `Orders to ${names[chosen]}` : "Orders");
+    say(this.to, isTeam ? `Commands to ${names[chosen]}` : "Commands");
     say(this.stop, isTeam ? `STOP ${names[chosen]}` : "STOP");
     this.stopAll.hidden = !isTeam;
     this.stopAll.disabled = !isTeam || (!this.able("hold").length && !this.able("stop").length);
@@ -91,8 +91,8 @@ export class Orders {
     this.buttons = new Map(this.verbs.filter(({ role }) => !role).map((verb) => [verb.name, this.button(verb)]));
     this.more.replaceChildren(...this.buttons.values());
     this.who.hidden = this.why.hidden = !this.verbs.length || !this.token;
-    if (!this.token) say(this.answer, "To give orders, open the address that the run has printed.");
-    else if (this.isKnown && !this.verbs.length) say(this.answer, "This tree takes no orders.");
+    if (!this.token) say(this.answer, "To send commands, open the complete address that the run has printed.");
+    else if (this.isKnown && !this.verbs.length) say(this.answer, "This tree accepts no commands.");
     else if (!this.answer.dataset.kind) say(this.answer, "");
   }
 
@@ -132,7 +132,7 @@ export class Orders {
     const reason = this.reason.value;
     if (stays && !this.isHeld) this.give(hold, {});
     this.reason.value = reason;
-    if (stop && this.now.has(stop.name)) this.begin(stop, stays ? "The robot is told to stand still. It stays paused unless the mission is ended here." : "");
+    if (stop && this.now.has(stop.name)) this.begin(stop, stays ? "The robot has been told to stop. The mission stays paused unless you abort it." : "");
   }
 
   /** Have every robot stand at once, and ask whether that is the end of their missions. */
@@ -141,7 +141,7 @@ export class Orders {
     if (standing.length) this.giveEach(standing);
     const [first] = this.able("stop");
     if (!first) return;
-    const before = "All robots are told to stand still. They stay paused unless their missions are ended here.";
+    const before = "All robots have been told to stop. Their missions stay paused unless you abort them.";
     if (await this.question(first[1], {}, before, "all robots")) this.giveEach(this.able("stop"));
   }
 
@@ -157,12 +157,12 @@ export class Orders {
     const [heading, body, yes] = [this.ask.querySelector("h2"), this.ask.querySelector("div"), this.ask.querySelector(".yes")];
     say(heading, this.stream.isTeam ? `${verb.label}: ${to}` : verb.label);
     say(yes, verb.label);
-    say(this.ask.querySelector(".no"), before ? "Stay paused" : "Leave it");
+    say(this.ask.querySelector(".no"), before ? "Stay paused" : "Cancel");
     body.replaceChildren(...[before, verb.confirm].filter(Boolean).map((text) => html("p", {}, text)), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))), this.reasonField());
     const outline = verb.fields.find(({ kind }) => kind === "polygon")?.name;
     const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, (READ[kind] ?? String)(fields.get(name).value)]));
-    if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read, "Show it on the map", "Click where it is to be; Escape leaves it.", (answer) => this.map.pick(answer), ([x, y]) => ({ x: x.toFixed(2), y: y.toFixed(2) })));
-    if (outline) body.append(this.picker(verb, read, "Draw it on the map", "Click its corners one after the other, and the first one again to close it; Backspace takes one back, Escape leaves it.", (answer) => this.map.draw(answer), (corners) => ({ [outline]: corners })));
+    if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read, "Pick on the map", "Click the position. Escape cancels.", (answer) => this.map.pick(answer), ([x, y]) => ({ x: x.toFixed(2), y: y.toFixed(2) })));
+    if (outline) body.append(this.picker(verb, read, "Draw on the map", "Click the corners in order, and the first one again to close the outline. Backspace removes the last corner, Escape cancels.", (answer) => this.map.draw(answer), (corners) => ({ [outline]: corners })));
     this.ask.returnValue = "no";
     this.ask.showModal();
     if (!verb.fields.length) this.ask.querySelector(".no").focus();
@@ -244,7 +244,7 @@ export class Orders {
       if (accepted) return [message || "done", "done"];
       return [response.status >= 500 ? message : `refused: ${message}`, "trouble"];
     } catch (error) {
-      return [error.name === "TimeoutError" ? "no answer: look at the log whether it was given" : "the run cannot be reached", "trouble"];
+      return [error.name === "TimeoutError" ? "no answer. Check the log for the command" : "the run cannot be reached", "trouble"];
     }
   }
 

@@ -5,7 +5,7 @@ import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
 const SEEN = "sar-seen";
-// So many alarms are remembered as seen.
+// The number of alarms that are remembered as seen.
 const REMEMBERED = 200;
 
 /** How far the mission is, in figures: its time, about how long it still takes, how long it may, and what it says itself. */

@@ -1,4 +1,4 @@
-// The landmarks in words: of each kind all that have a state.
+// A list of all landmarks of each kind that have a state.
 
 import { clock, html, icon, mark } from "./shapes.js";
 

@@ -1,10 +1,10 @@
-// The properties for which a run is watched: a card for each, with its state in this run.
+// The monitored properties of a run: a card for each, with its state in this run.
 
 import { clock, html } from "./shapes.js";
 import { PROPERTIES } from "./signs.js";
 
-const WORDS = { watched: "watched", owed: "owed: something still has to come", kept: "kept" };
-const DONE = { hold: "if broken, the mission is held", abort: "if broken, the mission is broken off" };
+const WORDS = { watched: "monitored", owed: "pending: a required event is missing", kept: "satisfied" };
+const DONE = { hold: "a violation pauses the mission", abort: "a violation aborts the mission" };
 
 export class PropertiesView {
   /**
@@ -25,14 +25,14 @@ export class PropertiesView {
     summary.replaceChildren(html("span", {}, html("b", {}, "Properties"), `: ${said}`));
     summary.classList.toggle("broken", counts[0][0] > 0);
     note.hidden = doubted === null;
-    note.textContent = doubted === null ? "" : `From ${clock(doubted)} on the run contradicts what proofs assume; they do not speak of it any more.`;
+    note.textContent = doubted === null ? "" : `From ${clock(doubted)} on the run contradicts an assumption of the verification. Its results no longer apply.`;
     const order = [...watched].sort((one, other) => (other.word === "broken") - (one.word === "broken"));
     list.replaceChildren(...order.map(card));
   }
 }
 
 function card({ name, word, since, event, if_broken: done }) {
-  const said = word === "broken" ? `broken since ${clock(since)} (${event || "at the end"})` : WORDS[word];
+  const said = word === "broken" ? `violated at ${clock(since)} (${event || "at the end"})` : WORDS[word];
   const more = word === "broken" || !DONE[done] ? [] : [html("small", {}, DONE[done])];
   return html("li", { class: PROPERTIES[word].word }, html("strong", {}, name), html("div", {}, state(PROPERTIES[word], said)), ...more);
 }

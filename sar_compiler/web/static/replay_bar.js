@@ -1,4 +1,4 @@
-// The slider of a replay, and what plays it.
+// The slider of a replay, and its playback.
 
 import { clock, html, say } from "./shapes.js";
 

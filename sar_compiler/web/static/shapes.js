@@ -1,4 +1,4 @@
-// Elements of the page, and what a status looks like: colour, shape and letter each say it alone.
+// Elements of the page, and the look of a status: colour, shape and letter each identify it.
 
 import { FOUND, LEVELS, MARKS, STATUSES } from "./signs.js";
 

@@ -1,10 +1,10 @@
-// What the server tells of the robots, live or again; and what it cannot tell: that nothing is heard of it any more.
+// The server's events about the robots, live or replayed, and the loss of the connection to it.
 
 import { Run } from "./run.js";
 
-// A server tells something every second.
+// A server sends an event every second.
 const SILENCE_MS = 4000;
-// A browser has six connections to one server, for orders as well: of more pages than these, those that nobody sees let theirs go.
+// A browser has six connections to one server, also for commands. If there are more pages, hidden ones close theirs.
 const MANY = 4;
 
 export class Stream {

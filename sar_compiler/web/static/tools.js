@@ -1,9 +1,9 @@
-// What an engineer asks of a run: its blackboard, breakpoints, and what another answer of a leaf would have led to.
+// Queries for engineers about a run: its blackboard, breakpoints, and the effect of another outcome of a leaf.
 
 import { html, say, set } from "./shapes.js";
 
 const ASK_MS = 1000;
-const NOT_KEPT = "A journal does not keep the blackboard. It is on the page of the run itself, while that goes on.";
+const NOT_KEPT = "A journal does not contain the blackboard. Open the page of the run itself while it is active.";
 
 export class Tools {
   /**
@@ -15,7 +15,7 @@ export class Tools {
     Object.assign(this, { board, otherwise, stream, tree, held: null });
     this.breaker = html("button", { type: "button", "aria-pressed": "false" }, "Breakpoint");
     this.on = html("button", { type: "button" }, "Go on");
-    this.asker = html("button", { type: "button" }, "What if it had answered otherwise?");
+    this.asker = html("button", { type: "button" }, "Try other outcomes");
     bar.append(this.breaker, this.on, this.asker);
     this.breaker.addEventListener("click", () => this.hold({ node: tree.chosen, is_set: !tree.breaks.has(tree.chosen) }));
     this.on.addEventListener("click", () => this.hold({ goes_on: true }));
@@ -64,7 +64,7 @@ export class Tools {
     if (told === this.told) return;
     this.told = told;
     const cells = (row) => row.map((each, column) => (column ? html("td", {}, each) : html("th", { scope: "row" }, each)));
-    place.replaceChildren(...(rows.length ? rows.map((row) => html("tr", {}, ...cells(row))) : [html("tr", {}, html("td", {}, trouble ?? "Nothing is on it."))]));
+    place.replaceChildren(...(rows.length ? rows.map((row) => html("tr", {}, ...cells(row))) : [html("tr", {}, html("td", {}, trouble ?? "The blackboard is empty."))]));
   }
 
   async hold(values) {
@@ -82,9 +82,9 @@ export class Tools {
     const { run } = this.stream;
     say(this.otherwise, "…");
     const { answer, trouble } = await this.ask("otherwise", { node: chosen, tick: run.states[chosen].tick, run: run.run.number });
-    if (!answer) return say(this.otherwise, `That is not known: ${trouble}`);
+    if (!answer) return say(this.otherwise, `Unknown: ${trouble}`);
     const line = ({ instead, then, root }) => html("li", {}, html("b", {}, [instead.status, instead.label && `(${instead.label})`].filter(Boolean).join(" ")), `: ${[...then, `the root ${root}`].join(", ")}`);
-    this.otherwise.replaceChildren(answer.length ? html("ul", {}, ...answer.map(line)) : "It could have answered nothing else in that tick.");
+    this.otherwise.replaceChildren(answer.length ? html("ul", {}, ...answer.map(line)) : "No other outcome was possible in that tick.");
   }
 
   async ask(tool, values = {}) {

@@ -1,4 +1,4 @@
-// The engineer's page: the tree with the status of each node, what is running, and every line of the log.
+// The engineer's page: the tree with the status of each node, the running nodes, and every line of the log.
 
 import { conditionOf, showCondition } from "./condition_view.js";
 import { showDetails } from "./details.js";
@@ -177,7 +177,7 @@ document.addEventListener("keydown", (event) => {
 document.addEventListener("visibilitychange", () => stream.listen());
 // The address of another run on the same port: with another token.
 window.addEventListener("hashchange", () => location.reload());
-// Who is silent for long is not there.
+// A page that is silent for long is closed.
 setInterval(() => stream.page.change(), 1000);
 tree.show(stream.run);
 stream.listen();

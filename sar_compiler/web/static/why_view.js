@@ -1,4 +1,4 @@
-// Why a mission has failed: the first to look at, from the root down to the answers that caused it, and what would have succeeded.
+// The cause of a mission's failure: the likeliest cause, the chain from the root to the results, and a change for a success.
 
 import { clock, html } from "./shapes.js";
 
@@ -25,7 +25,7 @@ export class WhyView {
     const [first] = why.answers;
     summary.replaceChildren("Why: ", html("b", {}, first.name), ` ${said(first)}`);
     const others = why.chain.length ? why.chain : why.answers.slice(0, SHOWN);
-    const heading = why.chain.length ? (why.went_on ? "The root had failed, and went on" : "The root has failed") : "What has failed, the likeliest cause first";
+    const heading = why.chain.length ? (why.went_on ? "The root failed, and then continued" : "The root has failed") : "Failures, the likeliest cause first";
     rest.replaceChildren(
       ...(condition.reason ? [html("p", {}, condition.reason)] : []),
       html("h2", {}, heading),
@@ -42,7 +42,7 @@ export class WhyView {
     const more = then.length > SHOWN ? `, and ${then.length - SHOWN} more` : "";
     const after = then.slice(0, SHOWN).map((each) => `${each.name} ${each.label || each.status}`).join(", ");
     return [
-      html("h2", {}, "It would have succeeded with another answer"),
+      html("h2", {}, "It would have succeeded with another outcome"),
       html("ol", {}, this.line({ ...instead, depth: 0 }, words, time, place), ...(after ? [html("li", {}, `and after it, ${usual}: ${after}${more}`)] : [])),
     ];
   }

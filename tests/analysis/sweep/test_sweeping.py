@@ -94,7 +94,7 @@ def test_a_worker_that_is_killed_changes_nothing(tmp_path, times):
 
 def test_runs_that_end_every_worker_end_the_sweep(tmp_path):
     with pytest.raises(
-        SweepError, match="workers have ended 4 times while they played seeds 0 to 9 of row 0"
+        SweepError, match="workers have terminated 4 times while they played seeds 0 to 9 of row 0"
     ):
         swept(StoppingRule(10, 0.0, batch=10), in_processes(2), plays=[EndsItsWorker(tmp_path, 99)])
 

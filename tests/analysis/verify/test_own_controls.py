@@ -295,7 +295,7 @@ def test_the_proof_names_the_classes_of_which_it_proves_nothing():
     )
     place = "tests.analysis.verify.own_controls"
     assert verification_as_text(found, 0.0).splitlines()[-2:] == [
-        f"<{tag}> ({place}.{tag}) was taken to do what its semantics say; of its own methods nothing is proved."
+        f"<{tag}> ({place}.{tag}) was replaced by its semantics. Its own methods are not verified."
         for tag in ("TickingSequence", "TickingTurn")
     ]
     assert json.loads(verification_as_json(found, 0.0))["by_semantics"] == [
@@ -313,7 +313,7 @@ def test_the_proof_names_the_classes_of_which_it_proves_nothing():
 )
 def test_a_class_with_a_tick_of_its_own_whose_semantics_leave_something_open_is_refused(body):
     with pytest.raises(
-        OnlyDescribedError, match=r"(?s)Ticking\w+> has methods of its own .*with begin and resume"
+        OnlyDescribedError, match=r"(?s)Ticking\w+> has its own methods .*with begin and resume"
     ):
         verified(body)
 
