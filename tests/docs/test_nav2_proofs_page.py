@@ -85,6 +85,6 @@ def test_a_planner_that_aborts_and_does_not_empty_the_path_is_what_the_report_wa
 
 
 def test_each_finding_of_the_page_has_its_assumption_and_its_own_section():
-    rows = [cells for heading, _, cells in tables(PAGE) if heading == "What proofs find in Nav2's trees"]
+    rows = [cells for heading, _, cells in tables(PAGE) if heading == "Findings in Nav2's trees"]
     assert len(rows) == 4
     assert all(len(cells) == 4 and cells[2] and cells[3] and "](#" in cells[0] for cells in rows)

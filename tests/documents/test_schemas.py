@@ -154,7 +154,9 @@ def test_the_files_on_a_page_keep_to_their_schema(page, tmp_path):
 
 
 def test_every_key_of_a_world_is_in_the_table_of_its_page():
-    rows = [cells for heading, _, cells in tables(Path("docs/reference/world.md")) if heading == "The world"]
+    rows = [
+        cells for heading, _, cells in tables(Path("docs/reference/world.md")) if heading == "World files"
+    ]
     keys = [codes(cells[0])[0] for cells in rows]
     assert keys == list(SCHEMAS["world"]["properties"])
     assert [key for key, cells in zip(keys, rows, strict=True) if cells[2].startswith("yes")] == SCHEMAS[
