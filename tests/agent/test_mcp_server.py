@@ -433,7 +433,7 @@ class TestManyCalls:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--root", "nowhere"], "sar-compile: --root nowhere is no folder\n"),
+        (["--root", "nowhere"], "sar-compile: --root nowhere is not a folder\n"),
         (
             ["--trust"],
             "sar-compile: --trust would trust what an agent makes of the modules; say it to another command, once\n",

@@ -119,7 +119,7 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
     (place / "tree.xml").write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
     status, out, _ = conform(journal, options=())
     assert status == 1
-    assert "not judged: the tree has nodes other than those that ran; it is of 'Main' of " in out
+    assert "not compared: the tree has nodes other than those that ran; it is of 'Main' of " in out
 
 
 @pytest.mark.parametrize(
@@ -132,20 +132,20 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
 def test_a_flight_for_which_the_budget_does_not_suffice_is_not_judged(conform, flight, options, reason):
     status, out, _ = conform(flight(), options=options)
     assert status == 1
-    assert f"not judged: nothing is known yet: {reason}" in out
+    assert f"not compared: nothing is known yet: {reason}" in out
 
 
 def test_ctrl_c_ends_the_comparison_and_what_is_known_is_shown(conform, flight, monkeypatch):
     monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
     status, out, _ = conform(flight())
     assert status == 130
-    assert "not judged: nothing is known yet: stopped by Ctrl-C" in out
+    assert "not compared: nothing is known yet: stopped by Ctrl-C" in out
 
 
 def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):
     status, out, _ = conform(flight(tree_id="Elsewhere"))
     assert status == 1
-    assert "not judged: the tree has nodes other than those that ran; it is of 'Elsewhere' of " in out
+    assert "not compared: the tree has nodes other than those that ran; it is of 'Elsewhere' of " in out
 
 
 def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):

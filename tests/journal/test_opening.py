@@ -130,7 +130,7 @@ def test_without_a_journal_there_is_nothing_to_resume(place):
 )
 def test_a_journal_in_which_nothing_has_begun_is_no_obstacle(place, leave_empty):
     leave_empty(place)
-    with pytest.raises(JournalError, match="nothing"):
+    with pytest.raises(JournalError, match="to resume"):
         open_journal(place, resume=True)
     leave(place, Ending.OVER)
 

@@ -40,7 +40,7 @@ def shown(capsys, *arguments):
 def test_the_facts_of_each_run_are_told_with_their_time(place, capsys):
     lines = shown(capsys, place).splitlines()
     assert lines[0] == "search_and_rescue, complete: Mission complete."
-    assert lines[1].startswith("run 1, begun 20")
+    assert lines[1].startswith("run 1, started 20")
     assert lines[1].endswith(", stopped with status 130:")
     assert lines[2] == r"     0:03  zone_searched  zone zone_a\x1b[2J\n, survivor (-2.50, 3.20)"
     assert lines[3].endswith(", over with status 0, Mission complete.:")
@@ -121,4 +121,4 @@ def test_a_report_is_written_of_a_journal_in_each_form_that_is_asked_for(tmp_pat
     assert "zone_a" in out[0].read_text(encoding="utf-8")
     assert json.loads(out[1].read_text(encoding="utf-8"))["facts"][0]["data"] == {"zone": "zone_a"}
     assert main(["report", str(tmp_path / "m.journal"), "-o", str(tmp_path / "r.cot")]) == 1
-    assert "takes georeference" in capsys.readouterr().err
+    assert "Add georeference" in capsys.readouterr().err

@@ -246,9 +246,9 @@ def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
     ("word", "after", "name", "why"),
     [
         ("{found}", 2, "found-it", "is not a valid name. Write letters, digits and '_'"),
-        ("{found}", 2, "other", "'other' is there already"),
-        ('ID="Part"', 5, "Main", "'Main' is there already"),
-        ('ID="Part"', 5, "a part", "is no name"),
+        ("{found}", 2, "other", "'other' already exists"),
+        ('ID="Part"', 5, "Main", "'Main' already exists"),
+        ('ID="Part"', 5, "a part", "is not a valid name"),
     ],
 )
 def test_a_name_that_would_mean_something_else_is_refused(word, after, name, why, editor, files):

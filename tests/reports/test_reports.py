@@ -769,7 +769,7 @@ class TestWhatIsRefusedBeforehand:
     @pytest.mark.parametrize("ending", [".geojson", ".kml", ".cot", ".cap"])
     def test_coordinates_of_the_world_take_the_place_of_the_map(self, ending, tmp_path):
         with pytest.raises(
-            ReportError, match=r"takes georeference: {lat: …, lon: …, heading: …} in the parameter file"
+            ReportError, match=r"Add georeference: {lat: …, lon: …, heading: …} to the parameter file"
         ):
             require_form(tmp_path / f"report{ending}", None)
 
