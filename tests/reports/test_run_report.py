@@ -93,7 +93,7 @@ def test_of_a_journal_each_form_that_can_be_written_is_and_the_others_are_told(j
     assert written(tmp_path) == {"r.html", "r.json"}
     told = capsys.readouterr().err.splitlines()
     assert [
-        line.startswith(f"sar-journal: {out[at]} has coordinates")
+        line.startswith(f"sar-journal: {out[at]} contains world coordinates")
         for line, at in zip(told, (0, 1, 3), strict=True)
     ] == [True, False, True]
     assert "--georeference LAT,LON,HEADING" in told[0]
