@@ -337,7 +337,7 @@ CAUSES = (
         "a zone beyond the walls", r"NavigateToZone FAILURE.*zone_b", parameters={"zones.zone_b.x": "30.0"}
     ),
     PlantedCause(
-        "a detection at no usable position",
+        "a detection at an unusable position",
         r"DetectSurvivor FAILURE.*\(99.00, 99.00\) is not on the map",
         GUARDED,
         parameters={

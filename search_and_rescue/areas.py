@@ -1,4 +1,4 @@
-"""What the parameters say of zones beside their poses: where somebody may be, and the ground that is swept."""
+"""Parameters of zones beyond their poses: probabilities, and the ground to sweep."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,26 +21,26 @@ _PROBABILITIES = ("poa", "pod", "look_sec")
 _SENSOR = ("sweep_width", "detection_range", "visibility")
 _POLYGON = "polygon"
 AREA_KEYS = (*_PROBABILITIES, _POLYGON, *_SENSOR, "priority")
-"""What may stand beside the pose of a zone."""
+"""The parameters that a zone can have in addition to its pose."""
 LEAST_CORNERS = 3
-"""Of an outline."""
+"""Smallest number of corners of a polygon."""
 FARTHEST_SEEN_M = 1_000.0
-"""The largest detection range and sweep width, metres: so far around the robot obstacles are looked for, cell by cell."""
-# An outline may follow the fence so closely.
+"""Largest detection range and sweep width, metres; obstacles are examined cell by cell up to this distance from the robot."""
+# A polygon may follow the fence this closely.
 _TOUCHES_M = 1e-6
-# A map is no farther from the place of its georeference, in degrees: what is nearer than that to it is not a position in metres.
+# Corners within this distance of the georeference, in degrees, are taken for degrees: no map is that far from its georeference in metres.
 _NEAR_DEG = 0.5
 
 
 def read_areas(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], sweeps_sec: Mapping[str, float] | None = None
 ) -> dict[str, Area]:
-    """Read what is expected of looks in zones, `zones.<id>.{poa,pod,look_sec}`; of all zones, or of none.
+    """Read the expectations of a search in each zone, `zones.<id>.{poa,pod,look_sec}`: for all zones, or for none.
 
     Args:
         reader: The parameters.
         zones: The zones.
-        sweeps_sec: How long a look takes at least where nothing is said of it, by zone; 0 elsewhere.
+        sweeps_sec: Default duration of a search by zone, seconds; 0 for other zones.
     """
     keys = [f"zones.{zone['id']}.{name}" for zone in zones for name in _PROBABILITIES]
     if not any(key in reader.parameters for key in keys):
@@ -53,13 +53,15 @@ def read_areas(
         areas[zone["id"]] = Area(poa, pod, look_sec)
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
-        text = f"the zones' poa sum to {total:g}: write 1 at most, less if somebody may be elsewhere"
+        text = (
+            f"the zones' poa sum to {total:g}: the sum must be at most 1, less if a person may be elsewhere"
+        )
         reader.report(f"zones.{zones[0]['id']}.poa", text)
     return areas
 
 
 def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Read which zones are searched before others, `zones.<id>.priority`: the higher ones, where the tree chooses; 0 if not given."""
+    """Read `zones.<id>.priority`: zones with a higher one are searched first if the tree chooses; the default is 0."""
     return {zone["id"]: reader.number(f"zones.{zone['id']}.priority", 0.0) for zone in zones}
 
 
@@ -78,7 +80,7 @@ def read_grounds(
 def note_surprises(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
 ) -> None:
-    """Note what can be meant, and is mostly a slip: a pose far from its outline, and ground of more stops than a sweep has.
+    """Note probable typos: a pose far from its polygon, and ground with more stops than a sweep can have.
 
     Raises:
         ImportError: If there is ground, and shapely is not installed.
@@ -94,8 +96,8 @@ def note_surprises(
             place = f"({zone['x']:g}, {zone['y']:g})"
             reader.notes.append(f"{key} has its pose {place} {away:.1f} m outside its {_POLYGON}")
         if ground.area_m2 > MOST_PIECES * (ground.sweep_width / COVERAGE) ** 2:
-            stops = f"more than {MOST_PIECES} stops at coverage {COVERAGE:g}, which no sweep has"
-            reader.notes.append(f"{key} takes {stops}: cut it, or see {_SENSOR[0]}")
+            stops = f"more than {MOST_PIECES} stops at coverage {COVERAGE:g}, the limit of a sweep"
+            reader.notes.append(f"{key} takes {stops}: divide it, or check {_SENSOR[0]}")
 
 
 def _ground(reader: ParameterReader, prefix: str, fence: Fence) -> Ground | None:
@@ -104,21 +106,19 @@ def _ground(reader: ParameterReader, prefix: str, fence: Fence) -> Ground | None
         return Ground(polygon, *_sensor(reader, prefix))
     for name in _SENSOR:
         if f"{prefix}.{name}" in reader.parameters:
-            reader.report(
-                f"{prefix}.{name}", f"says nothing without an outline: give {prefix}.{_POLYGON} too"
-            )
+            reader.report(f"{prefix}.{name}", f"has no effect without a polygon: add {prefix}.{_POLYGON}")
     return None
 
 
 def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
-    """Return the sweep width and the detection range, each by the other where it is not given."""
+    """Return the sweep width and the detection range; a missing one is derived from the other."""
     width_key, range_key, visibility_key = (f"{prefix}.{name}" for name in _SENSOR)
     visibility = reader.parameters.get(visibility_key, "medium")
     if visibility not in SWEEP_FACTORS:
         reader.report(visibility_key, f"must be {', '.join(SWEEP_FACTORS)}, is {visibility!r}")
         visibility = "medium"
     if width_key not in reader.parameters and range_key not in reader.parameters:
-        text = f"is missing: give {range_key}, how far a survivor can be seen in metres, or the sweep width, metres"
+        text = f"is missing: add {range_key} (how far a survivor can be seen) or the sweep width, in metres"
         reader.report(width_key, text)
         return 1.0, 1.0
     per_range = sweep_width_of(1.0, str(visibility))
@@ -126,15 +126,13 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
     width = reader.positive(width_key, reader.number(range_key, 0.0) * per_range, FARTHEST_SEEN_M)
     reach = reader.positive(range_key, width / per_range, FARTHEST_SEEN_M)
     if len(reader.problems) == mistakes and width > 2 * reach:
-        text = (
-            f"is {width:g} m, and nobody is found farther away than {range_key}: write {2 * reach:g} at most"
-        )
+        text = f"is {width:g} m, wider than twice {range_key}: write {2 * reach:g} at most"
         reader.report(width_key, text)
     return width, reach
 
 
 def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
-    """Return an outline; what is wrong with it is reported."""
+    """Read a polygon and report errors in it."""
     mistakes = len(reader.problems)
     numbers = reader.numbers(key)
     if len(reader.problems) > mistakes:
@@ -152,7 +150,7 @@ def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
 
 
 def outline_objection(corners: Corners, fence: Fence) -> str:
-    """Return what is wrong with an outline of three corners or more (metres, frame `map`), as what it does; empty if nothing is.
+    """Return the error of a polygon of three corners or more (metres, frame `map`), as a predicate; empty if it is valid.
 
     Raises:
         ImportError: If shapely is not installed.
@@ -161,7 +159,7 @@ def outline_objection(corners: Corners, fence: Fence) -> str:
 
     outline = shapely.Polygon(corners)
     if not outline.convex_hull.area:
-        return "has no area: its corners lie on a line"
+        return "has no area: its corners are on one line"
     if not outline.is_valid:
         # In shapely's words: "Self-intersection[1 2]".
         x, y = shapely.is_valid_reason(outline).partition("[")[2].rstrip("]").split()
@@ -169,7 +167,7 @@ def outline_objection(corners: Corners, fence: Fence) -> str:
     outside = [corner for corner in corners if not fence.contains(*corner)]
     if outside:
         return f"has the corner ({outside[0][0]:g}, {outside[0][1]:g}) outside the geofence"
-    # A fence can come in between two corners.
+    # The fence can run between two corners.
     edge = shapely.LinearRing(fence.corners).intersection(outline.buffer(-_TOUCHES_M))
     if edge.is_empty:
         return ""
@@ -178,7 +176,7 @@ def outline_objection(corners: Corners, fence: Fence) -> str:
 
 
 def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return a place inside an outline, or between places that are none: x and y, metres, frame `map`.
+    """Return a point inside the polygon, or between the corners of an invalid one: x and y, metres, frame `map`.
 
     Raises:
         ImportError: If shapely is not installed.
@@ -191,7 +189,7 @@ def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _are_degrees(parameters: Mapping[str, object], corners: Corners) -> bool:
-    """Return whether all corners are so near to latitude and longitude of the map's origin that they are degrees."""
+    """Return whether all corners are so close to the latitude and longitude of the map's origin that they must be degrees."""
     place = [parameters.get(f"georeference.{name}") for name in ("lat", "lon")]
     if not all(isinstance(value, int | float) for value in place):
         return False

@@ -1,4 +1,4 @@
-"""Zones as planners draw them: a GeoJSON file of polygons in degrees, as CalTopo, QGIS and TAK write it."""
+"""Zones from planning tools: a GeoJSON file of polygons in degrees, as written by CalTopo, QGIS and TAK."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -23,20 +23,20 @@ _JsonPath = tuple[str | int, ...]
 _RINGS: _JsonPath = ("geometry", "coordinates")
 _MOST_BYTES = 10 * 2**20
 _MOST_AREAS = 10_000
-# Nobody drives farther from the origin of a map.
+# Farthest distance of a zone from the origin of a map.
 _FARTHEST_M = 50_000.0
 _MOST_DEGREES = (180.0, 90.0)
-# What planners have in the same file: marks, ways, and folders, which have no geometry.
+# Other objects that planning tools write to the same file: markers, paths, and folders, which have no geometry.
 _NO_AREAS = (None, "Point", "MultiPoint", "LineString", "MultiLineString")
-# How older writers, such as QGIS, name longitude and latitude on WGS 84, which is all that GeoJSON has today.
+# Names of longitude and latitude on WGS 84 in older files, such as those of QGIS; GeoJSON today allows nothing else.
 _WGS84 = ("CRS84", ":4326")
 
 
 class _AreasFileError(ValueError):
-    """What is wrong with the file, in words.
+    """An error in the file.
 
     Attributes:
-        path: The keys and indices that lead to the wrong value.
+        path: Keys and indices of the wrong value.
     """
 
     def __init__(self, text: str, *path: str | int) -> None:
@@ -45,15 +45,15 @@ class _AreasFileError(ValueError):
 
 
 def take_areas_file(reader: ParameterReader) -> None:
-    """Add the zones of the file that the parameter `areas_file` names to the parameters; what is written there counts before it.
+    """Add the zones of the file named by the parameter `areas_file` to the parameters; parameters that are already set take precedence.
 
-    Each polygon is a zone: `zones.<name>.polygon` in metres, and of its properties those that may stand beside a pose. Marks and lines are
-    passed over, which is noted. Where no pose is given it is a point inside. Without a `zone_order` the zones are listed as in the file.
-    A path is relative to the file with the parameter.
+    Each polygon becomes a zone: `zones.<name>.polygon` in metres, and those of its properties that a zone can have. Markers and lines are
+    skipped with a note. A missing pose is replaced by a point inside. Without a `zone_order` the zones have the order of the file.
+    A relative path starts from the folder of the parameter file.
 
     Raises:
         ImportError: If there is such a file, and shapely or pyproj is not installed.
-        ParameterError: If the file has a mistake, and no other zones are given.
+        ParameterError: If the file has errors, and no other zones are given.
     """
     if AREAS_FILE not in reader.parameters:
         return
@@ -65,22 +65,20 @@ def take_areas_file(reader: ParameterReader) -> None:
         except _AreasFileError as error:
             reader.report(AREAS_FILE, str(error), file.place(*error.path))
     if len(reader.problems) > before and _ORDER not in reader.parameters:
-        # That no zones are given is no mistake besides.
+        # Missing zones are not a second error then.
         reader.complain()
 
 
 def _add_zones(reader: ParameterReader, file: "JsonFile") -> None:
-    """Add the zones of a file to the parameters, and report what is wrong with single ones.
+    """Add the zones of a file to the parameters, and report errors in single zones.
 
     Raises:
-        _AreasFileError: If nothing of the file can be used.
+        _AreasFileError: If the whole file is unusable.
     """
     features = _features(file.data)
     areas = {at: each for at, each in enumerate(features) if _kind(each) not in _NO_AREAS}
     if len(areas) > _MOST_AREAS:
-        raise _AreasFileError(
-            f"has {len(areas):,} areas, and {_MOST_AREAS:,} are the most that are read", _FEATURES
-        )
+        raise _AreasFileError(f"has {len(areas):,} areas: keep at most {_MOST_AREAS:,}", _FEATURES)
     origin, zones = _origin(reader), dict[str, tuple[int, dict[str, object]]]()
     if origin is None:
         return
@@ -99,7 +97,7 @@ def _add_zones(reader: ParameterReader, file: "JsonFile") -> None:
         return
     if others := len(features) - len(areas):
         reader.notes.append(
-            f"{AREAS_FILE}: {others} of {len(features)} features are no polygons and no areas"
+            f"{AREAS_FILE}: skipped {others} of {len(features)} features, which are not polygons"
         )
     _draw(reader, file, zones, {name: _inside(areas[at], "properties") for name, (at, _) in zones.items()})
 
@@ -110,13 +108,13 @@ def _draw(
     zones: Mapping[str, tuple[int, Mapping[str, object]]],
     properties: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Add zones to the parameters, with the places of those that are not written there.
+    """Add zones to the parameters, and the locations of keys that the parameter file does not set.
 
     Args:
         reader: The parameters.
         file: The file.
-        zones: The number of the feature of each zone, and the zone's parameters.
-        properties: What the file says of each zone beside its outline.
+        zones: The index of the feature of each zone, and the zone's parameters.
+        properties: The zone's further parameters from the file.
     """
     drawn: dict[str, object] = {_ORDER: list(zones)}
     for name, (at, values) in zones.items():
@@ -132,11 +130,11 @@ def _draw(
 def _features(data: Any) -> list[Mapping[str, Any]]:
     features = data.get(_FEATURES) if isinstance(data, dict) else None
     if not isinstance(features, list) or not all(isinstance(each, dict) for each in features):
-        text = "is no GeoJSON of polygons: it must be a FeatureCollection with features"
+        text = "is no GeoJSON of polygons: write a FeatureCollection with features"
         raise _AreasFileError(text, _FEATURES)
     crs = _inside(_inside(data, "crs"), "properties").get("name", _WGS84[0])
     if not str(crs).endswith(_WGS84):
-        text = f"is in the coordinates {crs!r:.60}: write it in WGS 84 (EPSG:4326)"
+        text = f"uses the coordinates {crs!r:.60}: write WGS 84 (EPSG:4326)"
         raise _AreasFileError(text, "crs", "properties", "name")
     return features
 
@@ -151,10 +149,10 @@ def _kind(feature: Mapping[str, Any]) -> Any:
 
 
 def _origin(reader: ParameterReader) -> tuple[float, float, float] | None:
-    """Return latitude, longitude and heading of the map; None if they are missing, which is reported."""
+    """Return latitude, longitude and heading of the map; report them and return None if they are missing."""
     values = [reader.number(key, math.nan if key not in reader.parameters else None) for key in _GEOREFERENCE]
     if any(math.isnan(value) for value in values):
-        text = f"is in degrees: give the place of the map on the earth, {', '.join(_GEOREFERENCE)}"
+        text = f"is in degrees: add the map's georeference, {', '.join(_GEOREFERENCE)}"
         reader.report(AREAS_FILE, text)
         return None
     return values[0], values[1], values[2]
@@ -168,15 +166,15 @@ def _name(at: int, feature: Mapping[str, Any], taken: Collection[str]) -> str:
     if not isinstance(name, str) or not name or "." in name:
         raise _AreasFileError(f"{where} needs a property `name` without a dot", "properties", key)
     if name in taken:
-        raise _AreasFileError(f"{where} has the name of another one", "properties", key)
+        raise _AreasFileError(f"{where} repeats the name of another feature", "properties", key)
     return name
 
 
 def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where: str) -> dict[str, object]:
-    """Return the parameters of the zone of a polygon.
+    """Return the parameters of a polygon's zone.
 
     Raises:
-        _AreasFileError: If the feature is none of a zone; the path in it leads from the feature.
+        _AreasFileError: If the feature is not a valid zone; its path starts at the feature.
     """
     path, ring = _ring(_inside(feature, "geometry"), where)
     corners = [_placed(corner, origin, where, (*path, at)) for at, corner in enumerate(ring)]
@@ -184,16 +182,16 @@ def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where:
 
 
 def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]]:
-    """Return the corners of a polygon, and the path to them from its feature."""
+    """Return the corners of a polygon, and their path within the feature."""
     kind, rings, path = geometry.get("type"), geometry.get("coordinates"), _RINGS
-    # QGIS writes a layer of polygons so.
+    # QGIS writes a layer of polygons this way.
     if kind == "MultiPolygon" and isinstance(rings, list) and len(rings) == 1:
         kind, rings, path = "Polygon", rings[0], (*_RINGS, 0)
     if kind != "Polygon" or not (isinstance(rings, list) and any(rings) and isinstance(rings[0], list)):
         text = f"{where} is no Polygon but {kind}: draw each area as one polygon"
         raise _AreasFileError(text, "geometry", "coordinates" if kind == "Polygon" else "type")
     if len(rings) > 1:
-        text = f"{where} has holes: draw it without; what the map has as an obstacle is left out"
+        text = f"{where} has holes: draw it without them; obstacles on the map are excluded anyway"
         raise _AreasFileError(text, *path, 1)
     corners = list(rings[0])
     # The last corner of a ring is the first one again.
@@ -203,19 +201,19 @@ def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]
 def _placed(
     corner: Any, origin: tuple[float, float, float], where: str, path: _JsonPath
 ) -> tuple[float, float]:
-    """Return a position of longitude and latitude in the frame `map`, metres."""
+    """Return a longitude and latitude as a position in the frame `map`, metres."""
     degrees = corner[:2] if isinstance(corner, list) else []
     if not (len(degrees) == len(_MOST_DEGREES) and all(type(each) in (int, float) for each in degrees)):
         raise _AreasFileError(f"{where} has a corner that is no [longitude, latitude]: {corner!r:.60}", *path)
     if not all(abs(each) <= most for each, most in zip(degrees, _MOST_DEGREES, strict=True)):
         raise _AreasFileError(
-            f"{where} is not in degrees: GeoJSON has longitude and latitude, not metres", *path
+            f"{where} is not in degrees: write longitude and latitude instead of metres", *path
         )
     lat, lon, heading = origin
     bearing, _, far = _ellipsoid().inv(lon, lat, degrees[0], degrees[1])
     if far > _FARTHEST_M:
-        text = f"lies {far / 1000:.0f} km from the origin of the map"
-        asked = "are longitude and latitude in their order, and the georeference right?"
+        text = f"is {far / 1000:.0f} km from the origin of the map"
+        asked = "check the order of longitude and latitude, and the georeference"
         raise _AreasFileError(f"{where} {text}: {asked}", *path)
     turn = math.radians(heading - bearing)
     return round(far * math.cos(turn), 3), round(far * math.sin(turn), 3)
@@ -234,5 +232,5 @@ def _pose(corners: list[tuple[float, float]]) -> dict[str, object]:
 
 
 def _beside(properties: Mapping[str, Any]) -> dict[str, object]:
-    """Return what may stand beside a pose; other tools keep much else there."""
+    """Return the zone's further parameters; properties of other tools are ignored."""
     return {key: value for key, value in properties.items() if key in AREA_KEYS and value is not None}

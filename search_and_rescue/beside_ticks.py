@@ -1,4 +1,4 @@
-"""Computing beside the ticks, which must not wait."""
+"""Background computation, so that ticks do not wait."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -11,7 +11,7 @@ T = TypeVar("T")
 def begin_beside(
     wake: Callable[[], None], work: Callable[P, T], *args: P.args, **kwargs: P.kwargs
 ) -> Future[T]:
-    """Begin some work in a thread of its own.
+    """Start work in a new thread.
 
     Args:
         wake: Requests a tick; called when the work has ended.

@@ -21,7 +21,7 @@ _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at 
     facts={"zones_left": 3},
 )
 class ZonesRemaining(Behaviour):
-    """Is a zone left to be visited? SUCCESS if so, else FAILURE.
+    """Check that a zone is left to visit: SUCCESS if so, otherwise FAILURE.
 
     Args:
         name: The node's name.
@@ -33,7 +33,7 @@ class ZonesRemaining(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Check the mission's zones."""
+        """Check the remaining zones."""
         remaining = self._zones.has_remaining()
         self.feedback_message = f"{self._zones.current_index()} of {self._zones.total_zones()} zones visited"
         return Status.SUCCESS if remaining else Status.FAILURE
@@ -49,11 +49,11 @@ class ZonesRemaining(Behaviour):
     facts={"found_by_{detect_node}": False},
 )
 class IsSurvivorDetected(Behaviour):
-    """Did the last search find a survivor? SUCCESS if so, else FAILURE.
+    """Check that the last search found a survivor: SUCCESS if so, otherwise FAILURE.
 
     Args:
         name: The node's name.
-        detect_node: The search whose answer counts.
+        detect_node: The search whose result is checked.
     """
 
     def __init__(self, name: str, detect_node: DetectSurvivor) -> None:
@@ -61,7 +61,7 @@ class IsSurvivorDetected(Behaviour):
         self._detect_node = detect_node
 
     def update(self) -> Status:
-        """Check the answer of the last search."""
+        """Check the result of the last search."""
         return Status.SUCCESS if self._detect_node.was_found() else Status.FAILURE
 
 
@@ -75,11 +75,11 @@ class IsSurvivorDetected(Behaviour):
     facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
 )
 class MissionComplete(Behaviour):
-    """Is the mission complete: every zone visited, every survivor acknowledged, the robot home? SUCCESS if so.
+    """Check that the mission is complete: every zone visited, every survivor acknowledged, the robot home. SUCCESS if so, otherwise FAILURE.
 
     Args:
         name: The node's name.
-        record: What has happened in the mission.
+        record: The record of the mission.
         zone_manager: The mission's zones.
     """
 
@@ -89,7 +89,7 @@ class MissionComplete(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Check what is missing."""
+        """Check for missing items."""
         shortfalls = self._record.shortfalls(self._zones)
         self.feedback_message = " ".join(shortfalls)
         return Status.FAILURE if shortfalls else Status.SUCCESS

@@ -1,4 +1,4 @@
-"""What the console scripts of the two servers call."""
+"""Entry points of the two servers' console scripts."""
 
 from functools import partial
 

@@ -1,9 +1,9 @@
-"""How well ground was looked at: what the robot has seen of it, by the poses that it drove through and by the map.
+"""Search coverage of ground, computed from the poses that the robot drove through and the map.
 
-Driving one metre with a sensor of sweep width W is an effort of W square metres. It is spread evenly over what is seen from there: of a
-cell within the detection range R and in sight, the coverage grows by W / (π R²) a metre. The coverage of an area is the mean over its cells;
-that is W · L / A where all that is seen lies inside. A cell of the coverage c was looked at with the POD 1 - exp(-c): Koopman's law of
-random search, which is a lower bound. Repeated passes add up.
+Driving one metre with a sensor of sweep width W is an effort of W square metres. It is spread evenly over the ground in sight: the coverage
+of a cell within the detection range R and in sight grows by W / (π R²) a metre. The coverage of an area is the mean over its cells, which is
+W · L / A if all ground in sight is inside. A cell of coverage c was searched with the POD 1 - exp(-c): Koopman's law of random search, a
+lower bound. Repeated passes add up.
 """
 
 import base64
@@ -26,16 +26,16 @@ Points = npt.NDArray[np.float64]
 
 _CELL_M = 0.25
 _MOST_CELLS = 20_000
-# Gaps of so few cells are not worth a way.
+# Gaps of so few cells are not worth a drive.
 _FEWEST_CELLS = 4
-# What the text of a raster counts in.
+# Unit of the coverage in the text of a raster.
 _STEP = 0.001
 _HIGHEST = np.iinfo(np.uint16).max
 
 
 @dataclass(frozen=True, eq=False)
 class ObstacleMap:
-    """Where nothing can be seen through, and nobody can drive: what is occupied, what is unknown, and all beyond the map.
+    """Cells that block sight and driving: occupied cells, unknown cells, and everything beyond the map.
 
     Args:
         blocked: By row (y) and column (x).
@@ -48,7 +48,7 @@ class ObstacleMap:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def at(self, points: Points) -> npt.NDArray[np.bool_]:
-        """Return which positions are blocked; of the shape of `points` (metres, frame `map`) without its last axis, which is x and y."""
+        """Return which positions are blocked, in the shape of `points` (metres, frame `map`) without its last axis, which is x and y."""
         cells = np.floor(self._in_cells(points)).astype(int)
         column, row = cells[..., 0], cells[..., 1]
         rows, columns = self.blocked.shape
@@ -58,18 +58,18 @@ class ObstacleMap:
         return blocked
 
     def hides(self, eye: Points, points: Points, reach: float) -> npt.NDArray[np.bool_]:
-        """Return which positions cannot be seen from a place, all in metres, frame `map`: those that are blocked, and those behind what is.
+        """Return which positions cannot be seen from `eye`, in metres, frame `map`: blocked positions, and those hidden by a blocked one.
 
         Args:
-            eye: The place.
+            eye: The position of the sensor.
             points: The positions, by row.
-            reach: How far they are at most, metres.
+            reach: The largest distance of a position, metres.
         """
         if self.at(eye[None]).any():
             return np.ones(len(points), bool)
         here = self._in_cells(eye)
         most = reach / self.resolution
-        # As narrow as half a cell at the end.
+        # Half a cell wide at the far end.
         count = math.ceil(4 * math.pi * most)
         first_wall = np.full(count, np.inf)
         directions, distances = self._walls_around(here, most, count)
@@ -88,7 +88,7 @@ class ObstacleMap:
 
     @cached_property
     def _walls(self) -> npt.NDArray[np.bool_]:
-        """What is blocked and has a neighbour that is not: whoever sees it does not see what is behind."""
+        """Blocked cells with a free neighbour: they hide every cell farther away."""
         around = np.pad(self.blocked, 1, constant_values=True)
         within = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
         walls: npt.NDArray[np.bool_] = self.blocked & ~within
@@ -97,13 +97,13 @@ class ObstacleMap:
     def _walls_around(
         self, here: Points, most: float, count: int
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
-        """Return in which of so many directions there are walls, and how far they are, in cells."""
+        """Return the directions (of so many) that have walls, and the distances of the walls in cells."""
         left, low = np.maximum(np.floor(here - most).astype(int), 0)
         right, high = np.maximum(np.ceil(here + most).astype(int), 0)
         rows, columns = np.nonzero(self._walls[low:high, left:right])
         x, y = columns + left + 0.5 - here[0], rows + low + 0.5 - here[1]
         distances, bearings = np.hypot(x, y), np.arctan2(y, x)
-        # A cell is as wide as its shadow: a side where it is seen straight on, a diagonal from a corner.
+        # A cell is as wide as its shadow: a side if seen straight on, a diagonal from a corner.
         half = np.arctan((abs(x) + abs(y)) / (2.0 * distances**2))
         first = np.ceil((bearings - half) * count / math.tau).astype(int)
         each = np.floor((bearings + half) * count / math.tau).astype(int) - first + 1
@@ -116,8 +116,8 @@ class Raster:
 
     Args:
         ground: The ground.
-        obstacles: The map; None where there is none, and nothing is in the way.
-        cells: What an earlier raster of the same ground said of itself (`text`).
+        obstacles: The map; None without one, so that nothing blocks sight.
+        cells: The text of an earlier raster of the same ground (`text`).
 
     Raises:
         ImportError: If shapely is not installed.
@@ -141,7 +141,7 @@ class Raster:
 
     @property
     def searchable(self) -> npt.NDArray[np.bool_]:
-        """Which cells can be searched: those without an obstacle."""
+        """Cells that can be searched, which are those without an obstacle."""
         return (
             np.ones(len(self.centres), bool) if self.obstacles is None else ~self.obstacles.at(self.centres)
         )
@@ -150,7 +150,7 @@ class Raster:
         """Add a drive along positions in the frame `map`, metres.
 
         Returns:
-            How much of it was inside, metres.
+            The distance driven inside the ground, metres.
         """
         inside = 0.0
         for start, end in itertools.pairwise(path):
@@ -172,12 +172,12 @@ class Raster:
         reach = self.ground.detection_range
         cells = self.seen_from(x, y, reach + self.cell_m / 2)
         distances = np.hypot(*(self.centres[cells] - (x, y)).T)
-        # What of a cell lies within the range: so the effort does not depend on where the cells happen to lie.
+        # The share of a cell within the range, so that the effort does not depend on the position of the grid.
         within = np.clip((reach - distances) / self.cell_m + 0.5, 0.0, 1.0)
         self.coverage[cells] += within * self.ground.sweep_width * metres / (math.pi * reach**2)
 
     def seen_from(self, x: float, y: float, reach: float) -> npt.NDArray[np.intp]:
-        """Return the numbers of the cells whose middle is within reach of a position, and in sight of it.
+        """Return the indices of the cells whose centre is in sight of a position and within reach.
 
         Args:
             x: Metres, frame `map`.
@@ -191,34 +191,34 @@ class Raster:
         return near[~self.obstacles.hides(eye, self.centres[near], reach)]
 
     def pod(self) -> float:
-        """Return how likely all that was driven has found who is there, 0 to 1: the mean over the cells that can be searched."""
+        """Return the probability that all drives so far have detected a survivor who is there, 0 to 1: the mean over the searchable cells."""
         found = 1.0 - np.exp(-self.coverage[self.searchable])
         return float(found.mean()) if len(found) else 0.0
 
     def mean_coverage(self) -> float:
-        """Return the coverage C of the ground: the mean over the cells that can be searched."""
+        """Return the coverage C of the ground: the mean over the searchable cells."""
         searched = self.coverage[self.searchable]
         return float(searched.mean()) if len(searched) else 0.0
 
     def seen(self) -> float:
-        """Return the share of the cells that can be searched which were seen at all, 0 to 1."""
+        """Return the share of the searchable cells that were in sight at least once, 0 to 1."""
         seen = self.coverage[self.searchable] > 0.0
         return float(seen.mean()) if len(seen) else 0.0
 
     def area_m2(self) -> float:
-        """Return the size A of what can be searched, square metres."""
+        """Return the area A of the searchable ground, square metres."""
         return float(self.searchable.sum()) * self.cell_m**2
 
     def gaps(self, until_pod: float) -> list[Corners]:
-        """Return the outlines of what was looked at with less than a POD, as corners in the frame `map`, metres; the largest first.
+        """Return the polygons searched with less than a POD, as corners in the frame `map`, metres; the largest first.
 
-        Ground around something is cut into several, and what is a few cells large is left out.
+        A gap around a hole is cut into several, and gaps of a few cells are omitted.
         """
         import shapely
 
         missed = np.zeros(len(self._inside), np.int8)
         missed[self._inside] = self.searchable & (1.0 - np.exp(-self.coverage) < until_pod)
-        # Neighbours in a row are one box: boxes of single cells take fifty times as long to join.
+        # Neighbours in a row are one box: joining boxes of single cells takes fifty times as long.
         edges = np.diff(missed.reshape(-1, self._columns), axis=1, prepend=0, append=0)
         (rows, begins), (_, ends) = np.nonzero(edges > 0), np.nonzero(edges < 0)
         x, y = self._low
@@ -229,12 +229,12 @@ class Raster:
         return [tuple(map(tuple, part.exterior.simplify(0.0).coords[:-1])) for part in parts]
 
     def layer(self, name: str) -> RasterLayer:
-        """Return what is shown of it: with how much POD each cell was looked at."""
+        """Return the display layer: the POD of each cell."""
         pods = np.zeros(len(self._inside))
         pods[self._inside] = 1.0 - np.exp(-self.coverage)
         x, y = self._low.tolist()
         return RasterLayer.of(
-            name, "looked at, POD", x, y, self.cell_m, pods.reshape(-1, self._columns).tolist()
+            name, "searched, POD", x, y, self.cell_m, pods.reshape(-1, self._columns).tolist()
         )
 
     def text(self) -> str:
@@ -244,7 +244,7 @@ class Raster:
 
 
 def _without_holes(shape: Any) -> Iterator[Any]:
-    """Yield the polygons of a shape, those with holes cut through them."""
+    """Yield the polygons of a shape; those with holes are cut through them."""
     import shapely
 
     for part in shapely.get_parts(shape):

@@ -1,4 +1,4 @@
-"""Areas that the operator draws while a mission is under way, and what is wrong with them."""
+"""Areas that the operator draws during a mission, and their validation."""
 
 import math
 from dataclasses import dataclass
@@ -13,23 +13,23 @@ from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# What a message in single precision has of a place, metres.
+# Precision of a position in a single-precision message, metres.
 _DIGITS = 3
 
 
 class DrawingError(ValueError):
-    """An area cannot be taken; the text says why, and what would help."""
+    """An area is rejected; the text gives the reason and the remedy."""
 
 
 @dataclass(frozen=True)
 class DrawnAreas:
-    """Takes areas into the plan of a mission.
+    """Adds areas to the plan of a mission.
 
     Args:
         zones: The mission's zones.
         sweeps: The mission's sweeps.
         fence: The geofence.
-        off_map: Returns why nothing can be at a position, metres in the frame `map`; empty if something can.
+        off_map: Returns why a position (metres, frame `map`) is impossible; empty if it is possible.
     """
 
     zones: ZoneManager
@@ -38,32 +38,32 @@ class DrawnAreas:
     off_map: "Callable[[float, float], str]"
 
     def take(self, request: Any) -> str:
-        """Take an area that is new, or change one that nobody has begun to search.
+        """Add an area, or change one whose search has not started.
 
         Args:
             request: A request of `sar_interfaces/srv/AddArea`.
 
         Returns:
-            What has become of it, in words.
+            A description of the change.
 
         Raises:
-            DrawingError: If it cannot be taken.
+            DrawingError: If the area is rejected.
             ImportError: If shapely is not installed.
         """
         name = request.zone_id
         if not name:
-            raise DrawingError("the area has no name")
+            raise DrawingError("the area has no name: write one")
         if not self.zones.has_remaining():
             raise DrawingError("no zone is left, and the robot is on its way home")
         is_known = self.zones.knows(name)
         if is_known and not self._is_untouched(name):
-            raise DrawingError(f"'{name}' is being searched, or was: draw another area")
+            raise DrawingError(f"the search of '{name}' has already started: draw another area")
         ground = self._ground(request, self.sweeps.grounds.get(name))
         area = self._area(request.poa, ground, self.zones.areas.get(name) if is_known else None)
         x, y = pose_inside(ground.polygon)
         shrunk = self.zones.draw(Zone(id=name, x=x, y=y, yaw=0.0), ground, area)
-        told = f"'{name}' is changed" if is_known else f"'{name}' is searched as well"
-        return f"{told}; the POA of the others counts {shrunk:.2f} times" if shrunk < 1.0 else told
+        told = f"'{name}' is changed" if is_known else f"'{name}' is added"
+        return f"{told}; the POA of the other zones is multiplied by {shrunk:.2f}" if shrunk < 1.0 else told
 
     def _is_untouched(self, name: str) -> bool:
         behind = [zone["id"] for zone in self.zones.remaining_zones()[1:]]
@@ -72,18 +72,20 @@ class DrawnAreas:
     def _ground(self, request: Any, before: Ground | None) -> Ground:
         polygon = self._polygon(request.outline)
         if not polygon and before is None:
-            raise DrawingError("it has no outline: draw three corners or more")
+            raise DrawingError("the area has no polygon: draw three corners or more")
         like = before or next(iter(self.sweeps.grounds.values()), None)
         reach = request.detection_range
         if math.isnan(reach) and like is None:
-            raise DrawingError("give a detection range: how far a survivor can be seen, metres")
+            raise DrawingError(
+                "the detection range is missing: write how far a survivor can be seen, in metres"
+            )
         if reach <= 0.0 or reach > FARTHEST_SEEN_M:
             raise DrawingError(
-                f"the detection range is {reach:g}, and must be above 0, metres, and at most {FARTHEST_SEEN_M:g}"
+                f"the detection range is {reach:g}: write metres above 0, at most {FARTHEST_SEEN_M:g}"
             )
         outline = polygon or before.polygon if before is not None else polygon
         if math.isnan(reach):
-            assert like is not None  # noqa: S101 - else it is refused
+            assert like is not None  # noqa: S101 - otherwise it was rejected
             return like._replace(polygon=outline)
         per_range = sweep_width_of(1.0) if like is None else like.sweep_width / like.detection_range
         return Ground(outline, reach * per_range, reach)
@@ -97,11 +99,9 @@ class DrawnAreas:
         if not corners:
             return ()
         if len(corners) < LEAST_CORNERS:
-            raise DrawingError(f"the outline has {len(corners)} corners, and needs three or more")
+            raise DrawingError(f"the polygon has {len(corners)} corners: draw three or more")
         off = next(filter(None, (self.off_map(*corner) for corner in corners)), "")
-        objection = (
-            f"has a corner where nothing can be: {off}" if off else outline_objection(corners, self.fence)
-        )
+        objection = f"has an impossible corner: {off}" if off else outline_objection(corners, self.fence)
         if objection:
             raise DrawingError(f"the outline {objection}")
         return corners
@@ -109,12 +109,12 @@ class DrawnAreas:
     def _area(self, poa: float, ground: Ground, before: Area | None) -> Area | None:
         if math.isnan(poa):
             if before is None and self.zones.areas:
-                raise DrawingError("give a probability (poa), as the other zones have one")
+                raise DrawingError("the probability (poa) is missing: write one, as the other zones have one")
             return before
         if not 0.0 <= poa <= 1.0:
-            raise DrawingError(f"the probability is {poa:g}, and must be from 0 to 1")
+            raise DrawingError(f"the probability is {poa:g}: write a number from 0 to 1")
         if not self.zones.areas:
-            raise DrawingError("no zone of this mission has a probability (poa): leave it out")
+            raise DrawingError("no zone of this mission has a probability (poa): omit it")
         if before is not None:
             return before._replace(poa=poa)
         return Area(poa, pod_at_random(COVERAGE), ground.sweep_sec(self.zones.speed_mps))

@@ -1,4 +1,4 @@
-"""The conditions of failsafes: SUCCESS while all is well, FAILURE with a reason where the mission is to be cut short."""
+"""Conditions of failsafes: SUCCESS in normal operation, FAILURE with a reason to end the mission early."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -31,10 +31,10 @@ _BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 
 @dataclass(eq=False, repr=False)
 class _Failsafe(RosLeaf):
-    """The common base of these conditions, which report a problem once, until all is well again.
+    """Base class of these conditions, which report a problem once until it is solved.
 
     Args:
-        record: Where the reason is noted; for `AbandonZones`.
+        record: Records the reason for `AbandonZones`.
     """
 
     name: str
@@ -46,7 +46,7 @@ class _Failsafe(RosLeaf):
         self._raised = False
 
     def _judge(self, problem: str) -> Status:
-        """Return FAILURE for a problem in words, and SUCCESS for an empty one."""
+        """Return FAILURE for a problem, or SUCCESS for an empty string."""
         if problem and not self._raised:
             self.complain(f"Failsafe: {problem}.")
             self.record.alarmed(problem)
@@ -57,11 +57,11 @@ class _Failsafe(RosLeaf):
 
 @dataclass(eq=False, repr=False)
 class _OrderCondition(_Failsafe):
-    """The common base of conditions on a command that cuts the mission short.
+    """Base class of conditions on a command that ends the mission early.
 
     Args:
         orders: The commands that were given.
-        record: Where the reason is noted.
+        record: Records the reason.
     """
 
     orders: OperatorOrders
@@ -79,7 +79,7 @@ class _OrderCondition(_Failsafe):
         super().shutdown()
 
     def update(self) -> Status:
-        """Look at the orders."""
+        """Check the commands."""
         return self._judge(self._reason() if self.command in self.orders.given else "")
 
     def _reason(self) -> str:
@@ -98,7 +98,7 @@ class _OrderCondition(_Failsafe):
     answers=(Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")),
 )
 class NotAborted(_OrderCondition):
-    """Has the operator not aborted the mission? FAILURE since the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
+    """Check that the operator has not aborted the mission: FAILURE once the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
 
     command, subject = "abort", "the mission"
 
@@ -109,7 +109,7 @@ class NotAborted(_OrderCondition):
     answers=(Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")),
 )
 class NotRecalled(_OrderCondition):
-    """Has the operator not called the robot home? FAILURE since `~/go_home` (`std_srvs/srv/Trigger`) was called."""
+    """Check that the operator has not called the robot home: FAILURE once `~/go_home` (`std_srvs/srv/Trigger`) was called."""
 
     command, subject = "go_home", "the robot"
 
@@ -124,16 +124,16 @@ class NotRecalled(_OrderCondition):
     facts={"navigation_lost": False},
 )
 class NavigationAvailable(_Failsafe):
-    """Did somebody judge the last drive? FAILURE if it has failed, or was cut off, while Nav2 or its localisation was away.
+    """Check that Nav2 could judge the last drive: FAILURE if the drive failed, or was halted, while Nav2 or its localisation was unavailable.
 
-    Such a failure says nothing of the place, so it is no reason to postpone or to abandon a zone.
+    Such a failure says nothing about the target, so it is no reason to postpone or to abandon a zone.
 
     Args:
-        record: Knows it, and where the reason is noted.
+        record: Holds the state of navigation, and records the reason.
     """
 
     def update(self) -> Status:
-        """Look at what the last drive has come to."""
+        """Check the result of the last drive."""
         lost = self.record.navigation_lost
         return self._judge(f"navigation is unavailable ({lost})" if lost else "")
 
@@ -146,18 +146,18 @@ class NavigationAvailable(_Failsafe):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class BatterySuffices(_Failsafe, TopicLeaf):
-    """Is there enough in the battery? FAILURE below a limit, or if it is not known for too long.
+    """Check that the battery suffices: FAILURE below a limit, or if its charge is unknown for too long.
 
-    A percentage that is not a number, or not from 0 to 1, says nothing.
+    A percentage that is not a number from 0 to 1 is ignored.
 
-    Where the tree asks whether the robot comes home again (`ReturnInReach`), the reserve counts above the limit.
+    If the tree checks the way home (`ReturnInReach`), the reserve is added to this limit.
 
     Args:
-        record: Where the reason is noted.
-        homing: What it takes to come home; is told the limit.
-        at_least: The limit, of 1 for a full battery.
-        topic: A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` counts.
-        max_age_sec: How long it may be silent, seconds of the node's clock.
+        record: Records the reason.
+        homing: Estimates the way home; receives the limit.
+        at_least: The limit, 1 for a full battery.
+        topic: A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` is used.
+        max_age_sec: Longest silence of the topic, seconds of the node's clock.
     """
 
     at_least: Annotated[float, sensible(0, 1)] = 0.2
@@ -174,17 +174,17 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         self._is_limit_told = False
 
     def setup(self, **kwargs: Any) -> None:
-        """Let it be known where the mission ends."""
+        """Report the limit at which the mission ends."""
         super().setup(**kwargs)
         if self.homing is not None:
             self.homing.ends_below = max(self.homing.ends_below, self.at_least)
 
     def check_message(self, message: Any) -> None:
-        """Hold the percentage against its definition."""
+        """Check the percentage against its definition."""
         battery_share(message)
 
     def on_message(self, message: Any) -> Status:
-        """Look at the percentage."""
+        """Check the percentage."""
         self._silent_since = None
         share = battery_share(message)
         if not self._is_limit_told:  # for the gauge
@@ -194,12 +194,12 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         return self._judge(low if share < self.at_least else "")
 
     def on_silence(self) -> Status:
-        """Give the first message time, too."""
+        """Allow time for the first message, too."""
         if self._silent_since is None:
             self._silent_since = self._now_sec()
-        # After a message, the base class has waited already.
+        # After a message, the base class has already waited.
         waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self.max_age_sec
-        nothing = f"nothing on '{self.topic_name}' for {self.max_age_sec:g} s"
+        nothing = f"no message on '{self.topic_name}' for {self.max_age_sec:g} s"
         return self._judge(f"{nothing}{self.silence_cause}" if waited else "")
 
 
@@ -210,14 +210,14 @@ class BatterySuffices(_Failsafe, TopicLeaf):
 )
 @dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
-    """Is the robot inside its geofence, the parameter `geofence`? SUCCESS without one, and while nobody knows where the robot is.
+    """Check that the robot is inside the parameter `geofence`: SUCCESS without a geofence, and while the robot's position is unknown.
 
-    Where it is, the transform from `map` and the odometry say; without them the last `amcl_pose`. FAILURE as well if that is no usable
-    pose: a localisation that has diverged says "not a number".
+    The position comes from the transform from `map` and the odometry, otherwise from the last `amcl_pose`. FAILURE also if the pose is
+    unusable: a localisation that has diverged publishes NaN.
 
     Args:
         fence: The geofence.
-        record: Where the reason is noted.
+        record: Records the reason.
     """
 
     fence: Fence
@@ -227,16 +227,16 @@ class InsideFence(_Failsafe):
         self._robot: RobotEstimate | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Listen to what is said of the robot."""
+        """Subscribe to the robot's pose."""
         super().setup(**kwargs)
         self._robot = robot_estimate(self.node)
 
     def update(self) -> Status:
-        """Look at the position."""
-        # Without a fence a transform need not be read in each tick.
+        """Check the position."""
+        # Without a fence there is no need to read a transform on each tick.
         robot = self._robot if self.fence else None
         if robot is not None and robot.pose_problem:
-            return self._judge(f"the last pose of the localisation cannot be used: {robot.pose_problem}")
+            return self._judge(f"the last pose of the localisation is unusable: {robot.pose_problem}")
         place = robot.place() if robot is not None else None
         if place is None or self.fence.contains(*place[:2]):
             return self._judge("")
@@ -250,12 +250,12 @@ class InsideFence(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class MissionTimeLeft(_Failsafe):
-    """Is there time left? FAILURE when it is up; it counts from the first tick on, whatever is halted meanwhile.
+    """Check that mission time is left: FAILURE after the limit. Time runs from the first tick on, even while nodes are halted.
 
     Args:
-        limit: How long the mission may take, seconds of the mission's clock.
+        limit: Time limit of the mission, seconds of the mission's clock.
         clock: The clock.
-        record: Where the reason is noted.
+        record: Records the reason.
     """
 
     limit: Seconds
@@ -266,12 +266,12 @@ class MissionTimeLeft(_Failsafe):
         self._began: float | None = None
 
     def update(self) -> Status:
-        """Look at the clock."""
+        """Check the clock."""
         now = self.clock.now()
         if self._began is None:
             self._began = now
         up = now - self._began > self.limit
-        return self._judge(f"the mission's time of {self.limit:g} s is up" if up else "")
+        return self._judge(f"the mission's time limit of {self.limit:g} s has expired" if up else "")
 
 
 @register(
@@ -286,15 +286,15 @@ class MissionTimeLeft(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class BaseInReach(_Failsafe):
-    """Is the base station there? FAILURE if its service was in no network for too long.
+    """Check that the base station is available: FAILURE if its service was missing from the network for too long.
 
-    A base that was killed is seen for some 20 s more (the lease of the middleware), which come before the patience.
+    A killed base station remains visible for about 20 s (the lease of the middleware), in addition to the patience.
 
     Args:
-        clock: The clock of the patience.
-        record: Where the reason is noted.
+        clock: The clock that measures the patience.
+        record: Records the reason.
         service: Its service, of the type `sar_interfaces/srv/ReportSurvivor`.
-        patience: How long it may be away, seconds of the mission's clock.
+        patience: Longest absence, seconds of the mission's clock.
     """
 
     clock: Clock
@@ -310,10 +310,10 @@ class BaseInReach(_Failsafe):
         self._seen: float | None = None
 
     def update(self) -> Status:
-        """Look whether there is a server."""
+        """Check whether a server exists."""
         now, service = self.clock.now(), self.node.resolve_service_name(self.service_name)
         if self._seen is None or self.node.count_services(service):
             self._seen = now
         away = now - self._seen
-        lost = f"base ('{self.service_name}') is out of reach for {away:.0f} s"
+        lost = f"base ('{self.service_name}') has been unreachable for {away:.0f} s"
         return self._judge(lost if away > self.patience else "")

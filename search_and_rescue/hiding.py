@@ -1,6 +1,6 @@
-"""Somebody who hides in a simulated search: where, and which looks find who is there, by the probabilities of the areas.
+"""A simulated hidden survivor: position and detection are drawn from the probabilities of the areas.
 
-Of an area with an outline somebody is anywhere in it, and is found by looks from within the detection range alone.
+In an area with a polygon the survivor is at a random position in it, and is detected only within the detection range.
 """
 
 import math
@@ -12,29 +12,29 @@ from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.zone_manager import MapPose
 
 HIDDEN = "hidden_survivor"
-"""The parameter that has somebody hide."""
-# How far ahead of the robot somebody is found, metres: what is seen does not stand where the robot stands.
+"""The parameter that hides a survivor."""
+# Distance of the survivor ahead of the robot, metres: a detection is not at the robot's own position.
 _AHEAD_M = 1.0
 
 
 class Hiding:
-    """Somebody who is in each area as likely as its POA says, and is found by a look there as likely as its POD says.
+    """A survivor placed in an area with probability POA, and detected by a search there with probability POD.
 
-    A seed has somebody in the same place whatever the order of the areas, and found by the same look there whatever the
-    order of the looks.
+    The seed determines the survivor's position and the detecting search in that area, independent of the order of areas
+    and searches.
 
     Args:
-        poses: From where the robot looks into each area.
-        areas: What is expected of looks there.
-        seed: The seed of the flight.
-        grounds: Outlines of areas, with the range in which somebody is found there.
+        poses: The pose from which the robot searches each area.
+        areas: The probabilities of each area.
+        seed: The seed of the run.
+        grounds: Polygons of areas, with their detection ranges.
 
     Attributes:
-        area: Where somebody is; None if that is elsewhere.
+        area: The survivor's area; None if outside all areas.
         ground: The ground of that area; None if it has none.
 
     Raises:
-        ImportError: If somebody is in an outline, and shapely is not installed.
+        ImportError: If the survivor's area has a polygon, and shapely is not installed.
     """
 
     def __init__(
@@ -69,11 +69,11 @@ class Hiding:
                 return x, y
 
     def look(self, area: str, robot: tuple[float, float] | None = None) -> tuple[float, float] | None:
-        """Return where a look in an area finds somebody, metres, frame `map`; None if nobody is found.
+        """Search an area and return the detected survivor's position, metres, frame `map`; None if none is detected.
 
         Args:
             area: The area.
-            robot: From where it is looked, metres, frame `map`; where that is not known, nobody is found in an outline.
+            robot: The robot's position, metres, frame `map`; if it is unknown, no survivor in a polygon is detected.
         """
         if area != self.area:
             return None
@@ -85,12 +85,12 @@ class Hiding:
 
 
 def read_hiding(reader: ParameterReader, areas: Mapping[str, Area]) -> bool:
-    """Read `hidden_survivor`: whether somebody hides in the simulator, by what is expected of looks in the areas."""
+    """Read `hidden_survivor`: whether the simulator hides a survivor according to the probabilities of the areas."""
     hides = reader.switch(HIDDEN, default=False)
     if hides and not areas:
-        reader.report(HIDDEN, "needs poa and pod beside the zones, which say where somebody hides")
+        reader.report(HIDDEN, "needs poa and pod of the zones, which place the survivor")
     if hides and any(key.partition(".")[0] == "survivors" for key in reader.parameters):
         reader.report(
-            HIDDEN, "has somebody hide by chance, and survivors says where somebody is: leave one out"
+            HIDDEN, "places a survivor at random, while survivors has fixed positions: remove one of them"
         )
     return hides

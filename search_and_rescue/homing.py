@@ -1,4 +1,4 @@
-"""Whether the robot can go on and come home again: what legs take of the battery and of the time."""
+"""Estimates of the way home: the battery and the time that legs of the mission take."""
 
 import math
 
@@ -11,11 +11,11 @@ from search_and_rescue.zone_manager import Fence, MapPose, PosePair, ZoneManager
 CHARGING = "charging"
 """The group of parameters with the poses of charging places."""
 ENERGY = "energy"
-"""The group of parameters."""
+"""The group of parameters for battery consumption."""
 RESERVE = 0.15
-"""What is to be left in the battery at home, of 1 for a full one, where the parameters do not say it."""
+"""Default reserve in the battery on arrival at home, 1 for a full battery."""
 PRIOR = Rates(per_m=0.0005, per_sec=0.0001)
-"""What a robot is expected to use, where the parameters do not say it."""
+"""Default consumption of a robot."""
 _WRONG_BY = EnergyModel.wrong_by
 _NEAR_M = 1.5
 _POSE = ("x", "y", "yaw")
@@ -29,25 +29,25 @@ def _preview() -> "Homing":
 
 @mission_context(preview=_preview)
 class Homing:
-    """What it takes to come home, now and after the next leg: to the current zone, or to the open piece of its sweep.
+    """Estimates battery and time for the way home, now and after the next leg to the current zone or the open piece of its sweep.
 
-    Ways are as long as the `ZoneManager` takes them to be. A look at a piece takes its share of the zone's `look_sec`.
+    Path lengths come from the `ZoneManager`. The search of a piece takes its share of the zone's `look_sec`.
 
     Args:
         zones: The mission's zones and base station.
-        energy: What is known of the robot's battery.
+        energy: The model of the robot's battery.
         sweeps: The mission's sweeps.
-        reserve: What is to be left in it at home, of 1 for a full one.
-        speed_mps: How fast the robot drives, for estimates of time, m/s.
+        reserve: Charge that must be left on arrival at home, 1 for a full battery.
+        speed_mps: The robot's speed for estimates of time, m/s.
 
     Attributes:
         zones: The mission's zones and base station.
-        energy: What is known of the robot's battery.
-        reserve: What is to be left in it.
-        ends_below: Where a failsafe ends the mission, of 1 for a full battery: the reserve counts above that. 0 if none does.
-        place: Where the robot is, as far as anybody has said it.
-        is_asked: Whether the tree asks for this, so that it is to be shown.
-        ends_at: When the mission's time is up, seconds of the mission's clock.
+        energy: The model of the robot's battery.
+        reserve: Charge that must be left on arrival at home.
+        ends_below: Charge below which a failsafe ends the mission, 1 for a full battery; the reserve is added to it. 0 without a failsafe.
+        place: The robot's last known position.
+        is_asked: Whether the tree checks the way home, so that its figures are displayed.
+        ends_at: Time limit of the mission, seconds of the mission's clock.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class Homing:
 
     @property
     def has_next(self) -> bool:
-        """Whether there is a zone to go on to."""
+        """Whether a zone is left."""
         return self.zones.has_remaining()
 
     @property
     def next_zone(self) -> str:
-        """The zone to go on to.
+        """The next zone.
 
         Raises:
             IndexError: If every zone is visited.
@@ -82,7 +82,7 @@ class Homing:
 
     @property
     def next_leg(self) -> str:
-        """Where the next leg goes, in words.
+        """The target of the next leg, in words.
 
         Raises:
             IndexError: If every zone is visited.
@@ -91,7 +91,7 @@ class Homing:
         return sweep.told(self.next_zone) if sweep.left else self.next_zone
 
     def ways(self) -> list[PosePair]:
-        """Return the ways by which the next leg is weighed.
+        """Return the paths of the next leg.
 
         Raises:
             IndexError: If every zone is visited.
@@ -99,30 +99,30 @@ class Homing:
         return self.zones.ways([self._target()[0]], between=False)
 
     def _target(self) -> tuple[MapPose, float]:
-        """Return where the next leg goes, and how long a look there takes, seconds."""
+        """Return the target of the next leg, and the duration of a search there, seconds."""
         zone = self.zones.current_zone()
         look_sec = self.zones.areas.get(zone["id"], Area(0.0, 0.0)).look_sec
         sweep = self._sweeps.of(zone["id"])
         return (sweep.pieces[sweep.done], look_sec / len(sweep.pieces)) if sweep.left else (zone, look_sec)
 
     def await_charge(self) -> None:
-        """Begin to look whether the battery is charged or swapped."""
+        """Start watching for a charged or swapped battery."""
         self._charges = self.energy.charges
 
     @property
     def is_charged(self) -> bool:
-        """Whether the battery was charged or swapped since then."""
+        """Whether the battery has been charged or swapped since `await_charge`."""
         return self.energy.charges > self._charges
 
     def home(self) -> Trip:
-        """Return the way home."""
+        """Return the trip home."""
         return self._drive(self._way_from_here(self.zones.base_pose()))
 
     def leg(self, start: MapPose | None = None) -> Trip:
-        """Return the way to the current zone or piece, a look there and the way home from it.
+        """Return the trip to the current zone or piece, including a search there and the way home from it.
 
         Args:
-            start: Where the robot sets out; where it is if None.
+            start: The start; the robot's position if None.
 
         Raises:
             IndexError: If every zone is visited.
@@ -134,7 +134,7 @@ class Homing:
     def _way_from_here(self, target: MapPose) -> float:
         looked = self.zones.here()
         apart = self.zones.way_m(self.place, looked) if self.place is not None else 0.0
-        # What a planner has said begins where the robot has looked, and is worth more than a straight line from near there.
+        # The planner's path starts where the robot searched last, and is more accurate than a straight line from nearby.
         if self.place is None or apart <= _NEAR_M:
             return apart + self.zones.way_m(looked, target)
         return self.zones.way_m(self.place, target)
@@ -144,7 +144,7 @@ class Homing:
 
     @property
     def spare(self) -> float:
-        """What is in the battery above the reserve, of 1 for a full one."""
+        """Charge above the reserve, 1 for a full battery."""
         return self.energy.share - self._kept
 
     @property
@@ -152,7 +152,7 @@ class Homing:
         return self.reserve + self.ends_below
 
     def late(self, now: float) -> str:
-        """Return in words that the mission's time does not suffice for the next leg and the way home; empty if it does.
+        """Return why the mission time is too short for the next leg and the way home; empty if it suffices.
 
         Args:
             now: Seconds of the mission's clock.
@@ -163,10 +163,10 @@ class Homing:
         needed, left = self.leg().seconds, self.ends_at - now
         if needed <= left:
             return ""
-        return f"{self.next_leg} needs {needed:.0f} s out and home, of the mission's time {max(0.0, left):.0f} s are left"
+        return f"{self.next_leg} needs {needed:.0f} s out and home, and {max(0.0, left):.0f} s of the mission time are left"
 
     def shortage(self, now: float = 0.0) -> str:
-        """Return in words that battery or time do not suffice for the next leg and the way home; empty if they do.
+        """Return why battery or time are too short for the next leg and the way home; empty if they suffice.
 
         Args:
             now: Seconds of the mission's clock.
@@ -178,17 +178,17 @@ class Homing:
         need = self.energy.need(trip)
         if need <= self.spare:
             return self.late(now)
-        above = f" above the {self.ends_below:.0%} that end the mission" if self.ends_below else ""
+        above = f" above the limit of {self.ends_below:.0%} that ends the mission" if self.ends_below else ""
         return (
             f"{self.next_leg} needs {need:.0%} for {trip.metres:.0f} m and {trip.seconds:.0f} s, "
             f"the battery is at {self.energy.share:.0%}, the reserve is {self.reserve:.0%}{above}"
         )
 
     def charging_stop(self) -> tuple[str, MapPose]:
-        """Return where the robot is to have its battery charged: the id of the charging place, empty for home; and its pose.
+        """Return the stop for charging: the ID of the charging place, empty for home; and its pose.
 
-        It is the nearest place that is reached with the reserve, of those from where a full battery suffices for the current zone if there
-        are such. Home counts as reached where no charging place is: no leg begins that does not end there.
+        The stop is the nearest place that the robot reaches with its reserve. Places from which a full battery suffices for the current zone are
+        preferred. Without charging places home is assumed to be reachable, because every leg is planned to end there.
         """
         stops = self._stops()
         useful = {name: pose for name, pose in stops.items() if self.has_next and self._suffices_from(pose)}
@@ -197,11 +197,11 @@ class Homing:
         return name, among[name]
 
     def way_to(self, pose: MapPose) -> Trip:
-        """Return the way to a place from where the robot is."""
+        """Return the trip from the robot to a pose."""
         return self._drive(self._way_from_here(pose))
 
     def _stops(self) -> dict[str, MapPose]:
-        """Return home, and the charging places that are reached with the reserve; without home if it is not, and one of these is."""
+        """Return home and the charging places reached with the reserve; without home if only charging places are reached."""
         near = {name: pose for name, pose in self.zones.charging.items() if self._is_reached(pose)}
         base = self.zones.base_pose()
         return {"": base, **near} if not near or self._is_reached(base) else near
@@ -213,7 +213,7 @@ class Homing:
         return self.energy.need(self.leg(start)) <= 1.0 - self._kept
 
     def excess(self) -> str:
-        """Return in words that not even a full battery suffices for the next leg, from home or a charging place in reach; empty if one does.
+        """Return why even a full battery is too small for the next leg, from home or a reachable charging place; empty if one suffices.
 
         Raises:
             IndexError: If every zone is visited.
@@ -221,7 +221,7 @@ class Homing:
         if any(map(self._suffices_from, self._stops().values())):
             return ""
         if self.zones.charging and self.energy.need(self.leg()) <= self.spare:
-            # From home it is too far, and the robot is nearer.
+            # From home the leg is too long, while the robot itself is nearer.
             return ""
         trip = self.leg(self.zones.base_pose())
         need = self.energy.need(trip)
@@ -231,7 +231,7 @@ class Homing:
         )
 
     def weighed(self) -> dict[str, float | None]:
-        """Return the figures behind a shortage: what the leg needs of the battery, metres and seconds, and what is in it.
+        """Return the figures of a shortage: the leg's battery, metres and seconds, and the charge.
 
         Raises:
             IndexError: If every zone is visited.
@@ -245,15 +245,15 @@ class Homing:
         }
 
     def figures(self) -> list[Figure]:
-        """Return what the way home takes, and how far and how long the robot can go on before it only just comes home.
+        """Return the battery for the way home, and the distance and time left before the point of no return.
 
-        None before it is asked for, or anything is known of the battery.
+        The figures are None until the tree checks the way home and the battery's charge is known.
         """
         if not self.is_asked or not math.isfinite(self.energy.share):
             return []
         need = self.energy.need(self.home())
         left = max(0.0, self.spare - need)
-        # What is driven away from home has to be driven back.
+        # Every metre driven away from home must be driven back.
         metres = left / (2 * self.energy.need(self._drive(1.0)))
         seconds = left / self.energy.need(Trip(0.0, 1.0))
         return [
@@ -264,7 +264,7 @@ class Homing:
 
 
 def read_homing(reader: ParameterReader, zones: ZoneManager, sweeps: Sweeps, speed_mps: float) -> Homing:
-    """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, all of which have a default."""
+    """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, which all have defaults."""
     reader.only(ENERGY, _NAMES)
     prior = Rates(*(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in Rates._fields))
     wrong_by = _share(reader, "wrong_by", _WRONG_BY)
@@ -278,16 +278,16 @@ def read_homing(reader: ParameterReader, zones: ZoneManager, sweeps: Sweeps, spe
 
 
 def read_charging(reader: ParameterReader, fence: Fence) -> dict[str, MapPose]:
-    """Read the poses of charging places, `charging.<id>.{x,y,yaw}`; those besides the base station, where there are such."""
+    """Read the poses of charging places, `charging.<id>.{x,y,yaw}`, in addition to the base station."""
     places = dict[str, MapPose]()
     for name, given in reader.group(CHARGING, _POSE).items():
         for missing in sorted({"x", "y"} - given):
             reader.report(
-                f"{CHARGING}.{name}.{missing}", "is missing: a charging place has x and y in metres"
+                f"{CHARGING}.{name}.{missing}", "is missing: add x and y of the charging place in metres"
             )
         x, y, yaw = (reader.number(f"{CHARGING}.{name}.{axis}", 0.0) for axis in _POSE)
         if not fence.contains(x, y):
-            reader.report(f"{CHARGING}.{name}.x", f"has the place ({x:g}, {y:g}) outside the geofence")
+            reader.report(f"{CHARGING}.{name}.x", f"has the position ({x:g}, {y:g}) outside the geofence")
         places[name] = MapPose(x=x, y=y, yaw=yaw)
     return places
 
@@ -295,5 +295,5 @@ def read_charging(reader: ParameterReader, fence: Fence) -> dict[str, MapPose]:
 def _share(reader: ParameterReader, name: str, default: float) -> float:
     value = reader.number(f"{ENERGY}.{name}", default)
     if value == 1.0:
-        reader.report(f"{ENERGY}.{name}", "must be a share from 0 to below 1, is 1")
+        reader.report(f"{ENERGY}.{name}", "is 1: write a share from 0 to below 1")
     return value

@@ -1,4 +1,4 @@
-"""Heeding the operator: pause, resume, another plan, and a word on each find."""
+"""Leaves for operator commands: pause, resume, changes of the plan, and reviews of detections."""
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
@@ -37,18 +37,18 @@ _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 )
 @dataclass(eq=False, repr=False)
 class NotHeld(RosLeaf):
-    """Is the robot free to go on? FAILURE from `~/pause` to `~/resume`, and in one tick where the operator has changed the plan.
+    """Check that the mission may run: FAILURE between `~/pause` and `~/resume`, and for one tick after the operator changed the plan.
 
-    In front of the mission in a ReactiveSequence a failure halts the mission, which cancels the goal; then the mission is
-    started again. The services are on the mission's node: `~/pause`, `~/resume`, `~/skip_zone` (the current one; all
+    Put it before the mission in a ReactiveSequence: its failure halts the mission, which cancels the goal; the mission then
+    starts over. The services are on the mission's node: `~/pause`, `~/resume`, `~/skip_zone` (the current one; all
     three `std_srvs/srv/Trigger`), `~/add_zone` (`sar_interfaces/srv/AddZone`) and `~/judge_survivor`
     (`sar_interfaces/srv/JudgeSurvivor`).
 
     Args:
-        orders: The commands that were given.
+        orders: The operator's commands.
         zone_manager: The mission's zones.
         fence: The geofence, for zones that are added.
-        record: Where orders are noted.
+        record: Records commands.
     """
 
     name: str
@@ -75,7 +75,7 @@ class NotHeld(RosLeaf):
             self.orders.offer(self.node, command, partial(self._answer, command, action))
 
     def update(self) -> Status:
-        """Look at the orders."""
+        """Check the commands."""
         orders = self.orders
         if orders.plan_change:
             label = "zone skipped" if orders.has_skipped else "plan changed"
@@ -94,7 +94,7 @@ class NotHeld(RosLeaf):
     def _answer(
         self, command: str, carry_out: Callable[[Any], str | None], request: Any, response: Any
     ) -> Any:
-        """Answer a command: it is refused if carrying it out returns what is wrong with it."""
+        """Execute a command and send the response; it is refused if `carry_out` returns an error."""
         refusal = carry_out(request)
         response.success, response.message = not refusal, refusal or "done"
         if refusal:
@@ -115,14 +115,18 @@ class NotHeld(RosLeaf):
     def _add_zone(self, request: Any) -> str:
         zone_id = request.zone_id
         if not zone_id or self.zone_manager.knows(zone_id):
-            return f"there is a zone '{zone_id}' already" if zone_id else "the zone has no name"
+            return (
+                f"a zone '{zone_id}' already exists: choose another name"
+                if zone_id
+                else "the zone has no name: write one"
+            )
         try:
             pose = stamped_pose(request.pose, MAP_FRAME)
         except UnusableValueError as error:
             return str(error)
         if not self.fence.contains(pose.x, pose.y):
             return f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
-        # On the way home already: the mission begins anew, with this zone.
+        # Even if the robot is already on its way home, the mission starts over with this zone.
         if not self.zone_manager.has_remaining():
             self.orders.change_plan(f"{zone_id} was added by {self.orders.author}")
         self.zone_manager.add(Zone(id=zone_id, x=pose.x, y=pose.y, yaw=pose.yaw))
@@ -132,9 +136,9 @@ class NotHeld(RosLeaf):
         survivor_id, same_as = request.survivor_id, request.same_as
         standing = _STANDINGS.get(request.verdict)
         if standing is None:
-            return f"there is no verdict {request.verdict}"
+            return f"unknown verdict {request.verdict}"
         if self.record.survivor(survivor_id) is None:
-            return f"there is no '{survivor_id}'"
+            return f"unknown survivor '{survivor_id}'"
         merged = standing is Standing.MERGED
         if merged and (same_as == survivor_id or self.record.survivor(same_as) is None):
             return f"'{survivor_id}' cannot be merged with '{same_as}'"
@@ -148,10 +152,10 @@ class NotHeld(RosLeaf):
     answers=(Answer("SUCCESS", "stands"), Answer("RUNNING", "moves")),
 )
 class AwaitStandstill(RosLeaf):
-    """Wait until the robot stands by its odometry: RUNNING while it moves, for `settle_timeout_sec` at most, then SUCCESS with a warning.
+    """Wait until the odometry shows that the robot stands still: RUNNING for `settle_timeout_sec` at most, then SUCCESS with a warning.
 
-    Without odometry a robot stands as soon as the mission's goals have ended. With odometry they must have ended as well,
-    those of every action: one that stands may be about to go on, and nobody knows of an action whether it moves the robot.
+    Without odometry the robot is assumed to stand as soon as the mission's goals have ended. With odometry the goals of every action must
+    have ended as well: a standing robot may be about to drive, and any action might move the robot.
     """
 
     def __init__(self, name: str) -> None:
@@ -159,20 +163,20 @@ class AwaitStandstill(RosLeaf):
         self._rest: Standstill | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Begin to listen to the odometry."""
+        """Subscribe to the odometry."""
         super().setup(**kwargs)
         robot_estimate(self.node)
 
     def initialise(self) -> None:
-        """Wait anew."""
-        self._rest = Standstill(self, self._wake, "it was told to stand", with_goals=True)
+        """Restart the wait."""
+        self._rest = Standstill(self, self._wake, "the command to stop", with_goals=True)
 
     def update(self) -> Status:
-        """Look at the goals and at the odometry."""
+        """Check the goals and the odometry."""
         return Status.RUNNING if self._rest is not None and self._rest.is_awaited() else Status.SUCCESS
 
     def terminate(self, new_status: Status) -> None:
-        """Wait no longer if the leaf was interrupted."""
+        """Stop waiting if the leaf was halted."""
         if new_status is Status.INVALID and self._rest is not None:
             self._rest.give_up()
 

@@ -1,4 +1,4 @@
-"""The commands to a mission under way, each declared once: its service, its button, the fact that records it, and what is said of it."""
+"""The operator's commands, each declared once: its service, its button, the event that records it, and the text of that event."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -17,16 +17,16 @@ _UNKNOWN_AUTHOR = "the operator"
 
 @mission_context
 class OperatorOrders:
-    """The commands that were given, until they are heeded, with their authors.
+    """The operator's commands with their authors, until they take effect.
 
-    The services are those of the leaves that heed the commands: a tree without them offers none.
+    The services belong to the leaves that execute the commands: a tree without these leaves offers none.
 
     Attributes:
-        given: The author and the reason, in words, of each command that was given and lasts, by the command's name.
-        held: Whether the robot is to stand where it is.
-        plan_change: How the plan has changed, in words, so that the mission must look at it anew; empty if it has not.
-        has_skipped: Whether a zone was skipped in that.
-        journal: Where commands are written (`search_events.COMMAND_GIVEN`); those on zones and survivors by who keeps these.
+        given: Author and reason of each command in effect, by the command's name.
+        held: Whether the mission is paused.
+        plan_change: Description of the last change of the plan, which the mission must take into account; empty if there is none.
+        has_skipped: Whether that change skipped a zone.
+        journal: Records commands (`search_events.COMMAND_GIVEN`); the owners of zones and survivors record commands on these.
     """
 
     def __init__(self) -> None:
@@ -38,67 +38,67 @@ class OperatorOrders:
 
     @property
     def author(self) -> CommandAuthor:
-        """Who gives the command that is being carried out, and why: `Ann (page, 127.0.0.1)`, `the property 'home at the end'`."""
+        """Author and reason of the current command: `Ann (page, 127.0.0.1)`, `the property 'home at the end'`."""
         author = self.journal.author
         return author if author.name else CommandAuthor(_UNKNOWN_AUTHOR)
 
     def give(self, command: str) -> None:
-        """Give a command that changes what the mission is at: `pause`, `resume`, `go_home` or `abort`."""
+        """Record a command that changes the mission's mode: `pause`, `resume`, `go_home` or `abort`."""
         self.journal.note(
             search_events.COMMAND_GIVEN, command=command, by=self.author.name, reason=self.author.reason
         )
 
     def change_plan(self, how: str, *, skips: bool = False) -> None:
-        """Have the mission look at its plan anew.
+        """Make the mission re-evaluate its plan.
 
         Args:
-            how: How the plan has changed, in words.
+            how: Description of the change.
             skips: Whether a zone was skipped.
         """
         self.plan_change, self.has_skipped = how, self.has_skipped or skips
 
     def apply(self, fact: JournalEntry) -> None:
-        """Take a command that is a fact.
+        """Apply the event of a command.
 
         Raises:
-            LookupError or ValueError: If there is no such command.
+            LookupError or ValueError: If the command is unknown.
         """
         if fact.kind != search_events.COMMAND_GIVEN:
             return
         command = fact.data["command"]
         if not _COMMANDS[command].done:
-            raise ValueError(f"{command!r} does not change what the mission is at")
-        # A command that is given again while it lasts changes nothing, not even who has given it.
+            raise ValueError(f"{command!r} does not change the mission's mode")
+        # Repeating a command in effect changes nothing, not even its author.
         lasts = self.held if command == "pause" else command != "resume"
         if not (lasts and command in self.given):
             self.given[command] = str(CommandAuthor.of(fact.data))
-        # Who is called home, or has ended, is held no more.
+        # A mission that returns home or was aborted is no longer paused.
         self.held = command == "pause"
 
     def said(self, command: str) -> str:
-        """Return what a command has done, and who has given it why: `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
+        """Return a command's effect, author and reason: `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
         return f"{_COMMANDS[command].done} by {self.given.get(command, _UNKNOWN_AUTHOR)}"
 
     def line(self, command: str, more: str = "") -> str:
-        """Return a line for the log about the command that is being carried out."""
+        """Return a log line about the current command."""
         by, reason = self.author
         said = f"Command {command} by {by}{f': {more}' if more else ''}."
         return f"{said} Reason: {reason}." if reason else said
 
     def offer(self, node: "Node", command: str, answer: Callable[[Any, Any], Any]) -> None:
-        """Serve a command on a node, as `~/command`; another leaf may have done so before.
+        """Offer the service `~/command` on a node, unless another leaf already does.
 
         Args:
             node: The mission's node.
             command: The name of the command.
-            answer: Is called with the request and the response, and returns the response.
+            answer: The service callback: receives the request and the response, and returns the response.
         """
         if command not in self._services:
             kind = find_interface("CommandSpec", "srv", command, _COMMANDS[command].verb.service_type)
             self._services[command] = node, node.create_service(kind, f"~/{command}", answer)
 
     def withdraw(self) -> None:
-        """Destroy the services, which are gone already where their node is."""
+        """Destroy the services, unless they were destroyed with their node."""
         services, self._services = self._services, {}
         for node, service in services.values():
             if alive(node):
@@ -116,7 +116,7 @@ def _add_zone(request: Any, values: Mapping[str, Any]) -> None:
 def _add_hint(request: Any, values: Mapping[str, Any]) -> None:
     request.zone_id, request.likelihood_ratio = values["zone"], values["times"]
     request.point.header.frame_id = MAP_FRAME
-    # Without a zone and a place it is refused.
+    # Without a zone and a position it is refused.
     request.point.point.x, request.point.point.y = (
         math.nan if values[axis] is None else values[axis] for axis in ("x", "y")
     )
@@ -145,7 +145,7 @@ def _said_given(command: str, by: str, reason: str = "") -> str:
     return f"{by}: {_COMMANDS[command].verb.label.lower()}{f': {reason}' if reason else ''}"
 
 
-def _said_added(id: str, x: float, y: float, yaw: float) -> str:  # noqa: A002, ARG001 - as the fact has it
+def _said_added(id: str, x: float, y: float, yaw: float) -> str:  # noqa: A002, ARG001 - the event's keys
     return f"{_UNKNOWN_AUTHOR}: {id} was added at {_at(x, y)}"
 
 
@@ -165,11 +165,11 @@ class CommandSpec(NamedTuple):
     """A command to the mission.
 
     Attributes:
-        verb: Its service, with the request's fields, and its button.
-        served_by: The tags of the leaves that offer the service, one of which a tree must have.
-        fact: The kind of the fact that records it.
-        sentence: Returns such a fact as a sentence, from its data; None if leaves note that kind without a command as well.
-        done: What it has done, as said before `by` and its author; empty for one that only changes the plan or what is known.
+        verb: Its service with the request's fields, and its button.
+        served_by: Tags of the leaves that offer the service; a tree needs one of them.
+        fact: The kind of the event that records it.
+        sentence: Formats the event as a sentence; None if leaves also record this kind without a command.
+        done: Its effect, followed by `by` and the author in messages; empty for a command that only changes the plan or the probabilities.
     """
 
     verb: Verb
@@ -181,19 +181,19 @@ class CommandSpec(NamedTuple):
 
 COMMANDS = (
     CommandSpec(
-        Verb("pause", "Pause", "The robot stops where it is, and its goal is cancelled.", role="hold"),
+        Verb("pause", "Pause", "The robot stops, and its goal is cancelled.", role="hold"),
         ("NotHeld",),
         done="paused",
     ),
     CommandSpec(
-        Verb("resume", "Resume", "The mission goes on.", role="release"), ("NotHeld",), done="resumed"
+        Verb("resume", "Resume", "The mission resumes.", role="release"), ("NotHeld",), done="resumed"
     ),
     CommandSpec(
         Verb(
             "skip_zone",
             "Skip zone",
-            "The current zone is given up.",
-            confirm="The current zone will not be searched. Whoever is there is not looked for.",
+            "The current zone is abandoned.",
+            confirm="The current zone will not be searched. Anyone in it will not be found by this mission.",
         ),
         ("NotHeld",),
         search_events.ZONE_ABANDONED,
@@ -203,7 +203,7 @@ COMMANDS = (
         Verb(
             "add_zone",
             "Add zone",
-            "A further zone, after all others.",
+            "A further zone is added at the end of the plan.",
             "sar_interfaces/srv/AddZone",
             (
                 VerbField("zone", "Name"),
@@ -221,12 +221,12 @@ COMMANDS = (
         Verb(
             "add_area",
             "Draw an area",
-            "A further area is swept, or one that nobody has begun to search is changed.",
+            "A further area is swept. An area whose search has not started can be changed.",
             "sar_interfaces/srv/AddArea",
             (
-                VerbField("zone", "Name; of an area that is there to change it"),
+                VerbField("zone", "Name; an existing name changes that area"),
                 VerbField("corners", "Corners", "polygon", optional=True),
-                VerbField("poa", "probability that somebody is there, 0 to 1", "number", optional=True),
+                VerbField("poa", "probability that a person is there, 0 to 1", "number", optional=True),
                 VerbField(
                     "detection_range", "how far a survivor can be seen, metres", "number", optional=True
                 ),
@@ -241,13 +241,15 @@ COMMANDS = (
         Verb(
             "add_hint",
             "Add a hint",
-            "Somebody may be, or is hardly, in a zone: it counts when the next zone is chosen.",
+            "A person is more or less likely in a zone. Takes effect when the next zone is chosen.",
             "sar_interfaces/srv/AddHint",
             (
-                VerbField("zone", "Zone; empty for the one around a place, or nearest to it", optional=True),
+                VerbField(
+                    "zone", "Zone; empty for the zone at the position, or nearest to it", optional=True
+                ),
                 VerbField("x", "x, metres", "number", optional=True),
                 VerbField("y", "y, metres", "number", optional=True),
-                VerbField("times", "times likelier: 3 for, 0.3 against", "number"),
+                VerbField("times", "likelihood ratio: 3 for more likely, 0.3 for less", "number"),
             ),
             fill=_add_hint,
         ),
@@ -258,22 +260,22 @@ COMMANDS = (
     CommandSpec(
         Verb(
             "judge_survivor",
-            "Judge a find",
-            "Judge whether a find is a survivor.",
+            "Review a detection",
+            "Decide whether a detection is a survivor.",
             "sar_interfaces/srv/JudgeSurvivor",
             (
-                VerbField("survivor", "Find", "found"),
+                VerbField("survivor", "Detection", "found"),
                 VerbField(
                     "verdict",
                     "It is",
                     "choice",
                     (
                         ("CONFIRMED", "a survivor"),
-                        ("REJECTED", "nobody"),
-                        ("SAME", "the same one as another"),
+                        ("REJECTED", "no survivor"),
+                        ("SAME", "a duplicate of another"),
                     ),
                 ),
-                VerbField("same_as", "The same as", "found", optional=True),
+                VerbField("same_as", "Duplicate of", "found", optional=True),
             ),
             fill=_judge,
         ),
@@ -285,8 +287,8 @@ COMMANDS = (
         Verb(
             "go_home",
             "Go home",
-            "The robot comes back to the base station.",
-            confirm="The robot comes home, and the zones that are left are not searched.",
+            "The robot returns to the base station.",
+            confirm="The robot returns home. The remaining zones are not searched.",
         ),
         ("NotRecalled",),
         done="called home",
@@ -295,8 +297,8 @@ COMMANDS = (
         Verb(
             "abort",
             "Abort",
-            "The mission ends where the robot stands.",
-            confirm="The mission ends here and now, and the robot stays where it is.",
+            "The mission ends, and the robot stays where it is.",
+            confirm="The mission ends here, and the robot must be fetched. You cannot undo this.",
             role="stop",
         ),
         ("NotAborted",),
@@ -313,4 +315,4 @@ VERBS = tuple(each.verb for each in COMMANDS)
 SENTENCES: Mapping[str, Callable[..., str]] = {
     each.fact: each.sentence for each in COMMANDS if each.sentence is not None
 }
-"""What is said of the facts of commands, by their kinds."""
+"""Texts of the events of commands, by kind."""

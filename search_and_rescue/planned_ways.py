@@ -1,4 +1,4 @@
-"""How long ways are, by Nav2's planner."""
+"""Path lengths from Nav2's planner."""
 
 import itertools
 import math
@@ -29,14 +29,14 @@ _ACTION = "compute_path_to_pose"
 
 
 class PlannedWays:
-    """Asks the planner for ways, one after the other, and lets the zones know how long they are.
+    """Requests paths from the planner, one after the other, and passes their lengths to the zones.
 
     Args:
         node: The mission's node.
-        zones: Hear of each way.
-        timeout_sec: How long all answers together may take, seconds of the machine's clock.
-        planner_id: Which of the server's planners is asked; empty for its only one.
-        wake: Called when the last answer has come.
+        zones: Receives each length.
+        timeout_sec: Time limit for all paths together, seconds of the machine's clock.
+        planner_id: ID of the planner in the server; empty for its only one.
+        wake: Called when the last response has arrived.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class PlannedWays:
     ) -> None:
         self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
         self._planner = ActionQuestions(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
-        # A planner computes by the machine's clock, also where a simulation is faster than that.
+        # A planner computes by the machine's clock, even if simulated time runs faster.
         self._due = Deadline(0.0)
         self._ways: Sequence[PosePair] = ()
         self._left: list[PosePair] = []
@@ -53,31 +53,31 @@ class PlannedWays:
         self._told = ""
 
     def ask(self, ways: Sequence[PosePair]) -> None:
-        """Ask for those of the ways that are not known yet; where there is no server, for none."""
+        """Request the unknown paths; without a server, request none."""
         self.give_up()
         self._ways, self._reasons = ways, set()
         self._left = [way for way in ways if not self._zones.knows_way(*way)]
         self._due = Deadline(self._timeout_sec)
         if self._left and not self._planner.has_server:
-            self._stop(f"no server of {_ACTION} is there")
+            self._stop(f"no server offers {_ACTION}")
 
     def are_awaited(self) -> bool:
-        """Return whether an answer is still to come; sends the first question as soon as the server can be asked."""
+        """Return whether a response is pending; sends the first request as soon as the server is available."""
         if self._left and self._due.passed:
-            self._stop(f"no answer within {self._timeout_sec:g} s")
+            self._stop(f"no response within {self._timeout_sec:g} s")
         elif self._left and not self._is_waiting:
             self._go_on()
         return bool(self._left)
 
     def shortfall(self) -> str:
-        """Return how many of the ways are taken as straight lines, and why; empty if all are known."""
+        """Return the number of paths estimated by straight lines, with the reason; empty if all are known."""
         unknown = sum(not self._zones.knows_way(*way) for way in self._ways)
         if not unknown:
             return ""
-        return f"{unknown} of {len(self._ways)} ways by straight lines times {DETOUR:g}: {self._reason}"
+        return f"{unknown} of {len(self._ways)} paths estimated as {DETOUR:g} times the straight line: {self._reason}"
 
     def news(self) -> str:
-        """Return the shortfall, once for each reason."""
+        """Return the shortfall once for each reason."""
         told, self._told = self._told, self._reason
         return self.shortfall() if self._reason != told else ""
 
@@ -86,12 +86,12 @@ class PlannedWays:
         return ", ".join(sorted(self._reasons))
 
     def give_up(self) -> None:
-        """Ask no further; what is answered later is ignored."""
+        """Stop the requests; later responses are ignored."""
         self._left, self._is_waiting = [], False
         self._planner.give_up()
 
     def release(self) -> None:
-        """Ask no more at all."""
+        """Release the client."""
         self.give_up()
         self._planner.release()
 
@@ -113,7 +113,7 @@ class PlannedWays:
         return goal
 
     def _take(self, status: int, result: Any) -> None:
-        """Note the answer, and ask for the next way."""
+        """Store the response, and request the next path."""
         start, target = self._left.pop(0)
         self._is_waiting = False
         try:
@@ -121,11 +121,11 @@ class PlannedWays:
         except UnusableValueError as error:
             points, why = [], f"its path has a point where {error}"
         else:
-            why = describe_end(status, result) if status else "it rejects the question"
+            why = describe_end(status, result) if status else "it rejects the request"
         if points:
             self._zones.learn_way(start, target, _length(start, points, target))
         else:
-            self._reasons.add(f"the planner gives none: {why}")
+            self._reasons.add(f"the planner returned no path: {why}")
         if self._left:
             self._go_on()
         else:

@@ -48,25 +48,25 @@ class SearchAndRescue(Mission):
     is_resumable = True
 
     def default_parameters(self) -> Path:
-        """Return the shipped file."""
+        """Return the shipped parameter file."""
         return shipped("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the shipped file for a tree that visits the zones and returns home: others if it may return early, or sweeps."""
+        """Return the shipped properties for a tree that visits the zones and returns home; another file if it may return early, or sweeps."""
         if not {ZonesRemaining, NavigateToBase} <= set(leaves):
             return None
         early = "search_areas" if ReturnInReach in leaves else "mission"
         return shipped("config", f"{'search_sweeps' if PlanSweep in leaves else early}_properties.yaml")
 
     def begin(self, reader: ParameterReader) -> "Search":
-        """Begin a run with no zone visited."""
+        """Start a run with no zone visited."""
         take_areas_file(reader)
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
         speed, fence = reader.cruise_speed(), read_fence(reader)
         grounds = read_grounds(reader, zones, fence)
         sweeps_sec: dict[str, float] = {}
-        # What is reported already may be no number to divide by.
+        # A value already reported as wrong may be 0, so avoid a division by it.
         if not reader.problems:
             sweeps_sec = {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
             note_surprises(reader, zones, grounds)

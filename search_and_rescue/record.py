@@ -1,4 +1,4 @@
-"""The record of a mission's events, for its summary and its exit status."""
+"""The record of a mission's events for its summary and exit status."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,38 +20,38 @@ from search_and_rescue.zone_manager import ZoneManager
 
 DUPLICATE_RADIUS_M = 3.0
 UNSEARCHED = "visited, not searched"
-"""The state of a zone where the robot was, and the tree has gone on without a finished search."""
+"""State of a zone that the robot visited without finishing a search."""
 
 
 class Standing(str, Enum):
-    """What the operator says of a find."""
+    """The operator's review of a detection."""
 
     CANDIDATE = "candidate"
     """Nothing yet."""
     CONFIRMED = "confirmed"
     """It is a survivor."""
     REJECTED = "rejected"
-    """It is none."""
+    """It is not a survivor."""
     MERGED = "merged"
-    """It is a survivor who has another name already."""
+    """It is a survivor with another name."""
 
 
 @dataclass(frozen=True)
 class FoundSurvivor:
-    """A survivor that was found.
+    """A detected survivor.
 
     Attributes:
-        zone_id: The zone in which the survivor was found; empty if unknown.
+        zone_id: The zone of the detection; empty if unknown.
         x: Position in the frame `map`, metres.
         y: Position in the frame `map`, metres.
-        survivor_id: The survivor's name once there is one, which is also the name of the TF frame.
+        survivor_id: The survivor's name, also the name of the TF frame; None until it is assigned.
         acknowledged: Whether the base station has confirmed the report.
-        kept: Whether the report is kept, to be delivered later.
-        possibly: The name of a survivor found earlier, so near that it may be the same one.
-        standing: What the operator says of it.
-        found_at: When it was found.
-        sent_at: When the report was sent last.
-        acknowledged_at: When the base station has confirmed it.
+        kept: Whether the report is stored for later delivery.
+        possibly: The name of an earlier survivor close enough to be the same one.
+        standing: The operator's review.
+        found_at: Time of the detection.
+        sent_at: Time of the last report.
+        acknowledged_at: Time of the base station's acknowledgement.
     """
 
     zone_id: str
@@ -77,12 +77,12 @@ class FoundSurvivor:
 
     @property
     def counts(self) -> bool:
-        """Whether base must know of it: unless the operator has said that it is nobody, or somebody known."""
+        """Whether base must receive its report: the operator has not rejected it or merged it with another survivor."""
         return self.standing in (Standing.CANDIDATE, Standing.CONFIRMED)
 
     @property
     def report(self) -> str:
-        """What has become of the report, in words."""
+        """State of the report, in words."""
         if self.acknowledged:
             return "acknowledged"
         return "kept" if self.kept else "sent" if self.sent_at is not None else "not sent"
@@ -90,15 +90,15 @@ class FoundSurvivor:
 
 @dataclass(frozen=True)
 class ZoneRecord:
-    """What has become of a zone.
+    """The record of a zone.
 
     Attributes:
-        attempts: How often it was set out for.
-        started: When it was set out for last.
-        searched: When a search of it was finished; None if none was.
-        left: When it was visited, postponed or given up.
-        unplaced: Why somebody whom its last search has found cannot be where that says, in words; empty if there is nobody.
-        given_up: How it was given up and why, as said behind its name and `was`; empty if it was not.
+        attempts: Number of drives to it.
+        started: Time of the last start of a drive to it.
+        searched: Time of its last finished search; None if there is none.
+        left: Time at which it was visited, postponed or abandoned.
+        unplaced: Why the position of a survivor in its last search is unusable; empty if there is no such survivor.
+        given_up: How and why it was abandoned, as a text that follows its name and `was`; empty if it was not.
     """
 
     attempts: int = 0
@@ -110,12 +110,12 @@ class ZoneRecord:
 
 
 def how_given_up(attempts: int, reason: str) -> str:
-    """Return how a zone was given up and why, as said behind its name and `was`."""
+    """Describe how and why a zone was abandoned, as a text that follows its name and `was`."""
     return f"given up: {reason}" if reason else f"abandoned after attempt {attempts}"
 
 
 def _told(zones: Iterable[tuple[str, str]]) -> list[str]:
-    """Return what zones were in sentences, one for all that were the same."""
+    """Return a sentence for each state of zones, joining zones of equal state."""
     names: dict[str, list[str]] = {}
     for zone, what in zones:
         names.setdefault(what, []).append(zone)
@@ -142,13 +142,13 @@ class SurvivorReport:
 
 @mission_context
 class KeptReports:
-    """The reports of one mission that are still to be delivered, the oldest first; one for each survivor. Facts of the mission make them."""
+    """The undelivered reports of one mission, one for each survivor, the oldest first. Built from the mission's events."""
 
     def __init__(self) -> None:
         self._reports: dict[str, SurvivorReport] = {}
 
     def __len__(self) -> int:
-        """Return how many reports are kept."""
+        """Return the number of reports."""
         return len(self._reports)
 
     def __iter__(self) -> Iterator[SurvivorReport]:
@@ -156,10 +156,10 @@ class KeptReports:
         return iter(list(self._reports.values()))
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change what is kept by a fact.
+        """Update the reports from an event.
 
         Raises:
-            LookupError, TypeError or ValueError: If there cannot be such a fact now.
+            LookupError, TypeError or ValueError: If the event contradicts the current state.
         """
         data = fact.data
         if fact.kind == search_events.REPORT_KEPT:
@@ -172,10 +172,10 @@ class KeptReports:
 
 
 class DoneBefore:
-    """What an earlier run has done of what a resumed one begins with: the tree starts anew, and this is not done again.
+    """Results of earlier runs that a resumed tree, which starts over, must not repeat.
 
-    Searches and names are those of the zone, or of the piece of its sweep, that was not left yet. Each is handed out once, in its order: what a tree does
-    again on purpose is done again.
+    Searches and names are those of the zone, or of the piece of its sweep, that the earlier run had not left. Each is returned once, in order, so
+    that whatever the tree repeats on purpose is repeated.
 
     Attributes:
         home: Whether the robot is home.
@@ -189,7 +189,7 @@ class DoneBefore:
 
     @classmethod
     def of(cls, facts: Iterable[JournalEntry]) -> "DoneBefore":
-        """Return what the facts of earlier runs say, which fit their mission."""
+        """Return the results contained in the events of earlier runs of the same mission."""
         before = cls()
         for fact in facts:
             before._take(fact)
@@ -216,60 +216,60 @@ class DoneBefore:
             self.home = fact.kind == search_events.BASE_REACHED
 
     def has_searched(self, zone_id: str) -> bool:
-        """Return whether there is a search of a zone."""
+        """Return whether a search of a zone is available."""
         return any(zone == zone_id for zone, _ in self._searches)
 
     def has_found(self, zone_id: str) -> bool:
-        """Return whether the first search of a zone that there is has found a survivor."""
+        """Return whether the first available search of a zone found a survivor."""
         return next((place is not None for zone, place in self._searches if zone == zone_id), False)
 
     def take_search(self, zone_id: str) -> tuple[float, float] | None:
-        """Return where the first search of a zone has found a survivor, None if nobody; it is then not there any more."""
+        """Remove the first search of a zone and return its survivor's position, None if it found none."""
         index = next(index for index, (zone, _) in enumerate(self._searches) if zone == zone_id)
         return self._searches.pop(index)[1]
 
     def take_name(self, x: float, y: float) -> str | None:
-        """Return the name of the survivor at a position; it is then not there any more."""
+        """Remove and return the name of the survivor at a position."""
         index = next((index for index, (_, place) in enumerate(self._names) if place == (x, y)), None)
         return None if index is None else self._names.pop(index)[0]
 
     def has_open_name(self, x: float, y: float) -> bool:
-        """Return whether there is a name of the survivor at a position."""
+        """Return whether a name of the survivor at a position is available."""
         return any(place == (x, y) for _, place in self._names)
 
     def has_named(self, survivor_id: str) -> bool:
-        """Return whether an earlier run has named a survivor so, in whatever zone."""
+        """Return whether an earlier run assigned this name, in any zone."""
         return survivor_id in self._survivors
 
     def take_home(self) -> bool:
-        """Return whether the robot is home; afterwards it must be driven there."""
+        """Return whether the robot is home; later calls return False, so that it drives there."""
         home, self.home = self.home, False
         return home
 
 
 @mission_context
 class MissionRecord:
-    """The events of one mission as its leaves report them.
+    """The record of one mission, built from the events that its leaves report.
 
-    Each is noted as a fact, and the fact changes the record (`apply`), now and when a later run takes it over. The record has no influence
-    on the running mission, unless that was begun by an earlier run: then `before` says what need not be done again. A
-    survivor who is found again, in the same zone and at the same place, is the same survivor. One found near another is
-    kept apart and marked; only the operator merges.
+    Each report is recorded as an event, and the event updates the record (`apply`), both now and when a later run resumes. The record does not
+    influence a running mission, except a resumed one: `before` then lists the results that are not repeated. A survivor
+    detected again, in the same zone at the same position, is the same survivor. One detected near another is
+    kept separate and marked; only the operator merges them.
 
     Args:
-        duplicate_radius_m: Finds that are this near to each other may be the same survivor, metres.
+        duplicate_radius_m: Distance below which detections may be the same survivor, metres.
 
     Attributes:
-        journal: Where events are written, before anybody is told of them; those of the zones by the `ZoneManager`.
-        before: What an earlier run has done of what this one begins with.
+        journal: Stores events before they are reported anywhere; the `ZoneManager` records those of the zones.
+        before: Results of an earlier run that are not repeated.
         zones_visited: The visited zones, in the order of the visits.
-        zone: The zone that was set out for and not left yet; empty if there is none.
+        zone: The zone that the robot drives to or searches; empty if there is none.
         home: Whether the robot has returned to the base station and not left it for a zone since.
-        alarms: The reasons to cut the mission short, in words, the latest last.
-        homing_for: Why the robot comes home before it goes on, in words; empty if it does not, the battery was charged since, or the mission is cut short.
-        homing_to: The charging place to which it goes then; empty for home.
-        charging_at: The charging place at which the robot is; empty elsewhere.
-        navigation_lost: Why nobody can judge a drive, in words; empty while somebody can. It is no fact.
+        alarms: The reasons to end the mission early, in words, the latest last.
+        homing_for: Why the robot goes home before the next zone; empty if it does not, after a charge, or once the mission ends early.
+        homing_to: The charging place that it goes to instead; empty for home.
+        charging_at: The robot's current charging place; empty if there is none.
+        navigation_lost: Why drives cannot be judged; empty while they can. Not an event.
     """
 
     def __init__(self, duplicate_radius_m: float = DUPLICATE_RADIUS_M) -> None:
@@ -285,32 +285,32 @@ class MissionRecord:
         self.home = False
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change the record by a fact.
+        """Update the record from an event.
 
         Raises:
-            ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+            ArithmeticError, LookupError, TypeError or ValueError: If the event contradicts the current state.
         """
         if (handle := self._HANDLERS.get(fact.kind)) is not None:
             handle(self, EventTime(fact.run, fact.time, fact.wall), **fact.data)
 
     @property
     def is_searched(self) -> bool:
-        """Whether the zone that was set out for was searched since."""
+        """Whether the current zone has been searched since the robot started for it."""
         zone = self.of_zone(self.zone)
         return zone.searched is not None and zone.started is not None and zone.searched >= zone.started
 
     def of_zone(self, zone_id: str) -> ZoneRecord:
-        """Return what has become of a zone."""
+        """Return the record of a zone."""
         return self._zones.get(zone_id, ZoneRecord())
 
     @property
     def survivors(self) -> tuple[FoundSurvivor, ...]:
-        """The survivors in the order in which they were found."""
+        """The survivors in order of detection."""
         return tuple(self._survivors)
 
     @property
     def first_find_sec(self) -> float | None:
-        """How long the mission had gone on when somebody was found first, seconds; None if nobody was."""
+        """Mission time of the first detection, seconds; None if there is none."""
         found = next((each.found_at for each in self._survivors if each.counts), None)
         if found is None or self._began is None:
             return None
@@ -320,68 +320,68 @@ class MissionRecord:
 
     @property
     def alarm(self) -> str:
-        """The last reason to cut the mission short, in words; empty if there was none."""
+        """The last reason to end the mission early, in words; empty if there is none."""
         return self.alarms[-1] if self.alarms else ""
 
     def zone_started(self, zone_id: str) -> None:
-        """Note that the robot sets out for a zone."""
+        """Record that the robot starts for a zone."""
         self.journal.note(search_events.ZONE_STARTED, zone=zone_id)
 
     def zone_searched(self, zone_id: str, survivor: tuple[float, float] | None) -> None:
-        """Note that a zone was searched.
+        """Record that a zone was searched.
 
         Args:
             zone_id: The zone.
-            survivor: x and y of the survivor that was found, in the frame `map`, metres; None if nobody was.
+            survivor: x and y of the detected survivor in the frame `map`, metres; None if none was detected.
         """
         self.journal.note(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
-        """Note that a search has found somebody where nobody can be; the next answer about the zone takes its place.
+        """Record that a search detected a survivor at an impossible position; the next search of the zone replaces this.
 
         Args:
             zone_id: The zone.
-            reason: Why nobody can be there, in words.
+            reason: Why the position is impossible, in words.
         """
         if reason != self.of_zone(zone_id).unplaced:
             self.journal.note(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
 
     def alarmed(self, reason: str) -> None:
-        """Note a reason to cut the mission short, in words."""
+        """Record a reason to end the mission early, in words."""
         self.journal.note(search_events.ALARMED, reason=reason)
 
     def home_first(self, zone_id: str, reason: str, to: str = "", **figures: float | None) -> None:
-        """Note that the robot comes home, or to a charging place, before it goes on to a zone.
+        """Record that the robot goes home, or to a charging place, before the next zone.
 
         Args:
             zone_id: The zone.
             reason: Why, in words.
             to: The charging place; empty for home.
-            figures: What was weighed.
+            figures: The figures of the decision.
         """
         self.journal.note(
             search_events.HOME_FIRST, zone=zone_id, reason=reason, **figures, **({"to": to} if to else {})
         )
 
     def charging_reached(self, place: str) -> None:
-        """Note that the robot has arrived at a charging place."""
+        """Record the arrival at a charging place."""
         self.journal.note(search_events.CHARGING_REACHED, place=place)
 
     def charged(self, share: float) -> None:
-        """Note that the battery suffices again, at a share of a full one."""
+        """Record that the battery suffices again, with its charge as a share of a full one."""
         self.journal.note(search_events.CHARGED, share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
-        """Note the assigned name of the survivor at a position (replaces an earlier one)."""
+        """Record the name assigned to the survivor at a position (replaces an earlier name)."""
         possibly = self._near(self._place_of(x, y), x, y)
         self.journal.note(search_events.SURVIVOR_NAMED, survivor=survivor_id, x=x, y=y, possibly=possibly)
 
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
-        """Return a survivor by the name; None if nobody has it."""
+        """Return the survivor of a name; None if there is none."""
         return next((known for known in self._survivors if known.survivor_id == survivor_id), None)
 
     def named_near(self, x: float, y: float, within: float) -> list[FoundSurvivor]:
-        """Return who has a name and was found at a position, or no more than so many metres away from it."""
+        """Return the named survivors detected at a position, or within a distance of it in metres."""
         return [
             each
             for each in self._survivors
@@ -389,11 +389,11 @@ class MissionRecord:
         ]
 
     def survivor_judged(self, survivor_id: str, standing: Standing, same_as: str | None = None) -> None:
-        """Note what the operator says of a find.
+        """Record the operator's review of a detection.
 
         Args:
             survivor_id: Its name.
-            standing: What the operator says.
+            standing: The verdict.
             same_as: The name of the survivor that it is merged with.
         """
         self.journal.note(
@@ -401,45 +401,45 @@ class MissionRecord:
         )
 
     def report_sent(self, survivor_id: str) -> None:
-        """Note that the report of a survivor is about to be sent."""
+        """Record that the report of a survivor is about to be sent."""
         self.journal.note(search_events.REPORT_SENT, survivor=survivor_id)
 
     def survivor_acknowledged(self, survivor_id: str) -> None:
-        """Note that the base station has confirmed the report of a survivor, which need no longer be kept."""
+        """Record the base station's acknowledgement; the report is no longer stored."""
         self.journal.note(search_events.REPORT_ACKNOWLEDGED, survivor=survivor_id)
 
     def report_kept(self, report: SurvivorReport) -> None:
-        """Note that the report of a survivor is kept, to be delivered later."""
+        """Record that the report of a survivor is stored for later delivery."""
         self.journal.note(search_events.REPORT_KEPT, survivor=report.survivor_id, x=report.x, y=report.y)
 
     def base_reached(self) -> None:
-        """Note that the robot has arrived at the base station."""
+        """Record the arrival at the base station."""
         self.journal.note(search_events.BASE_REACHED)
 
     def was_reported_before(self, survivor_id: str) -> bool:
-        """Return whether a survivor was named by an earlier run, and base has confirmed the report."""
+        """Return whether an earlier run named a survivor and received the base station's acknowledgement."""
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
 
     def unplaced(self) -> list[str]:
-        """Return in words who was found at a position that cannot be used."""
+        """Return a sentence for each survivor whose detected position is unusable."""
         return [
-            f"There is a survivor at no usable position in {zone_id}: {zone.unplaced}"
+            f"There is a survivor at an unusable position in {zone_id}: {zone.unplaced}"
             for zone_id, zone in self._zones.items()
             if zone.unplaced
         ]
 
     @property
     def unsearched(self) -> list[str]:
-        """The zones where the robot was, and no search has ended."""
+        """The zones that the robot visited without finishing a search."""
         return [zone for zone in self.zones_visited if self.of_zone(zone).searched is None]
 
     def remarks(self) -> list[str]:
-        """Return in sentences what a complete mission has left open: it is complete where every zone was visited."""
+        """Return sentences about open points of a complete mission, which only requires that every zone was visited."""
         return _told((zone, UNSEARCHED) for zone in self.unsearched)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
-        """Return in sentences what is missing for a complete mission; empty if it is complete."""
+        """Return a sentence for each item that a complete mission still needs; empty if it is complete."""
         given_up = [(name, zone.given_up) for name, zone in self._zones.items() if zone.given_up]
         lacking = _told([*((zone["id"], "not visited") for zone in zones.remaining_zones()), *given_up])
         lacking += [f"{each}." for each in self.unplaced()]
@@ -470,7 +470,7 @@ class MissionRecord:
         self._on_zone_postponed(at, zone)
 
     def _on_zone_postponed(self, at: EventTime, zone: str, given_up: str = "") -> None:
-        # What is given up stands in the order in which it was.
+        # Abandoned zones are listed in the order of abandonment.
         self._zones[zone] = replace(self._zones.pop(zone, ZoneRecord()), left=at, given_up=given_up)
         self.zone = ""
 
@@ -514,7 +514,7 @@ class MissionRecord:
     def _on_charging_reached(self, _: EventTime, place: str) -> None:
         self.charging_at, self.home, self.zone = str(place), False, ""
 
-    def _on_charged(self, _: EventTime, share: float) -> None:  # noqa: ARG002 - as the fact has it
+    def _on_charged(self, _: EventTime, share: float) -> None:  # noqa: ARG002 - the event's key
         self.homing_for = ""
 
     def _on_alarmed(self, _: EventTime, reason: str) -> None:
@@ -543,12 +543,12 @@ class MissionRecord:
     }
 
     def _place_of(self, x: float, y: float) -> int:
-        """Return the place in the list of who was found last at a position; behind the last one if nobody was."""
+        """Return the index of the last survivor detected at a position; the length of the list if there is none."""
         found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
         return found[-1] if found else len(self._survivors)
 
     def _near(self, before: int, x: float, y: float) -> str | None:
-        """Return the name of the nearest survivor found before one that may be the same; None if there is none."""
+        """Return the name of the nearest earlier survivor that may be the same; None if there is none."""
         named = [known for known in self._survivors[:before] if known.survivor_id and known.counts]
         nearest = min(named, key=lambda known: math.hypot(known.x - x, known.y - y), default=None)
         if nearest is None or math.hypot(nearest.x - x, nearest.y - y) > self._duplicate_radius_m:

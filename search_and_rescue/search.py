@@ -1,4 +1,4 @@
-"""One run of the mission: what its facts make of the plan, the record, the reports and the orders, and what is shown of that."""
+"""One run of the mission: applies its events to plan, record, reports and commands, and builds the display."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
@@ -51,12 +51,12 @@ KINDS = (
     LandmarkKind("area", "areas", shaded_by="probability now"),
     LandmarkKind("gap", "gaps"),
 )
-"""What a search shows on the map."""
+"""Map layers of a search."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
-"""What it shows as well where there are such."""
-# Of an order of visits in the log.
+"""Additional figures, if the zones have probabilities."""
+# Longest list of visits in the log.
 _MOST_LINES = 20
-# As of a log line: it comes home, and means to go on.
+# Phases as in a log line: the robot goes home and intends to continue.
 _WARNING = 30
 BASE = "base station"
 """The base station's name."""
@@ -64,16 +64,16 @@ BASE = "base station"
 
 @dataclass(eq=False, repr=False)
 class Search(MissionRun):
-    """A search: its parts share one journal, and each fact changes all that it concerns.
+    """A run of a search: its parts share one journal, and each event updates all parts that it concerns.
 
     Args:
         zones: The plan.
-        record: What has happened.
-        orders: The commands that were given.
+        record: The record of the mission.
+        orders: The operator's commands.
         fence: The geofence.
-        homing: What it takes to come home; with the default rates if None.
-        sweeps: The ground of zones that can be swept, and what has become of it.
-        hides: Whether somebody hides in the simulator, instead of the survivors of its table.
+        homing: Estimates the way home; uses the default rates if None.
+        sweeps: The ground of zones that can be swept, and its coverage.
+        hides: Whether the simulator hides a survivor at random, instead of using its table.
     """
 
     zones: ZoneManager
@@ -110,7 +110,7 @@ class Search(MissionRun):
         self._share(Journal(apply=self.apply))
 
     def greeting(self) -> list[str]:
-        """Return the number of zones, the pose of the base station, and with probabilities the order that finds soonest."""
+        """Return the number of zones, the pose of the base station, and with probabilities the order that detects soonest."""
         base = self.zones.base_pose()
         return [
             f"Loaded {self.zones.total_zones()} search zones from parameters.",
@@ -119,8 +119,8 @@ class Search(MissionRun):
         ]
 
     def _order_of_visits(self) -> list[str]:
-        """Return the order that `ChooseZone order="expected_find"` begins with: when each look ends, and what it brings."""
-        # Where no probabilities are given, nobody needs NumPy to begin.
+        """Return the initial order of `ChooseZone order="expected_find"`: the end of each search, and its probability of success."""
+        # Without probabilities, the start needs no NumPy.
         from search_and_rescue.zone_order import approximation, ordered
 
         zones, groups = list[Zone](), self.zones.by_urgency()
@@ -134,20 +134,23 @@ class Search(MissionRun):
             lines.append(f"  {zones[area]['id']}: searched after {end:.0f} s, POS {pos:.0%}")
         if len(lines) > _MOST_LINES:
             lines[_MOST_LINES - 2 : -1] = [f"  … {len(lines) - _MOST_LINES + 1} more zones …"]
-        soon = f"{tour.expected_find(order):.0f} s to the first find, if there is one"
+        soon = f"{tour.expected_find(order):.0f} s to the first detection, if there is one"
         largest = max(map(len, groups), default=0)
         how = f"; {largest} zones are ordered by {found}" if (found := approximation(largest)) else ""
-        return [f"By expected_find ({soon}; ways are straight lines times {DETOUR:g}{how}):", *lines]
+        return [
+            f"By expected_find ({soon}; paths are estimated as {DETOUR:g} times the straight line{how}):",
+            *lines,
+        ]
 
     def identity(self) -> dict[str, object]:
-        """Return the zones in their order, with their probabilities if there are any, and the base station."""
+        """Return the zones in order, with their probabilities if any, and the base station."""
         return self._identity
 
     def keep_in(self, journal: Journal) -> None:
-        """Take over what earlier runs have done, and keep the facts from now on.
+        """Apply the events of earlier runs, and record events in the journal from now on.
 
         Raises:
-            JournalError: If the facts are not those of a search.
+            JournalError: If the events are not those of a search.
         """
         journal.attach(self, self.kinds)
         self.record.before = DoneBefore.of(journal.facts())
@@ -157,13 +160,13 @@ class Search(MissionRun):
         self.zones.journal = self.record.journal = self.orders.journal = self.sweeps.journal = journal
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change the state by a fact.
+        """Update the state from an event.
 
         Raises:
-            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event contradicts the current state.
         """
         if fact.kind not in _SENTENCES and fact.kind not in OF_EVERY_MISSION:
-            # Also of a journal that a newer version has written: a run resumed without the event would not be that mission.
+            # This includes journals written by a newer version: a run resumed without the event would not be that mission.
             raise ValueError(f"this version knows no event '{fact.kind}'")
         for part in (self.zones, self.kept, self.record, self.orders, self.sweeps):
             part.apply(fact)
@@ -171,7 +174,7 @@ class Search(MissionRun):
             self._plan |= {zone["id"]: zone for zone in self.zones.remaining_zones()}
 
     def display(self) -> Display:
-        """Return what is shown of it: zones, survivors, the base station; how far it is."""
+        """Return the display: zones, survivors, the base station, and progress."""
         survivors, zones = self.record.survivors, self.zones
         found = map(_survivor, survivors, count(1))
         poa_map = zones.poa_map()
@@ -187,7 +190,7 @@ class Search(MissionRun):
         if zones.areas:
             figures.append(Figure("probability of success", round(100 * poa_map.pos(), 1), unit="%"))
             if (first := self.record.first_find_sec) is not None:
-                figures.append(Figure("first find after", round(first, 1), unit="s"))
+                figures.append(Figure("first detection after", round(first, 1), unit="s"))
         if self.sweeps.grounds:
             swept = sum(self.sweeps.of(zone).metres for zone in self.sweeps.grounds)
             figures.append(Figure("swept", round(swept, 1), unit="m"))
@@ -214,7 +217,7 @@ class Search(MissionRun):
 
     def _zone(self, zone: Zone, likely: Mapping[str, float]) -> Landmark:
         known, name = self.record.of_zone(zone["id"]), zone["id"]
-        # A robot may have been there, and nobody has looked.
+        # The robot may have visited the zone without a search.
         is_searched = known.searched is not None
         if name in self.record.zones_visited:
             state = "visited" if is_searched else UNSEARCHED
@@ -231,11 +234,11 @@ class Search(MissionRun):
             "started": known.started,
             "searched": known.searched,
             "left": known.left,
-            "somebody out of place": known.unplaced,
+            "unplaced survivor": known.unplaced,
         }
         if name in likely:
             details["probability now"] = f"{likely[name]:.1%}"
-        # The state says the rest of the sentence.
+        # The state completes the sentence.
         reason = known.given_up.removeprefix("given up: ").removeprefix("abandoned ")
         return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
 
@@ -256,7 +259,7 @@ class Search(MissionRun):
         return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
 
     def _grounds(self, zones: Sequence[Landmark], likely: Mapping[str, float]) -> Iterator[Landmark]:
-        """Yield the outlines that are swept, each as far as its zone is, and the gaps in them."""
+        """Yield the swept polygons with the progress of their zones, and their gaps."""
         for zone in zones:
             ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.of(zone.name)
             if ground is None:
@@ -275,7 +278,7 @@ class Search(MissionRun):
                 yield Landmark("gap", name, *gap[0], level=Level.GIVEN_UP, within=zone.name, corners=gap)
 
     def _swept(self, zone: str, likely: Mapping[str, float]) -> dict[str, object]:
-        """Return what is known of the sweep of a zone, in the words of the manuals."""
+        """Return the figures of a zone's sweep, in the terms of the manuals."""
         ground, sweep = self.sweeps.grounds[zone], self.sweeps.of(zone)
         before = self.zones.areas.get(zone)
         return {
@@ -294,7 +297,7 @@ class Search(MissionRun):
         }
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return a fact as a sentence."""
+        """Return an event as a sentence."""
         say = _SENTENCES.get(fact.kind)
         return say(**fact.data) if say is not None else ""
 
@@ -303,15 +306,15 @@ class Search(MissionRun):
         return {"zones_left": self.zones.total_zones()}
 
     def facts_added(self) -> dict[str, int]:
-        """Return how many zones commands have added since `facts` was asked first."""
+        """Return the number of zones added by commands since the first call of `facts`."""
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
     def limits(self) -> dict[str, int]:
-        """Return that a sweep may have any number of pieces, and that any number of commands may be given."""
+        """Return the limits: any number of pieces in a sweep, and any number of commands."""
         return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
     def verbs(self) -> Sequence[Verb]:
-        """Return the orders that guarded trees heed."""
+        """Return the commands that trees with these leaves execute."""
         return VERBS
 
     def places(self) -> dict[str, tuple[float, float]]:
@@ -319,7 +322,7 @@ class Search(MissionRun):
         return {zone["id"]: (zone["x"], zone["y"]) for zone in self.zones.remaining_zones()}
 
     def route(self) -> list[tuple[str, float, float]]:
-        """Return the zones that are left, and the base station."""
+        """Return the remaining zones and the base station."""
         base = self.zones.base_pose()
         zones = [(zone["id"], zone["x"], zone["y"]) for zone in self.zones.remaining_zones()]
         return [*zones, ("base station", base["x"], base["y"])]
@@ -329,7 +332,7 @@ class Search(MissionRun):
         return [(name, pose["x"], pose["y"]) for name, pose in self.zones.charging.items()]
 
     def searched_areas(self) -> list[SearchedArea]:
-        """Return the grounds of the zones that are left, swept once at coverage 1."""
+        """Return the grounds of the remaining zones, swept once at coverage 1."""
         left = {zone["id"] for zone in self.zones.remaining_zones()}
         return [
             SearchedArea(zone, ground.polygon, ground.sweep_width)
@@ -354,19 +357,19 @@ class Search(MissionRun):
         ]
 
     def shortfalls(self) -> list[str]:
-        """Return what is not yet visited, acknowledged, or home."""
+        """Return the items that are not yet visited, acknowledged, or home."""
         return self.record.shortfalls(self.zones)
 
     def remarks(self) -> list[str]:
-        """Return which zones were visited and not searched."""
+        """Return the zones that were visited and not searched."""
         return self.record.remarks()
 
     def nothing_left(self) -> str:
-        """Return that no zone is left, once that is so."""
+        """Return a text once no zone is left; empty before."""
         return "" if self.zones.has_remaining() else "No zone is left"
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:
-        """Return the zones, the survivors, the return home, and what is missing."""
+        """Return the zones, the survivors, the return home, and the missing items."""
         record, visited = self.record, self.record.zones_visited
         shortfalls = self.shortfalls()
         names = f" ({', '.join(visited)})" if visited else ""
@@ -413,7 +416,7 @@ def _at(x: float, y: float) -> str:
 
 
 def _searched(zone: str, survivor: Sequence[float] | None) -> str:
-    return f"searched {zone}: {'nobody' if survivor is None else f'somebody at {_at(*survivor)}'}"
+    return f"searched {zone}: {'no survivor' if survivor is None else f'survivor at {_at(*survivor)}'}"
 
 
 def _planned(zone: str, pattern: str, spacing: float, pieces: Sequence[object]) -> str:
@@ -436,7 +439,7 @@ def _home_first(reason: str, to: str) -> str:
     return f"{reason}: {to or 'home'} first"
 
 
-# More pieces than any sweep has, and more commands than anybody gives.
+# More pieces than any sweep has, and more commands than an operator gives.
 _ANY_NUMBER = 1_000_000_000
 
 _SENTENCES: Mapping[str, Callable[..., str]] = {
@@ -448,18 +451,18 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     search_events.ZONE_STARTED: lambda zone: f"set out for {zone}",
     search_events.ZONE_SEARCHED: _searched,
     search_events.SURVIVOR_UNPLACED: lambda zone, reason: (
-        f"somebody in {zone} at no usable position: {reason}"
+        f"survivor in {zone} at an unusable position: {reason}"
     ),
     search_events.ZONE_VISITED: lambda zone: f"{zone} was visited",
     search_events.ZONE_POSTPONED: lambda zone: f"{zone} was postponed",
     search_events.ZONE_ABANDONED: _abandoned,
     search_events.SURVIVOR_NAMED: _named,
     search_events.REPORT_SENT: lambda survivor: f"reported {survivor}",
-    search_events.REPORT_KEPT: lambda survivor, **_place: f"the report of {survivor} is kept",
+    search_events.REPORT_KEPT: lambda survivor, **_place: f"the report of {survivor} is stored",
     search_events.REPORT_ACKNOWLEDGED: lambda survivor: f"base has acknowledged {survivor}",
     search_events.HOME_FIRST: lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005
     search_events.CHARGING_REACHED: lambda place: f"reached charging place {place}",
-    search_events.CHARGED: lambda share: f"the battery is at {share:.0%}, and suffices",
+    search_events.CHARGED: lambda share: f"the battery, at {share:.0%}, suffices",
     search_events.ALARMED: lambda reason: f"alarm: {reason}",
     search_events.BASE_REACHED: lambda: "reached the base station",
 }

@@ -1,4 +1,4 @@
-"""The kinds of the mission's events, as its journal has them. `docs/reference/journal.md` describes the data of each."""
+"""Kinds of the mission's events in the journal. `docs/reference/journal.md` describes the data of each."""
 
 ZONE_STARTED, ZONE_SEARCHED, SURVIVOR_UNPLACED = "zone_started", "zone_searched", "survivor_unplaced"
 ZONE_CHOSEN, ZONE_VISITED = "zone_chosen", "zone_visited"
@@ -9,6 +9,6 @@ REPORT_SENT, REPORT_KEPT, REPORT_ACKNOWLEDGED = "report_sent", "report_kept", "r
 BASE_REACHED, CHARGING_REACHED = "base_reached", "charging_reached"
 HOME_FIRST, CHARGED, ALARMED = "home_first", "charged", "alarmed"
 
-# Of commands; a zone is abandoned by one as well.
+# Kinds of commands; a command can also abandon a zone.
 COMMAND_GIVEN, ZONE_ADDED, AREA_DRAWN = "command_given", "zone_added", "area_drawn"
 HINT_GIVEN, SURVIVOR_JUDGED = "hint_given", "survivor_judged"

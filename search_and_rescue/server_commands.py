@@ -1,6 +1,6 @@
 """The two servers as commands, `sar-detect-survivor-server` and `sar-report-survivor-server`.
 
-ROS is imported by `serve`, which says what is wrong where there is none.
+`serve` imports ROS, and reports an error if it is missing.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DETECT = (
     "sar-detect-survivor-server",
-    "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). The parameters survivors.<zone>.x and .y replace the survivors it knows of.",
+    "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). The parameters survivors.<zone>.x and .y replace the default survivors.",
 )
 REPORT = (
     "sar-report-survivor-server",

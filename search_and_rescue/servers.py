@@ -1,4 +1,4 @@
-"""The two servers of the mission: `detect_survivor`, which looks for survivors, and `report_survivor`, the base station."""
+"""The mission's two servers: `detect_survivor`, which searches for survivors, and `report_survivor`, the base station."""
 
 import math
 from typing import Any
@@ -24,14 +24,14 @@ _SEEN_EVERY_SEC = 0.5
 
 
 class DetectSurvivorServer(DataNode):
-    """Answers from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default one.
+    """Responds from a table of survivors: its parameters `survivors.<zone>.{x,y}`, or the default table.
 
-    In a zone with a `zones.<zone>.detection_range` (metres) somebody is found only from within that range of the robot. Who is, is published on
-    `survivor_detections` as well (`geometry_msgs/msg/PointStamped`, frame `map`), twice a second: whom one sees while one drives. Who hides is not.
+    In a zone with a `zones.<zone>.detection_range` (metres), a survivor is detected only from within that range of the robot. Twice a second the
+    server also publishes such survivors on `survivor_detections` (`geometry_msgs/msg/PointStamped`, frame `map`), except a hidden one.
 
     Args:
         faults: The faults to inject.
-        hiding: Who hides from it; then there is no table.
+        hiding: The hidden survivor; replaces the table.
         options: Keyword arguments of `DataNode`: `context`, `cli_args` and so on.
 
     Raises:
@@ -46,7 +46,7 @@ class DetectSurvivorServer(DataNode):
         parameters = flat_parameters(self)
         table = read_survivors(parameters, SURVIVORS)
         self._table, self._hiding = table, hiding
-        # The mission's parameters reach its servers as well where one file has them for all nodes.
+        # One file with parameters for all nodes also sets the mission's parameters here.
         ranges = {zone: parameters.get(f"zones.{zone}.detection_range") for zone in table}
         self._ranges = {zone: reach for zone, reach in ranges.items() if isinstance(reach, int | float)}
         depends_on_place = hiding.ground is not None if hiding else bool(self._ranges)
@@ -78,7 +78,7 @@ class DetectSurvivorServer(DataNode):
                 self._seen.publish(message)
 
     def _look(self, zone: str) -> tuple[float, float] | None:
-        """Return where somebody is found in a zone; None if nobody is."""
+        """Return the position of a survivor detected in a zone; None if none is."""
         place = self._robot.place() if self._robot is not None else None
         robot = place[:2] if place is not None else None
         if self._hiding is not None:
@@ -90,9 +90,9 @@ class DetectSurvivorServer(DataNode):
 
 
 class ReportSurvivorServer(DataNode):
-    """Acknowledges every report that is given in the frame `map`.
+    """Acknowledges every report in the frame `map`.
 
-    One that comes again, because its sender has not had the answer, is acknowledged again and counts once.
+    A report that is sent again, because the sender missed the response, is acknowledged again and counted once.
 
     Args:
         faults: The faults to inject.

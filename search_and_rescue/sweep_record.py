@@ -1,4 +1,4 @@
-"""What is so of the sweeps of one mission: which pieces are open, and how well the ground was looked at."""
+"""State of a mission's sweeps: open pieces, and the coverage of the ground."""
 
 import math
 from collections import defaultdict
@@ -20,23 +20,23 @@ _SEEN = ("area_m2", "coverage", "pod", "seen")
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is so of the sweep of a zone.
+    """State of a zone's sweep.
 
     Attributes:
         pieces: The poses of the last plan, in their order.
-        done: How many of them are behind the robot, swept or skipped.
-        skipped: How many pieces of all plans were skipped.
-        passes: How many plans there were.
-        pattern: The last plan's.
-        spacing: The last plan's, metres.
-        metres: How far the robot has driven inside (L).
-        area_m2: How large what can be searched is (A), square metres.
+        done: Number of pieces that were swept or skipped.
+        skipped: Number of skipped pieces of all plans.
+        passes: Number of plans.
+        pattern: Pattern of the last plan.
+        spacing: Spacing of the last plan, metres.
+        metres: Distance driven inside the ground (L).
+        area_m2: Area of the searchable ground (A), square metres.
         coverage: The mean coverage (C).
-        pod: How likely all of it has found who is there, 0 to 1.
-        seen: The share of the ground that was seen at all, 0 to 1.
-        cells: The coverage, cell by cell, as `Raster` writes it.
-        layer: What is shown of it; None before the first piece.
-        gaps: The outlines of what is left to be looked at, as the end of a pass has found them.
+        pod: Probability that a person there was detected, 0 to 1.
+        seen: Share of the ground that was in sight at least once, 0 to 1.
+        cells: The coverage of each cell, as written by `Raster`.
+        layer: The display layer; None before the first piece.
+        gaps: The polygons of the gaps found at the end of the last pass.
     """
 
     pieces: tuple[MapPose, ...] = ()
@@ -56,34 +56,34 @@ class Sweep:
 
     @property
     def pod_of_legs(self) -> float | None:
-        """The POD where the legs were kept: all of a first plan in legs was swept; None where that is not so."""
+        """The POD for accurately kept legs, if all of a first plan in legs was swept; otherwise None."""
         in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
         return pod_of_parallel_sweep(self.coverage) if in_legs and not (self.left or self.skipped) else None
 
     @property
     def left(self) -> int:
-        """How many pieces are open."""
+        """Number of open pieces."""
         return len(self.pieces) - self.done
 
     def told(self, zone: str) -> str:
-        """Return the current piece of a zone in words."""
+        """Describe the current piece of a zone."""
         return f"piece {self.done + 1}/{len(self.pieces)} of {zone}"
 
     def result(self, zone: str) -> str:
-        """Return in words what the sweep of a zone has come to."""
+        """Describe the result of the sweep of a zone."""
         return f"{zone}: {self.seen:.0%} seen, POD {self.pod:.0%}, {len(self.gaps)} gaps."
 
 
 @mission_context
 class Sweeps:
-    """The sweeps of one mission, shared by its leaves. Facts change what is so of them; what is driven is added up between two facts.
+    """The sweeps of one mission, shared by its leaves. Events update their state; driven distances are summed between two events.
 
     Args:
         grounds: The ground of each zone that has one.
 
     Attributes:
         grounds: The ground of each zone that has one.
-        journal: Where it is written what becomes of sweeps: `sweep_planned`, `piece_swept`, `piece_skipped`.
+        journal: Records the sweeps' events: `sweep_planned`, `piece_swept`, `piece_skipped`.
     """
 
     def __init__(self, grounds: Mapping[str, Ground] | None = None) -> None:
@@ -94,26 +94,26 @@ class Sweeps:
         self._driven: defaultdict[str, float] = defaultdict(float)
 
     def of(self, zone: str) -> Sweep:
-        """Return what is so of the sweep of a zone."""
+        """Return the state of a zone's sweep."""
         return self._sweeps.get(zone, Sweep())
 
     def around(self, x: float, y: float) -> list[str]:
-        """Return the zones in whose outline a position is, metres, frame `map`."""
+        """Return the zones whose polygon contains a position, metres, frame `map`."""
         return [zone for zone, ground in self.grounds.items() if Fence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
-        """Return how much of all ground was seen at all, and how large that is, square metres: where it is swept, what can be searched of it."""
+        """Return the seen and the total area of all grounds, square metres; of a swept ground, only the searchable part."""
         sweeps = {zone: self.of(zone) for zone in self.grounds}
         seen = math.fsum(sweep.seen * sweep.area_m2 for sweep in sweeps.values())
         sizes = [sweep.area_m2 or self.grounds[zone].area_m2 for zone, sweep in sweeps.items()]
         return seen, math.fsum(sizes)
 
     def layers(self) -> list[RasterLayer]:
-        """Return what is shown of the ground that was looked at."""
+        """Return the display layers of the searched ground."""
         return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
 
     def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "Raster":
-        """Return the coverage of the ground of a zone, with the map as it is now.
+        """Return the coverage of a zone's ground with the current map.
 
         Raises:
             ImportError: If shapely is not installed.
@@ -126,23 +126,23 @@ class Sweeps:
         return self._rasters[zone]
 
     def drive(self, zone: str, path: Sequence[tuple[float, float]], obstacles: "ObstacleMap | None") -> None:
-        """Add a drive along positions in the frame `map`, metres; the next `piece_swept` has it."""
+        """Add a drive along positions in the frame `map`, metres; the next `piece_swept` event includes it."""
         self._driven[zone] += self.raster(zone, obstacles).drive(path)
 
     def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:
-        """Note the pieces of a sweep; pieces of an earlier plan that are open are dropped."""
+        """Record the pieces of a sweep; open pieces of an earlier plan are dropped."""
         places = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
         self.journal.note(
             search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=places
         )
 
     def advance(self, zone: str, obstacles: "ObstacleMap | None", until_pod: float) -> None:
-        """Note that the current piece was swept, and what was seen until then.
+        """Record that the current piece was swept, and the ground seen until then.
 
         Args:
             zone: The zone.
             obstacles: The map.
-            until_pod: Ground that was looked at with less is a gap; gaps are looked for at the end of a pass.
+            until_pod: Ground with a lower probability of detection is a gap; gaps are computed at the end of a pass.
         """
         sweep, raster = self.of(zone), self.raster(zone, obstacles)
         gaps = [list(map(list, each)) for each in raster.gaps(until_pod)] if sweep.left <= 1 else []
@@ -160,14 +160,14 @@ class Sweeps:
         )
 
     def skip(self, zone: str, reason: str) -> None:
-        """Note that the current piece is left out, and why, in words."""
+        """Record that the current piece is skipped, with the reason."""
         self.journal.note(search_events.PIECE_SKIPPED, zone=zone, piece=self.of(zone).done, reason=reason)
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change what is so by a fact.
+        """Update the state from an event.
 
         Raises:
-            ArithmeticError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+            ArithmeticError, LookupError, TypeError or ValueError: If the event contradicts the current state.
         """
         if (handle := self._HANDLERS.get(fact.kind)) is not None:
             zone = fact.data["zone"]
@@ -183,7 +183,7 @@ class Sweeps:
         **_more: Any,
     ) -> Sweep:
         if sweep.passes:
-            raise ValueError(f"{zone} is swept then")
+            raise ValueError(f"{zone} is already being swept")
         corners = tuple(position(*corner) for corner in polygon)
         self.grounds[zone] = Ground(corners, _number(sweep_width), _number(detection_range))
         self._rasters.pop(zone, None)
@@ -193,7 +193,7 @@ class Sweeps:
         self, sweep: Sweep, zone: str, pattern: str, spacing: Any, pieces: Sequence[Any]
     ) -> Sweep:
         if zone not in self.grounds:
-            raise ValueError(f"{zone} has no ground then")
+            raise ValueError(f"{zone} has no ground at that time")
         poses = tuple(_pose(*piece) for piece in pieces)
         planned = replace(sweep, pattern=str(pattern), spacing=_number(spacing))
         return replace(planned, pieces=poses, done=0, passes=sweep.passes + 1, gaps=())
@@ -217,7 +217,7 @@ class Sweeps:
         swept = replace(_past(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines)
         return replace(swept, layer=layer, **numbers)
 
-    def _on_piece_skipped(self, sweep: Sweep, zone: str, piece: int, reason: str) -> Sweep:  # noqa: ARG002 - for the reader of the journal
+    def _on_piece_skipped(self, sweep: Sweep, zone: str, piece: int, reason: str) -> Sweep:  # noqa: ARG002 - the event's keys
         return replace(_past(sweep, zone, piece), skipped=sweep.skipped + 1)
 
     # Other kinds do not change a sweep.
@@ -231,7 +231,7 @@ class Sweeps:
 
 def _past(sweep: Sweep, zone: str, piece: int) -> Sweep:
     if piece != sweep.done or not sweep.left:
-        raise ValueError(f"the piece of {zone} is then {sweep.done} of {len(sweep.pieces)}")
+        raise ValueError(f"the piece of {zone} at that time is {sweep.done} of {len(sweep.pieces)}")
     return replace(sweep, done=sweep.done + 1)
 
 

@@ -1,4 +1,4 @@
-"""Where a sweep stops to look: the patterns of the IAMSAR manual (vol. II), around the obstacles of the map."""
+"""Stops of a sweep: the patterns of the IAMSAR manual (vol. II), around the obstacles of the map."""
 
 import itertools
 import math
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from search_and_rescue.search_theory import Corners
 
 SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"]
-"""How a sweep goes: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""
+"""Patterns: legs along the long side, along the short side, a square growing around the zone's pose, or diameters through it."""
 MOST_PIECES = 2000
-# Legs, cells of the map, and stops that are gone through, also where only few of them lie in the ground: seconds, and some hundred megabytes.
+# Limit of legs, map cells, and stops that are examined, even if few of them are in the ground: seconds, and some hundred megabytes.
 _MOST_LEGS, _MOST_CELLS, _MOST_STOPS = 20_000, 16_000_000, 1_000_000
-# So that no sliver is free between two cells that are not.
+# Closes slivers between two adjacent cells.
 _ROUNDING_M = 1e-6
 _Point = tuple[float, float]
 
 
 class GroundError(ValueError):
-    """Ground that cannot be swept so."""
+    """Ground that this sweep cannot cover."""
 
 
 def sweep(
@@ -35,26 +35,26 @@ def sweep(
     obstacles: "ObstacleMap | None" = None,
     clearance: float = 0.0,
 ) -> list[MapPose]:
-    """Return the poses of a sweep in their order.
+    """Return the poses of a sweep in order.
 
     Args:
-        polygons: What is to be swept: outlines in the frame `map`, metres.
-        pattern: How.
-        spacing: How far legs are from each other, and stops on a leg, metres.
-        datum: Where somebody was last known to be, for `expanding_square` and `sector`; and where a sweep begins.
-        obstacles: The map; None where there is none.
-        clearance: How far stops keep from obstacles, metres.
+        polygons: The ground: polygons in the frame `map`, metres.
+        pattern: The pattern.
+        spacing: Distance between legs, and between stops on a leg, metres.
+        datum: The last known position of the person, for `expanding_square` and `sector`; also the start of a sweep.
+        obstacles: The map; None without one.
+        clearance: Distance of stops from obstacles, metres.
 
     Raises:
         ImportError: If shapely is not installed.
-        GroundError: If nothing of it can be driven to, or it would take too many stops.
+        GroundError: If the robot cannot drive to any of it, or the sweep has too many stops.
     """
     import shapely
 
     ground = shapely.union_all([shapely.Polygon(corners) for corners in polygons])
     if ground.area / spacing**2 > MOST_PIECES:
         raise GroundError(
-            f"{ground.area:.0f} m² in steps of {spacing:.2f} m are more than {MOST_PIECES} stops"
+            f"{ground.area:.0f} m² in steps of {spacing:.2f} m need more than {MOST_PIECES} stops"
         )
     here = (datum["x"], datum["y"])
     cell_m = obstacles.resolution if obstacles is not None else math.inf
@@ -68,14 +68,16 @@ def sweep(
         stops = [(here[0] + x, here[1] + y) for x, y in path]
         stops = [stop for stop in stops if shapely.intersects_xy(free, *stop)]
     if not stops:
-        raise GroundError("no stop of it can be driven to: all is obstacle, unknown or beyond the map")
+        raise GroundError(
+            "the robot cannot drive to any stop: all ground is blocked, unknown or beyond the map"
+        )
     return _facing(stops)
 
 
 def _require_small(
     ground: "BaseGeometry", spacing: float, here: _Point, pattern: SweepPattern, cell_m: float
 ) -> None:
-    """Require that little is gone through for ground of a small area, which may reach far all the same.
+    """Limit the work for ground with a small area and a large extent.
 
     Raises:
         GroundError: If its legs, the stops around its datum, or the cells of the map around it are too many.
@@ -86,16 +88,18 @@ def _require_small(
     wide, tall = right - left, high - low
     size = f"it reaches over {wide:.0f} x {tall:.0f} m"
     if math.hypot(wide, tall) / spacing > _MOST_LEGS:
-        raise GroundError(f"{size}, too far for legs {spacing:.2f} m apart: cut it into smaller zones")
+        raise GroundError(f"{size}, too far for legs {spacing:.2f} m apart: divide it into smaller zones")
     if wide * tall / cell_m**2 > _MOST_CELLS:
-        raise GroundError(f"{size}, too many cells of {cell_m:g} m of the map: cut it into smaller zones")
+        raise GroundError(f"{size}, too many map cells of {cell_m:g} m: divide it into smaller zones")
     reach = shapely.hausdorff_distance(shapely.Point(here), ground)
     if pattern == "expanding_square" and (2.0 * reach / spacing) ** 2 > _MOST_STOPS:
-        raise GroundError(f"it reaches {reach:.0f} m from the zone's pose: put the pose into it, or cut it")
+        raise GroundError(
+            f"it reaches {reach:.0f} m from the zone's pose: move the pose inside, or divide the zone"
+        )
 
 
 def _blocked(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float) -> "BaseGeometry":
-    """Return what is blocked of the ground, and around it as far as the clearance."""
+    """Return the blocked part of the ground and its surroundings within the clearance."""
     import numpy as np
     import shapely
 
@@ -112,7 +116,7 @@ def _blocked(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float)
 
 
 def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-    """Yield the row, and the first and the last column, of cells that follow each other in a row."""
+    """Yield the row, the first and the last column of each run of adjacent cells in a row."""
     cells = zip(rows, columns, strict=True)
     for _, run in itertools.groupby(enumerate(cells), lambda each: (each[1][0], each[1][1] - each[0])):
         (row, first), *rest = (cell for _, cell in run)
@@ -120,7 +124,7 @@ def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, in
 
 
 def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_long_side: bool) -> list[_Point]:
-    """Return the stops on legs over free ground: the first leg half a spacing from the edge, each next piece the nearest one."""
+    """Return the stops on legs over free ground: the first leg half a spacing from the edge, then always the nearest piece."""
     import shapely
 
     if not free.area:
@@ -128,13 +132,13 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
     angle = _long_side(free) + (0.0 if along_long_side else math.pi / 2)
     turned = shapely.affinity.rotate(free, -angle, origin=(0.0, 0.0), use_radians=True)
     parts = _legs(turned, spacing)
-    # Ground behind a wall can lie between two legs.
+    # Ground behind a wall can be between two legs.
     apart = [piece for piece in shapely.get_parts(turned) if piece.area > (spacing / 2) ** 2]
     for piece in apart:
         if not any(shapely.intersects_xy(piece, *stop) for part in parts for stop in part):
             parts += _legs(piece, spacing)
     if len(parts) > MOST_PIECES:
-        raise GroundError(f"it has {len(parts)} pieces of legs, and {MOST_PIECES} are the most: cut it")
+        raise GroundError(f"it has {len(parts)} pieces of legs, more than {MOST_PIECES}: divide it")
     start = shapely.affinity.rotate(shapely.Point(here), -angle, origin=(0.0, 0.0), use_radians=True)
     path = shapely.MultiPoint(_nearest_first(parts, (start.x, start.y))) if parts else shapely.MultiPoint()
     back = shapely.affinity.rotate(path, angle, origin=(0.0, 0.0), use_radians=True)
@@ -142,7 +146,7 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
 
 
 def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
-    """Return the stops on legs along x over ground, by pieces of legs."""
+    """Return the stops on legs along x over ground, grouped by pieces of legs."""
     import shapely
 
     left, low, right, high = ground.bounds
@@ -153,7 +157,7 @@ def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
 
 
 def _long_side(free: "BaseGeometry") -> float:
-    """Return the direction of the longer side of the smallest rectangle around, radians; along x where both are as long."""
+    """Return the direction of the longer side of the smallest enclosing rectangle, radians; along x if both are equal."""
     import shapely
 
     a, b, c = shapely.get_coordinates(free.minimum_rotated_rectangle)[:3].tolist()
@@ -172,7 +176,7 @@ def _lines(cut: "BaseGeometry") -> "list[BaseGeometry]":
 
 
 def _stops(line: "BaseGeometry", spacing: float) -> list[_Point]:
-    """Return stops on a line, in the middles of equal parts that are no longer than the spacing."""
+    """Return stops on a line, at the centres of equal parts no longer than the spacing."""
     count = max(1, math.ceil(line.length / spacing - 1e-9))
     points = [line.interpolate((at + 0.5) / count, normalized=True) for at in range(count)]
     return [(point.x, point.y) for point in points]
@@ -218,7 +222,7 @@ def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
 
 
 def _facing(stops: Sequence[_Point]) -> list[MapPose]:
-    """Return stops as poses that look along the way to the next one; the last as the one before it."""
+    """Return stops as poses that face the next stop; the last pose keeps the previous direction."""
     poses, yaw = list[MapPose](), 0.0
     for at, (x, y) in enumerate(stops):
         if at + 1 < len(stops):

@@ -1,4 +1,4 @@
-"""The plan of the mission: the remaining zones, the base station, the geofence, the names assigned to survivors."""
+"""The plan of the mission: the remaining zones, the base station, the geofence, and the names assigned to survivors."""
 
 import itertools
 import math
@@ -29,19 +29,19 @@ _LEAST_CORNERS = 3
 _POINT = ("x", "y")
 
 DETOUR = 1.5
-"""How many times as long as the straight line a way is taken to be that nobody has planned."""
+"""Ratio of path length to straight line, assumed for paths without a plan."""
 _LARGEST_RATIO, _MOST_TOGETHER = 1000.0, 1e9
 MOST_PLANNED = 30
-"""The most zones for which one choice asks the planner: 30 zones are 495 ways."""
+"""Largest number of zones for which one choice asks the planner: 30 zones have 495 paths."""
 _SHORTEST_SEC = 1e-3
 VisitingOrder = Literal["listed", "nearest", "expected_find"]
-"""How the next zone is chosen."""
+"""Rule for choosing the next zone."""
 MAP_FRAME = "map"
 """The frame of every position that the mission sends or receives."""
 
 
 def is_ratio(value: float) -> bool:
-    """Return whether a likelihood ratio is one that somebody can mean: a thousandth to a thousand."""
+    """Return whether a likelihood ratio is plausible: 0.001 to 1000."""
     return 1.0 / _LARGEST_RATIO <= value <= _LARGEST_RATIO
 
 
@@ -54,13 +54,13 @@ class MapPose(TypedDict):
 
 
 class Zone(MapPose):
-    """A place to search, and its name."""
+    """A zone to search, with its name."""
 
     id: str
 
 
 PosePair = tuple[MapPose, MapPose]
-"""From where to where."""
+"""Start and target of a path."""
 
 
 def _preview() -> "ZoneManager":
@@ -71,26 +71,26 @@ def _preview() -> "ZoneManager":
 class ZoneManager:
     """The zones of one mission in the order of their visits, shared by all of its leaves.
 
-    It stores and returns copies, so that callers cannot change the plan by accident. What is done to it is noted as a fact, and the fact
-    changes it (`apply`), now and when a later run takes it over.
+    It stores and returns copies, so that callers cannot change the plan by accident. Each change is recorded as an event, and the event
+    updates the plan (`apply`), both now and when a later run resumes.
 
     Args:
         zones: The zones, each with `id`, `x`, `y` (metres) and `yaw` (radians) in the frame `map`.
         base_station: The pose to return to: `x`, `y` (metres), `yaw` (radians).
-        areas: What is expected of looks in the zones, by their ids; none where no probabilities are given.
-        priorities: Which zones are chosen before others, by their ids: the higher ones; 0 where nothing is said.
-        speed_mps: How fast the robot drives, for estimates of time, m/s.
-        charging: The poses of charging places besides the base station, by their ids.
+        areas: Expectations of a search in each zone, by ID; empty without probabilities.
+        priorities: Priority of zones by ID: higher ones are chosen first; default 0.
+        speed_mps: The robot's speed for estimates of time, m/s.
+        charging: The poses of charging places other than the base station, by ID.
 
     Attributes:
         charging: The poses of charging places.
-        journal: Where it is written what becomes of the zones: `zone_added`, `area_drawn`, `zone_chosen`, `zone_visited`,
-            `zone_postponed`, `zone_abandoned`.
-        areas: What is expected of looks in the zones.
-        speed_mps: How fast the robot drives, for estimates of time, m/s.
-        looks: How often it was looked in each zone; a sweep counts as what it has seen, and a look whose find is rejected as none.
-        swept: How likely the sweep of each zone has found who is there, 0 to 1.
-        hints: How many times likelier all hints on a zone are if somebody is there than if nobody is.
+        journal: Records the zones' events: `zone_added`, `area_drawn`, `zone_chosen`, `zone_visited`, `zone_postponed`,
+                `zone_abandoned`.
+        areas: Expectations of a search in each zone.
+        speed_mps: The robot's speed for estimates of time, m/s.
+        looks: Number of searches of each zone. A sweep enters by its coverage instead; a search with a rejected detection does not count.
+        swept: Probability that the sweep of each zone detected a person who is there, 0 to 1.
+        hints: Likelihood ratio of all hints on a zone: presence over absence.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class ZoneManager:
         self.charging = deepcopy(dict(charging or {}))
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
-        # Of looks that have found somebody: the zone, by the place and by the name of who was found; and what was no find.
+        # For searches with a detection: the zone, by position and by the survivor's name; and the rejected detections.
         self._found_at: dict[tuple[float, float], str] = {}
         self._found_in: dict[str, str] = {}
         self._rejected: set[str] = set()
@@ -126,7 +126,7 @@ class ZoneManager:
         self._ways: dict[frozenset[tuple[float, float]], float] = {}
 
     def current_zone(self) -> Zone:
-        """Return the zone to be searched now.
+        """Return the zone to search now.
 
         Raises:
             IndexError: If every zone is visited.
@@ -136,26 +136,26 @@ class ZoneManager:
         return deepcopy(self._zones[self._index])
 
     def has_remaining(self) -> bool:
-        """Return whether a zone is left to be visited (the current one counts)."""
+        """Return whether a zone is left to visit (including the current one)."""
         return self._index < len(self._zones)
 
     def remaining_zones(self) -> list[Zone]:
-        """Return the zones left to be visited, the current one first."""
+        """Return the zones left to visit, the current one first."""
         return [zone.copy() for zone in self._zones[self._index :]]
 
     def knows(self, zone_id: str) -> bool:
-        """Return whether there is, or was, a zone of this name."""
+        """Return whether a zone of this name exists or existed."""
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
 
     def eligible_zones(self) -> list[Zone]:
-        """Return the zones among which the next one may be chosen: those left that were postponed least, of these the most urgent ones.
+        """Return the candidates for the next zone: the remaining zones postponed least often, among these the highest priority.
 
-        So a zone that was postponed comes again only when all others have been tried as often. The current one is first.
+        A postponed zone is therefore repeated only when all others have been tried equally often. The current zone is first.
         """
         return next(iter(self.by_urgency()), [])
 
     def by_urgency(self) -> list[list[Zone]]:
-        """Return the zones that are left in groups, of which each is chosen from when the one before it is done."""
+        """Return the remaining zones in groups; each group is chosen from when the previous one is done."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
             groups[self._urgency(zone)].append(zone)
@@ -165,15 +165,15 @@ class ZoneManager:
         return self._postponed[zone["id"]], -self._priorities.get(zone["id"], 0.0)
 
     def choose(self, zone_id: str) -> None:
-        """Make one of the zones that are left the current one; the others keep their order."""
+        """Make one of the remaining zones the current one; the others keep their order."""
         self.journal.note(search_events.ZONE_CHOSEN, zone=zone_id)
 
     def poa_map(self) -> PoaMap:
-        """Return where somebody may be, after the looks so far; with no areas where no probabilities are given."""
+        """Return the probabilities after the searches so far; without areas if no probabilities are given."""
         return PoaMap.of(self.areas, self.looks, self.swept, self.hints)
 
     def hint(self, zone_id: str, ratio: float) -> None:
-        """Note a hint on a zone: how many times likelier it is if somebody is there than if nobody is."""
+        """Record a hint on a zone by its likelihood ratio: presence over absence."""
         self.journal.note(search_events.HINT_GIVEN, zone=zone_id, ratio=ratio)
 
     def nearest(self, x: float, y: float, among: Collection[str] = ()) -> str:
@@ -182,7 +182,7 @@ class ZoneManager:
         Args:
             x: Metres, frame `map`.
             y: Metres, frame `map`.
-            among: The zones that come into question; all if there are none.
+            among: The candidates; empty for all zones.
         """
         names = self.areas.keys() & (among or self.areas)
         zones = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] in names)
@@ -190,13 +190,13 @@ class ZoneManager:
         return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), place), default={"id": ""})["id"]
 
     def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> Tour:
-        """Return what there is to choose an order of some zones by.
+        """Return the inputs for ordering the given zones: travel times, durations and probabilities.
 
-        Where no probabilities are given, zones count alike, and looks as nothing.
+        Without probabilities all zones have equal weight, and searches take no time.
 
         Args:
             zones: The zones.
-            start: Where it begins; where the robot has looked last, or the base station, if None.
+            start: The start; if None, the pose of the last search, or the base station.
         """
         return Tour(
             [self._travel_sec(start or self._here, zone) for zone in zones],
@@ -205,15 +205,15 @@ class ZoneManager:
         )
 
     def _expected(self, zones: Sequence[Zone]) -> tuple[list[float], list[float]]:
-        """Return how long a look in each zone takes, seconds, and how likely it finds somebody."""
+        """Return the duration of a search in each zone, seconds, and the probability of a detection."""
         now = self.poa_map().now()
         areas = [self.areas.get(zone["id"], Area(0.0, 0.0)) for zone in zones]
         finds = [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)]
         return [area.look_sec for area in areas], finds
 
     def _travels_sec(self, zones: Sequence[Zone]) -> "npt.NDArray[np.float64]":
-        """Return how long the way from each zone (row) to each other takes, seconds: of 1,000 zones, a million ways."""
-        # A laptop that proves trees needs no NumPy.
+        """Return the travel time from each zone (row) to each other, seconds; 1,000 zones have a million paths."""
+        # A laptop that verifies trees needs no NumPy.
         import numpy as np
 
         at = defaultdict[tuple[float, float], list[int]](list)
@@ -229,9 +229,9 @@ class ZoneManager:
         return seconds
 
     def most_rewarding(self, zones: Sequence[Zone]) -> list[Zone]:
-        """Return the zones whose ways a planner is asked for, in their order: all up to `MOST_PLANNED`.
+        """Return the zones whose paths are requested from a planner, in order; at most `MOST_PLANNED`.
 
-        Of more zones, those of the highest probability per second of way and look; where no probabilities are given, the nearest ones.
+        Of more zones, those with the highest probability per second of drive and search are returned; without probabilities, the nearest.
         """
         looks, finds = self._expected(zones)
         if not any(finds):
@@ -241,11 +241,11 @@ class ZoneManager:
         return [zones[at] for at in sorted(ranked[:MOST_PLANNED])]
 
     def ways(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
-        """Return the ways by which some zones are put in an order, and those home and to charging places, each in one direction.
+        """Return the paths needed to order zones, and those home and to charging places, each in one direction.
 
         Args:
-            zones: The zones, or pieces of a sweep. Between them are as many ways as the square of their number.
-            between: Whether those from zone to zone are among them, or only those from where the robot has looked last.
+            zones: The zones, or pieces of a sweep. The number of paths between them grows with its square.
+            between: Whether to include paths from zone to zone, and not only those from the pose of the last search.
         """
         places = list(self.charging.values())
         ways: list[PosePair] = [
@@ -257,39 +257,39 @@ class ZoneManager:
         return [way for ends, way in by_ends.items() if len(ends) > 1]
 
     def learn_way(self, start: MapPose, target: MapPose, metres: float) -> None:
-        """Keep how long a way and the way back are, by a planner, metres; until a drive has failed, which may have changed them all."""
+        """Store a path's length from a planner, metres, for both directions; a failed drive discards all lengths, because paths may have changed."""
         self._ways[_ends(start, target)] = metres
 
     def knows_way(self, start: MapPose, target: MapPose) -> bool:
-        """Return whether a planner has said how long a way is."""
+        """Return whether a planner has provided the length of a path."""
         return _ends(start, target) in self._ways
 
     def way_m(self, start: MapPose, target: MapPose) -> float:
-        """Return how long a way is, metres: by the planner if that is known, else the straight line times `DETOUR`."""
+        """Return the length of a path, metres: from the planner if known, otherwise the straight line times `DETOUR`."""
         line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
         return self._ways.get(_ends(start, target), DETOUR * line)
 
     def here(self) -> MapPose:
-        """Return where the robot has looked last, or the base station if it was there since."""
+        """Return the pose of the last search, or the base station if the robot has been there since."""
         return deepcopy(self._here)
 
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
         return self.way_m(start, target) / self.speed_mps
 
     def add(self, zone: Zone) -> None:
-        """Put a further zone behind all others."""
+        """Add a zone at the end of the plan."""
         self.journal.note(search_events.ZONE_ADDED, **zone)
 
     def draw(self, zone: Zone, ground: "Ground", area: Area | None) -> float:
-        """Put a zone with an outline behind all others, or change one that is there.
+        """Add a zone with a polygon at the end of the plan, or change an existing one.
 
         Args:
             zone: The zone.
-            ground: Its outline, and how far one sees there.
-            area: What is expected of a look there; None where no probabilities are given.
+            ground: Its polygon, and the range of the sensor there.
+            area: Expectations of a search there; None without probabilities.
 
         Returns:
-            How many times the POA of the others counts from now on: below 1 where all together would be above 1.
+            The factor for the POA of the other zones: below 1 if the sum would otherwise exceed 1.
         """
         before = math.fsum(each.poa for name, each in self.areas.items() if name != zone["id"])
         room = 1.0 - area.poa if area is not None else 1.0
@@ -310,17 +310,17 @@ class ZoneManager:
         return shrunk
 
     def advance(self) -> None:
-        """Advance to the next zone; past the last one, nothing happens."""
+        """Advance to the next zone; past the last zone, do nothing."""
         if self.has_remaining():
             self.journal.note(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])
 
     def postpone(self) -> None:
-        """Put the current zone after all other remaining ones; past the last one, nothing happens."""
+        """Move the current zone to the end of the plan; past the last zone, do nothing."""
         if self.has_remaining():
             self.journal.note(search_events.ZONE_POSTPONED, zone=self._zones[self._index]["id"])
 
     def times_postponed(self) -> int:
-        """Return the number of times that the current zone was postponed.
+        """Return how often the current zone was postponed.
 
         Raises:
             IndexError: If every zone is visited.
@@ -328,17 +328,17 @@ class ZoneManager:
         return self._postponed[self.current_zone()["id"]]
 
     def abandon(self, reason: str = "") -> None:
-        """Remove the current zone from the plan, unvisited; past the last one, nothing happens.
+        """Remove the current zone from the plan, unvisited; past the last zone, do nothing.
 
         Args:
-            reason: Why it is given up untried, in words; empty if its attempts have failed.
+            reason: Why it is abandoned without an attempt; empty if its attempts have failed.
         """
         if self.has_remaining():
             zone_id, attempts = self._zones[self._index]["id"], self.times_postponed() + 1
             self.journal.note(search_events.ZONE_ABANDONED, zone=zone_id, attempts=attempts, reason=reason)
 
     def abandoned_zones(self) -> list[Zone]:
-        """Return the abandoned zones, in the order in which they were abandoned."""
+        """Return the abandoned zones in the order of abandonment."""
         return deepcopy(self._abandoned)
 
     def base_pose(self) -> MapPose:
@@ -360,10 +360,10 @@ class ZoneManager:
         return len(self._zones) + len(self._abandoned)
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change the plan by a fact.
+        """Update the plan from an event.
 
         Raises:
-            LookupError, TypeError or ValueError: If there cannot be such a fact now.
+            LookupError, TypeError or ValueError: If the event contradicts the current state.
         """
         if (handle := self._HANDLERS.get(fact.kind)) is not None:
             handle(self, fact.data)
@@ -371,7 +371,7 @@ class ZoneManager:
     def _on_zone_chosen(self, data: Mapping[str, Any]) -> None:
         left = [zone["id"] for zone in self.remaining_zones()]
         if data["zone"] not in left:
-            raise ValueError(f"{data['zone']} is not left then")
+            raise ValueError(f"{data['zone']} is not left at that time")
         self._zones.insert(self._index, self._zones.pop(self._index + left.index(data["zone"])))
 
     def _on_zone_searched(self, data: Mapping[str, Any]) -> None:
@@ -392,14 +392,14 @@ class ZoneManager:
         self._here = MapPose(x=x, y=y, yaw=yaw)
 
     def _on_piece_skipped(self, _: Mapping[str, Any]) -> None:
-        # It may be the way that has changed.
+        # The paths may have changed.
         self._ways.clear()
 
     def _on_hint_given(self, data: Mapping[str, Any]) -> None:
         zone, ratio = data["zone"], float(data["ratio"])
         if zone not in self.areas or not is_ratio(ratio):
-            raise ValueError(f"there is no such hint on {zone}")
-        # Many hints make no number so large that nothing can be said beside it.
+            raise ValueError(f"invalid hint on {zone}")
+        # A bound keeps many hints from growing into a number that absorbs all others.
         together = self.hints.get(zone, 1.0) * ratio
         self.hints[zone] = min(max(together, 1.0 / _MOST_TOGETHER), _MOST_TOGETHER)
 
@@ -420,7 +420,7 @@ class ZoneManager:
         if at is None:
             self._zones.append(zone)
         elif at < self._index:
-            raise ValueError(f"{name} was visited then")
+            raise ValueError(f"{name} is already visited at that time")
         else:
             self._zones[at] = zone
         if data["expected"] is None:
@@ -431,7 +431,7 @@ class ZoneManager:
 
     def _on_survivor_named(self, data: Mapping[str, Any]) -> None:
         number = data["survivor"].rpartition("_")[2]
-        # A leaf of somebody's own may give other names.
+        # A user's leaf may assign other names.
         self._survivors = max(self._survivors, int(number) if number.isdecimal() else 0)
         if zone := self._found_at.get(position(data["x"], data["y"])):
             self._found_in[data["survivor"]] = zone
@@ -439,7 +439,7 @@ class ZoneManager:
     def _on_survivor_judged(self, data: Mapping[str, Any]) -> None:
         name = data["survivor"]
         is_rejected = data["standing"] == "rejected"
-        # The look has ended with what was no find: nobody knows whether it would have found somebody else.
+        # The search ended with a false detection, so it does not show whether another person is there.
         if name in self._found_in and is_rejected != (name in self._rejected):
             self.looks[self._found_in[name]] += -1 if is_rejected else 1
             self._rejected ^= {name}
@@ -463,7 +463,7 @@ class ZoneManager:
 
     def _check_current(self, zone_id: str) -> None:
         if zone_id != (current := self.current_zone()["id"]):
-            raise ValueError(f"the zone is then {current}")
+            raise ValueError(f"the current zone at that time is {current}")
 
     # Other kinds do not change the plan.
     _HANDLERS: ClassVar[Mapping[str, Callable[["ZoneManager", Mapping[str, Any]], None]]] = {
@@ -487,7 +487,7 @@ class ZoneManager:
 
 
 def _ends(start: MapPose, target: MapPose) -> frozenset[tuple[float, float]]:
-    """Return what is the same of a way and the way back."""
+    """Return a key that is equal for both directions of a path."""
     return frozenset({(start["x"], start["y"]), (target["x"], target["y"])})
 
 
@@ -496,18 +496,18 @@ class Fence:
     """A polygon in the frame `map`.
 
     Args:
-        corners: Its corners in their order, x and y in metres; none for no fence, which allows everything.
+        corners: Its corners in order, x and y in metres; empty for no fence, which allows every position.
     """
 
     def __init__(self, corners: Sequence[tuple[float, float]] = ()) -> None:
         self.corners = tuple(corners)
 
     def __bool__(self) -> bool:
-        """Return whether there is a fence."""
+        """Return whether the fence has corners."""
         return bool(self.corners)
 
     def contains(self, x: float, y: float) -> bool:
-        """Return whether a position is inside; with no fence every one is.
+        """Return whether a position is inside; without a fence always True.
 
         Args:
             x: Metres, frame `map`.
@@ -522,7 +522,7 @@ class Fence:
 
 
 def read_fence(reader: ParameterReader) -> Fence:
-    """Read the parameter `geofence`: `[x1, y1, x2, y2, x3, y3, …]`; without one there is no fence."""
+    """Read the parameter `geofence`: `[x1, y1, x2, y2, x3, y3, …]`; without it there is no fence."""
     numbers = reader.numbers(_GEOFENCE)
     corners = list(zip(numbers[::2], numbers[1::2], strict=False))
     if numbers and (len(numbers) % 2 or len(corners) < _LEAST_CORNERS):
@@ -541,7 +541,7 @@ def read_survivors(
         The positions in metres in the frame `map`.
 
     Raises:
-        ParameterError: If there are mistakes; has all of them.
+        ParameterError: If there are errors; lists all of them.
     """
     reader = ParameterReader(parameters)
     points = {

@@ -1,11 +1,11 @@
-"""In which order areas are searched, so that the expected time to the first find is least.
+"""Orders of searched areas that minimise the expected time to the first detection.
 
-The cost of an order is Σ over its looks of (time until the look ends) · (probability that it is the first to find), which is also
-Σ over its steps of (time of the step) · (probability of a find in it or later). So what a step costs depends on the set of areas
-before it and on the last of them alone: a dynamic programme over subsets is exact (Held and Karp's, with another cost).
+The cost of an order is Σ over its searches of (time until the search ends) · (probability that it is the first to detect). This equals
+Σ over its steps of (time of the step) · (probability of a detection in it or later). So the cost of a step depends only on the set of areas
+before it and on the last of them. Dynamic programming over subsets is therefore exact (Held and Karp's, with another cost).
 
-Time and memory of that grow as 2^n, those of a beam search as n³, and those of the index rule (probability per second) as n². So the
-number of areas decides which of them is used: any number that a parameter file can have is ordered within 2 s and 200 MB.
+Its time and memory grow as 2^n, those of a beam search as n³, and those of the index rule (probability per second) as n². The
+number of areas decides which one is used: any number in a parameter file is ordered within 2 s and 200 MB.
 """
 
 import itertools
@@ -18,12 +18,12 @@ from search_and_rescue.search_theory import Tour
 from search_and_rescue.zone_manager import VisitingOrder
 
 EXACT_UP_TO = 14
-"""The most areas for which the order is the best of all; more are ordered by a beam search."""
+"""Largest number of areas that are ordered exactly; more are ordered by a beam search."""
 BEAM_UP_TO = 50
-"""The most areas for which a beam search orders them; more are ordered by the index rule."""
+"""Largest number of areas that are ordered by a beam search; more are ordered by the index rule."""
 
 _BEAM_WIDTH = 400
-# Each takes a pass over all areas; beyond some ten there is hardly an area left to move.
+# Each pass visits all areas; after some ten passes hardly any area still moves.
 _MOST_PASSES = 20
 _FEWEST_FINDS = 1e-9
 
@@ -31,7 +31,7 @@ _Durations = npt.NDArray[np.float64]
 
 
 def ordered(order: VisitingOrder, tour: Tour) -> list[int]:
-    """Return the areas of a tour in an order, by their numbers."""
+    """Return the indices of a tour's areas in an order."""
     count = len(tour.finds)
     if order == "listed" or count < 1:
         return list(range(count))
@@ -43,7 +43,7 @@ def ordered(order: VisitingOrder, tour: Tour) -> list[int]:
 
 
 def approximation(count: int) -> str:
-    """Return by what an order of so many areas is approximated, in words; empty if it is the best of all."""
+    """Return the name of the approximation for so many areas; empty if the order is exact."""
     if count <= EXACT_UP_TO:
         return ""
     return "a beam search" if count <= BEAM_UP_TO else "probability per second"
@@ -59,7 +59,7 @@ def _nearest(tour: Tour) -> list[int]:
 
 
 def exact(tour: Tour) -> list[int]:
-    """Return the best order of all, by a dynamic programme: each area more takes twice as long and twice the memory."""
+    """Return the optimal order by dynamic programming; each further area doubles time and memory."""
     start, between, weights = _steps(tour)
     count = len(weights)
     sets = np.arange(1 << count)
@@ -85,15 +85,15 @@ def exact(tour: Tour) -> list[int]:
 
 
 def beam(tour: Tour, width: int = _BEAM_WIDTH) -> list[int]:
-    """Return a good order: the best beginnings are gone on with, and the best end is mended.
+    """Return a good order: a beam search over beginnings, whose best result is then improved.
 
     Args:
-        tour: What there is to choose it by.
-        width: How many beginnings are kept of each length.
+        tour: The inputs.
+        width: Number of beginnings kept of each length.
     """
     start, between, weights = _steps(tour)
     count = len(weights)
-    # The least that each area can take, the most worth while first: no end of a beginning costs less than these in a row.
+    # Lower bound for the rest of an order: the least time of each area, in descending order of probability per second.
     least = np.minimum(start, np.where(np.eye(count, dtype=bool), np.inf, between).min(axis=0))
     ranked = np.argsort(least / weights)
     orders = np.arange(count)[:, None]
@@ -116,8 +116,8 @@ def beam(tour: Tour, width: int = _BEAM_WIDTH) -> list[int]:
 def by_index(tour: Tour) -> list[int]:
     """Return a good order of many areas: the greedy index rule, then each area moved to its best position.
 
-    The rule goes on with the area of the highest probability per second of way and look. It takes O(n²) time, and so does a pass that
-    moves areas: what stands after a position, and when each look ends, tell what a move costs without going through the order again.
+    The rule always continues with the area of the highest probability per second of drive and search. It takes O(n²) time, and so does a pass
+    that moves areas: prefix sums of weights and times give the cost of a move without walking through the order again.
 
     Args:
         tour: The inputs.
@@ -134,7 +134,7 @@ def by_index(tour: Tour) -> list[int]:
 
 
 def _moved(order: list[int], start: _Durations, between: _Durations, weights: _Durations) -> list[int]:
-    """Return an order in which each area stands at its best position among the others, or almost."""
+    """Return an order in which each area is at (almost) its best position among the others."""
     for _ in range(_MOST_PASSES):
         before = order
         for area in before:
@@ -158,7 +158,7 @@ def _moved(order: list[int], start: _Durations, between: _Durations, weights: _D
 def _best_of_each(
     ranked: npt.NDArray[np.intp], states: npt.NDArray[np.intp], costs: _Durations, width: int
 ) -> list[int]:
-    """Return the first of a ranking, of those that have done the same and stand at the same place the cheapest."""
+    """Return the cheapest of equivalent beginnings, which contain the same areas and end at the same one."""
     kept: dict[bytes, int] = {}
     for index in ranked:
         state = states[index].tobytes()
@@ -172,7 +172,7 @@ def _best_of_each(
 
 
 def _mended(order: list[int], start: _Durations, between: _Durations, weights: _Durations) -> list[int]:
-    """Return an order that no reversal of a part, and no other place of an area, makes better."""
+    """Return an order that no reversal of a part and no move of an area improves."""
 
     def cost(order: Sequence[int]) -> float:
         steps = np.concatenate([start[list(order[:1])], between[list(order[:-1]), list(order[1:])]])
@@ -194,9 +194,9 @@ def _mended(order: list[int], start: _Durations, between: _Durations, weights: _
 
 
 def _steps(tour: Tour) -> tuple[_Durations, _Durations, _Durations]:
-    """Return the durations from the start, those between areas, looks included, and what a find there weighs.
+    """Return the durations from the start, those between areas including searches, and the weights of detections.
 
-    Where hardly anything can be found, areas weigh a little all the same: so the shorter way to them is taken.
+    Areas where detection is almost impossible have a small weight, so that the shorter path to them is preferred.
     """
     looks = np.array(tour.looks, dtype=float)
     weights = np.array(tour.finds, dtype=float)

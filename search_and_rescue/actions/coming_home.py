@@ -1,4 +1,4 @@
-"""Asking before each leg, to a zone or a piece of its sweep, whether the robot comes home again, and waiting at home for a battery that suffices."""
+"""Checks before each leg, to a zone or a piece of its sweep, that the robot can still return home, and the wait for a charged battery."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 BATTERY_TOPIC = "battery_state"
-"""Where the battery is told: `sensor_msgs/msg/BatteryState`, of which the `percentage` counts."""
+"""The battery's topic: `sensor_msgs/msg/BatteryState`, of which `percentage` is used."""
 
 
 _AT_CHARGE = "(at == 'base' || at == 'charging')"
 
 
 class BatteryMeter:
-    """Tells what is known of coming home what the robot says: its battery, its odometry, and where it is.
+    """Feeds the estimate of the way home with the robot's battery, odometry and position.
 
-    It listens as long as the node exists, also while no leaf is ticked: a drive is what is to be learned of.
+    It listens as long as the node exists, even while no leaf is ticked, because consumption is learned from drives.
 
     Args:
         node: The mission's node.
-        homing: What is told.
+        homing: Receives the readings.
     """
 
     def __init__(self, node: "Node", homing: Homing) -> None:
@@ -57,11 +57,11 @@ class BatteryMeter:
 
     @property
     def age_sec(self) -> float:
-        """How long ago the battery was told, seconds of the node's clock; endless before."""
+        """Seconds of the node's clock since the last battery message; infinite before the first one."""
         return self._now() - self._homing.energy.read_sec
 
     def look(self) -> None:
-        """Look where the robot is."""
+        """Update the robot's position."""
         place = self._robot.place()
         if place is not None:
             self._homing.place = MapPose(x=place[0], y=place[1], yaw=place[2])
@@ -71,7 +71,7 @@ class BatteryMeter:
             self._homing.energy.moved(*self._robot.odometry[:2])
 
     def _on_battery(self, message: Any) -> None:
-        # A battery whose percentage is always unusable counts as silent.
+        # A battery whose percentage is always unusable is treated as silent.
         reports = value_reports(self._node)
         share = reports.read(f"Topic '{BATTERY_TOPIC}'", lambda: battery_share(message))
         if share is not None:
@@ -84,12 +84,12 @@ class BatteryMeter:
 
 @dataclass(eq=False, repr=False)
 class _HomingLeaf(RosLeaf):
-    """The common base of these leaves, which listen to battery and robot from the setup on.
+    """Base class of the leaves that listen to battery and robot from setup on.
 
     Args:
-        homing: What it takes to come home.
+        homing: Estimates the way home.
         clock: The mission's clock.
-        record: Where it is noted.
+        record: Records the decision.
     """
 
     name: str
@@ -102,7 +102,7 @@ class _HomingLeaf(RosLeaf):
         super().__init__(self.name)
 
     def setup(self, **kwargs: Any) -> None:
-        """Begin to listen."""
+        """Start listening."""
         super().setup(**kwargs)
         self._meter.look()
 
@@ -125,17 +125,18 @@ class _HomingLeaf(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class ReturnInReach(_HomingLeaf):
-    """Is enough left for the next leg and the way home? SUCCESS if so; FAILURE if the robot is to come home first.
+    """Check that the battery and the time suffice for the next leg and the way home: SUCCESS if so; FAILURE if the robot must go home first.
 
-    Out to the current zone, or to the open piece of its sweep, the look there and the way home must leave the reserve in the battery, and end before the mission's time is up. It is
-    RUNNING while the battery has not been told yet, for `max_age_sec` at most; a battery that is silent for longer suffices for nothing.
+    The drive to the current zone, or to the open piece of its sweep, the search there and the way home must leave the reserve in the battery.
+    They must also end before the mission's time limit. The leaf is RUNNING until the first battery message, for `max_age_sec` at most. A battery
+    that is silent for longer is treated as empty.
 
     Args:
-        homing: What it takes to come home.
+        homing: Estimates the way home.
         clock: The mission's clock.
-        record: Where it is noted that the robot comes home first.
-        limit: How long the mission may take, seconds of the mission's clock from the first tick on; 0 for no limit.
-        max_age_sec: How long the battery may be silent, seconds of the node's clock.
+        record: Records that the robot goes home first.
+        limit: Time limit of the mission, seconds of the mission's clock from the first tick on; 0 for no limit.
+        max_age_sec: Longest silence of the battery, seconds of the node's clock.
     """
 
     limit: Seconds = 0.0
@@ -146,7 +147,7 @@ class ReturnInReach(_HomingLeaf):
         self._began = math.nan
 
     def update(self) -> Status:
-        """Weigh the leg."""
+        """Decide whether the robot can start the leg."""
         now = self.clock.now()
         if math.isnan(self._began):
             self._began = now
@@ -160,10 +161,10 @@ class ReturnInReach(_HomingLeaf):
         return self._refuse(reason) if reason else self._go()
 
     def _on_silence(self, now: float) -> Status:
-        self.feedback_message = f"nothing on '{BATTERY_TOPIC}' yet"
+        self.feedback_message = f"no message on '{BATTERY_TOPIC}' yet"
         if math.isnan(self.homing.energy.share) and now - self._began <= self.max_age_sec:
             return self.answer(Status.RUNNING, "battery unknown")
-        return self._refuse(f"no share of the battery on '{BATTERY_TOPIC}' for {self.max_age_sec:g} s")
+        return self._refuse(f"no usable percentage on '{BATTERY_TOPIC}' for {self.max_age_sec:g} s")
 
     def _refuse(self, reason: str) -> Status:
         stop, pose = self.homing.charging_stop()
@@ -177,9 +178,9 @@ class ReturnInReach(_HomingLeaf):
 
     def _go(self) -> Status:
         if self.record.homing_for:
-            # The battery was swapped while no run was there to see it.
+            # The battery was swapped while no run was active.
             self.record.charged(self.homing.energy.share)
-        self.feedback_message = f"{self.homing.energy.share:.0%} in the battery suffice"
+        self.feedback_message = f"the battery, at {self.homing.energy.share:.0%}, suffices"
         return self.answer(Status.SUCCESS, "in reach")
 
 
@@ -196,15 +197,15 @@ class ReturnInReach(_HomingLeaf):
 )
 @dataclass(eq=False, repr=False)
 class FullBatterySuffices(RosLeaf):
-    """Would a full battery suffice for the next leg, from home and back? SUCCESS if so, else FAILURE: no charge helps.
+    """Check that a full battery suffices for the next leg, from home and back: SUCCESS if so, otherwise FAILURE, because charging cannot help.
 
-    First, RUNNING, it asks the planner for the ways of the leg that are not known yet. Those that it does not give count as straight lines
-    times 1.5, which is told.
+    The leaf first asks the planner for the unknown paths of the leg, and is RUNNING meanwhile. A path that the planner does not provide is
+    estimated as 1.5 times the straight line, with a warning.
 
     Args:
-        homing: What it takes to come home.
-        ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
-        planner_id: Which of the planner server's planners is asked; empty for its only one.
+        homing: Estimates the way home.
+        ways_timeout_sec: Time limit for all paths together, seconds of the machine's clock; without a planner the leaf does not wait.
+        planner_id: ID of the planner in the planner server; empty for its only one.
     """
 
     name: str
@@ -218,7 +219,7 @@ class FullBatterySuffices(RosLeaf):
         self._ways: PlannedWays | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Make the client of the planner."""
+        """Create the planner client."""
         self._release()
         super().setup(**kwargs)
         self._ways = PlannedWays(
@@ -226,12 +227,12 @@ class FullBatterySuffices(RosLeaf):
         )
 
     def initialise(self) -> None:
-        """Ask for the ways."""
+        """Request the paths."""
         if self._ways is not None and self.homing.has_next:
             self._ways.ask(self.homing.ways())
 
     def update(self) -> Status:
-        """Weigh the leg, as soon as its ways are known."""
+        """Decide as soon as the paths are known."""
         if not self.homing.has_next:
             return self.answer(Status.FAILURE, "no zone")
         if self._ways is not None and self._ways.are_awaited():
@@ -244,12 +245,12 @@ class FullBatterySuffices(RosLeaf):
         return self.answer(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
 
     def terminate(self, new_status: Status) -> None:
-        """Ask no further, if the leaf is stopped."""
+        """Cancel the requests if the leaf is halted."""
         if new_status is Status.INVALID and self._ways is not None:
             self._ways.give_up()
 
     def shutdown(self) -> None:
-        """Release the client, and the node."""
+        """Release the client and the node."""
         self._release()
         super().shutdown()
 
@@ -269,13 +270,13 @@ class FullBatterySuffices(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToCharge(NavigateToBase):
-    """Drive to where the battery is charged: home, or a charging place that is nearer and reached with the reserve.
+    """Drive to the place where the battery is charged: home, or a nearer charging place that the robot reaches with its reserve.
 
-    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there. Where there is no charging place it drives home, as
-    `NavigateToBase` does.
+    RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there. Without a charging place it drives home like
+    `NavigateToBase`.
 
     Args:
-        homing: What it takes to come home.
+        homing: Estimates the way home.
     """
 
     homing: Homing
@@ -285,13 +286,13 @@ class NavigateToCharge(NavigateToBase):
         self._stop = ""
 
     def goal(self) -> Any:
-        """Return the goal for the place; SUCCESS if that is home, and the robot was there already when the mission was resumed."""
+        """Return the goal for the place; SUCCESS if that is home and the robot was already there when the mission was resumed."""
         self._stop, pose = self.homing.charging_stop()
         if not self._stop:
             return super().goal()
         trip = self.homing.way_to(pose)
         headline = (
-            f"{self._stop} is {trip.metres:.0f} m away, for {self.homing.energy.need(trip):.0%} of the battery, "
+            f"{self._stop} is {trip.metres:.0f} m away and takes {self.homing.energy.need(trip):.0%} of the battery, "
             f"which is at {self.homing.energy.share:.0%}."
         )
         return self._drive_to(f"charging place {self._stop}", pose, headline=headline)
@@ -316,42 +317,42 @@ class NavigateToCharge(NavigateToBase):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class AwaitCharge(_HomingLeaf):
-    """Wait at home, or at a charging place, until the battery was charged or swapped and suffices for the next leg.
+    """Wait at home, or at a charging place, until the battery has been charged or swapped and suffices for the next leg.
 
-    RUNNING meanwhile, then SUCCESS. FAILURE if the robot is at neither, if that has not happened when the patience is over, or if no battery helps because the mission's
-    time is short.
+    RUNNING meanwhile, then SUCCESS. FAILURE if the robot is at neither place, if `patience` expires first, or if too little mission time
+    is left, so that no battery helps.
 
     Args:
-        homing: What it takes to come home.
-        clock: The clock of the patience.
-        record: Knows whether the robot is there; where it is noted what has come of it.
-        patience: How long to wait, seconds of the mission's clock.
+        homing: Estimates the way home.
+        clock: The clock that measures the patience.
+        record: Tells whether the robot has arrived, and records the result.
+        patience: Longest wait, seconds of the mission's clock.
     """
 
     patience: Seconds = 900.0
 
     def initialise(self) -> None:
-        """Begin to wait."""
+        """Start waiting."""
         self._began = self.clock.now()
 
     def update(self) -> Status:
-        """Look at the battery."""
+        """Check the battery."""
         now, share = self.clock.now(), self.homing.energy.share
         place = self.record.charging_at or ("home" if self.record.home else "")
         if not (self.homing.has_next and place):
-            nowhere = "the robot is not at home, nor at a charging place, or no zone is left"
-            self.complain(f"'{self.name}' has nothing to wait for: {nowhere}.")
+            nowhere = "the robot is neither at home nor at a charging place, or no zone is left"
+            self.complain(f"'{self.name}' cannot wait for a charge: {nowhere}.")
             return self.answer(Status.FAILURE, "not charged")
         lacking = self.homing.shortage(now)
         if self.homing.is_charged and not lacking:
-            self.say(f"The battery is at {share:.0%}: on to {self.homing.next_leg}.")
+            self.say(f"The battery is at {share:.0%}: the robot continues to {self.homing.next_leg}.")
             self.record.charged(share)
             return self.answer(Status.SUCCESS, "charged")
         if self.homing.late(now):
             return self._give_up(lacking)
         if now - self._began > self.patience:
             return self._give_up(f"the battery was not charged within {self.patience:g} s at {place}")
-        self.feedback_message = f"waiting for a charge, the battery is at {share:.0%}"
+        self.feedback_message = f"waiting for a charge: the battery is at {share:.0%}"
         return self.answer(Status.RUNNING, "waiting")
 
     def _give_up(self, reason: str) -> Status:

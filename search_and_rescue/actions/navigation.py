@@ -1,4 +1,4 @@
-"""Driving to the zones and home: goals for Nav2's action `NavigateToPose`."""
+"""Driving to the zones and home with goals of Nav2's action `NavigateToPose`."""
 
 import math
 from collections.abc import Sequence
@@ -24,40 +24,40 @@ from sar_compiler.missions import PROGRESS
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import MAP_FRAME, MapPose, ZoneManager
 
-# How long a goal in an obstacle is not sent again, seconds: some obstacles go away.
+# Pause before a goal in an obstacle is sent again, seconds: some obstacles move away.
 _OCCUPIED_SEC = 60.0
-# How often the journal is told what is left of the drive, seconds.
+# Interval at which the remaining drive is recorded in the journal, seconds.
 _PROGRESS_SEC = 1.0
 _ABORTED = 6
 
-# Nav2's error codes, by the action definitions of nav2_msgs. Each server has a range of a hundred; `NavigateToPose` passes on the code of
+# Nav2's error codes, from the action definitions of nav2_msgs. Each server has a range of a hundred. `NavigateToPose` passes on the code of
 # the server that failed.
 FOR_GOOD = (101, 201, 204, 9001)
-"""Codes of goals that fail as often as they are sent: no such plug-in or tree, a goal outside the map."""
+"""Codes of goals that fail on every attempt: no such plug-in or tree, a goal outside the map."""
 OCCUPIED = 206
-"""The code of a goal in an obstacle, of which some can move."""
+"""The code of a goal in an obstacle; some obstacles can move."""
 _ROBOTS_PLACE = (203, 205)
 OF_PLANNER = range(200, 300)
-"""Codes of goals to which, or through which, no path was found."""
-# What Nav2 says of several poses has the codes of a single one, so much later.
+"""Codes of goals for which the planner found no path to the goal or through it."""
+# For several poses Nav2 uses the codes of a single pose plus this offset.
 _OF_SEVERAL, _LATER = {*range(301, 309), *range(9100, 9104)}, 100
 
 _CODES = {
     1: "the goal was rejected by another server",
     2: "the goal could not be sent on to another server",
-    101: "the controller that was asked for does not exist",
+    101: "the requested controller does not exist",
     102: "the controller could not transform a pose",
     103: "the controller was given an invalid path",
     104: "the controller's patience was exceeded",
     105: "the robot makes no progress",
     106: "the controller found no safe velocity",
     107: "the controller took too long",
-    201: "the planner that was asked for does not exist",
+    201: "the requested planner does not exist",
     202: "the planner could not transform a pose",
     203: "the robot is outside the map",
     204: "the goal is outside the map",
-    205: "the robot stands in an obstacle",
-    206: "the goal lies in an obstacle",
+    205: "the robot is in an obstacle",
+    206: "the goal is in an obstacle",
     207: "the planner took too long",
     208: "there is no path to the goal",
     9001: "Nav2 could not load its behavior tree",
@@ -80,19 +80,19 @@ _RANGES = (
 
 @dataclass(eq=False, repr=False)
 class NavigateTo(ActionLeaf):
-    """The common base of driving to a zone and driving home: one goal for each activation.
+    """Base class of the leaves that drive to a zone or home, with one goal for each activation.
 
-    Subclasses define the target, and the effect of the arrival.
+    Subclasses define the target and the effect of the arrival.
 
     Args:
         zone_manager: The mission's zones.
-        record: Where the drive is noted.
+        record: Records the drive.
         action: The action's name.
         server_timeout_sec: How long to wait for a server, seconds.
         acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
         feedback_timeout_sec: How long a server may be silent, seconds.
-        hold_timeout_sec: How long to wait for somebody to judge the goal: for Nav2 and its localisation, or the end of another
-            client's goal, seconds.
+        hold_timeout_sec: How long to wait, seconds, until the goal can be judged: for Nav2 and its localisation, or the end of another
+                client's goal.
     """
 
     name: str
@@ -107,7 +107,7 @@ class NavigateTo(ActionLeaf):
 
     action_type = "nav2_msgs/action/NavigateToPose"
     rivals = ("navigate_to_pose", "navigate_through_poses")
-    # People read no faster, and whoever watches is told of every change.
+    # A person reads no faster; the page is sent every change anyway.
     feedback_period_sec = 0.4
 
     def __post_init__(self) -> None:
@@ -122,12 +122,12 @@ class NavigateTo(ActionLeaf):
         return True
 
     def on_send(self) -> None:
-        """Log the target of the drive."""
+        """Log the target."""
         self.feedback_message = f"navigating to {self._target}"
         self.say(f"Navigating to {self._target}...")
 
     def on_feedback(self, feedback: Any) -> Status | None:
-        """Keep the remaining distance, and note it in the journal."""
+        """Store the remaining distance and record it in the journal."""
         left = drive_left(feedback)
         if left is None:
             self.feedback_message = f"navigating to {self._target}"
@@ -141,7 +141,7 @@ class NavigateTo(ActionLeaf):
         return None
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Return SUCCESS on arrival; else FAILURE, and log Nav2's reason."""
+        """Return SUCCESS on arrival, otherwise FAILURE; log Nav2's reason."""
         if status != SUCCEEDED:
             reason, code = describe_end(status, result, self.nav2_reason()), code_of(result)
             if code in (*FOR_GOOD, OCCUPIED):
@@ -154,7 +154,7 @@ class NavigateTo(ActionLeaf):
         return Status.SUCCESS
 
     def update(self) -> Status:
-        """Return the leaf's status, and say of RUNNING whether the robot drives or waits for somebody to judge the drive."""
+        """Return the leaf's status. While RUNNING, the feedback says whether the robot drives or waits for Nav2."""
         status = super().update()
         if status is Status.RUNNING:
             waits = "not arrived" if self.has_not_arrived else "waiting for Nav2"
@@ -162,20 +162,20 @@ class NavigateTo(ActionLeaf):
         return status
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE, and log the target that was not reached."""
+        """Log the target that was not reached and return FAILURE."""
         self.complain(f"Navigation to {self._target} failed: {reason}")
         return self.answer(Status.FAILURE, "aborted")
 
     def on_hold(self, obstacle: str) -> None:
-        """Note that nobody judges the drive."""
+        """Record that navigation is unavailable."""
         self.record.navigation_lost = obstacle
 
     def on_available(self) -> None:
-        """Note that somebody does."""
+        """Record that navigation is available again."""
         self.record.navigation_lost = ""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE: that says nothing of the target, which `NavigationAvailable` asks for."""
+        """Return FAILURE, which says nothing about the target; `NavigationAvailable` distinguishes this case."""
         self.record.navigation_lost = reason
         self.complain(f"Navigation to {self._target} is unavailable: {reason}")
         return self.answer(Status.FAILURE, "unavailable")
@@ -184,7 +184,7 @@ class NavigateTo(ActionLeaf):
         """Handle the arrival."""
 
     def _drive_to(self, target: str, *poses: MapPose, headline: str = "") -> Any:
-        """Return the goal for poses in the frame `map`, of which the last one is the target."""
+        """Return the goal for poses in the frame `map`; the last pose is the target."""
         self._target = target
         reason, until = self._hopeless.get(target, ("", None))
         if until is not None and not until.passed:
@@ -195,7 +195,7 @@ class NavigateTo(ActionLeaf):
         return self._message_to([self._stamped(pose) for pose in poses])
 
     def _message_to(self, poses: Sequence[Any]) -> Any:
-        """Return the goal that is sent, for poses as messages."""
+        """Return the goal message for pose messages."""
         return self.interface.Goal(pose=poses[0])
 
     def _stamped(self, pose: MapPose) -> Any:
@@ -210,7 +210,7 @@ class NavigateTo(ActionLeaf):
 
 
 def drive_answers(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
-    """Return the answers of a leaf that drives: that of its arrival, and further ones than Nav2's failures, which are possible when that is."""
+    """Return the outcomes of a leaf that drives: arrival, Nav2's failures, and the given further failures under the condition of the arrival."""
     when = arrived.when
     return (
         arrived,
@@ -237,14 +237,14 @@ def drive_answers(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
 class NavigateToZone(NavigateTo):
     """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 
-    Where nobody can judge a drive it waits, RUNNING, within `hold_timeout_sec`, and fails then: that says nothing of the zone, and
-    `NavigationAvailable` tells the one from the other.
+    If no server can judge the drive, the leaf waits, RUNNING, for `hold_timeout_sec` at most, and then returns FAILURE. This failure says
+    nothing about the zone; `NavigationAvailable` distinguishes it from others.
     """
 
     def goal(self) -> Any:
-        """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
+        """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if an earlier run searched it."""
         if not self.zone_manager.has_remaining():
-            self.complain(f"'{self.name}' has nowhere to drive to: every zone is visited.")
+            self.complain(f"'{self.name}' has no target: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()
         if self.record.before.has_searched(zone["id"]):
@@ -269,13 +269,13 @@ class NavigateToBase(NavigateTo):
 
     Args:
         zone_manager: The mission's zones and base station.
-        record: Where the return is noted.
+        record: Records the return.
     """
 
     _told = ""
 
     def goal(self) -> Any:
-        """Return the goal for the base station; SUCCESS if the robot was there already when the mission was resumed."""
+        """Return the goal for the base station; SUCCESS if the robot was already there when the mission was resumed."""
         if self.record.before.take_home():
             self.feedback_message = "an earlier run has driven home"
             self._on_arrival()
@@ -292,7 +292,7 @@ class NavigateToBase(NavigateTo):
         shortfalls = self.record.shortfalls(self.zone_manager)
         told = "Mission complete."
         if shortfalls:
-            # As of now: a report that is kept may still be delivered here.
+            # Checked now: a stored report may still be delivered here.
             told = " ".join(["Back at base with the mission incomplete:", *shortfalls])
         if told != self._told:
             self._told = told
@@ -300,15 +300,15 @@ class NavigateToBase(NavigateTo):
 
 
 def describe_end(status: int, result: Any, said: str = "") -> str:
-    """Return the description of a failed drive.
+    """Describe a failed drive.
 
     Args:
         status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
         result: The result of `nav2_msgs/action/NavigateToPose`, which has no error code in older versions.
-        said: What Nav2's nodes have logged meanwhile.
+        said: Log output of Nav2's nodes during the drive.
 
     Returns:
-        Status and error code, each as a number and in words, and Nav2's own reason where it has given one.
+        Status and error code, each as a number and in words, and Nav2's own reason if it gave one.
     """
     code = code_of(result)
     own = str(getattr(result, "error_msg", ""))
@@ -318,7 +318,7 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
 
 
 def code_of(result: Any) -> int:
-    """Return the code of a result; of several poses, the one that says the same of a single one."""
+    """Return the error code of a result; a code for several poses is mapped to that of a single pose."""
     code = int(getattr(result, "error_code", 0))
     return code - _LATER if code in _OF_SEVERAL else code
 
@@ -331,9 +331,9 @@ def _advice(code: int) -> str:
 
 def _describe_code(code: int, *, aborted: bool) -> str:
     if code == 0:
-        # Nav2 aborts so for many reasons: a server that was late or is dead, a node that is not active, no pose.
+        # Nav2 aborts without a code for many reasons: a server that was late or has crashed, an inactive node, a missing pose.
         return "no code" if aborted else "none"
     if code in _CODES:
         return _CODES[code]
     ranges = (words for first, last, words in _RANGES if first <= code <= last)
-    return next(ranges, "a code that is not known here")
+    return next(ranges, "an unknown code")

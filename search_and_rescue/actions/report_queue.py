@@ -1,4 +1,4 @@
-"""Reports that could not be delivered: kept, and delivered when the base station answers again."""
+"""Undelivered reports: stored, and delivered when the base station responds again."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -24,11 +24,11 @@ _KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = 
 
 
 class Backoff:
-    """The pause after a failure: twice as long after each further one.
+    """The pause after a failure, which doubles with each further failure.
 
     Args:
-        clock: The clock that it is measured with.
-        first_sec: The pause after the first failure, seconds; 0 for none at all.
+        clock: The clock that measures the pause.
+        first_sec: The pause after the first failure, seconds; 0 for none.
         longest_sec: The longest pause, seconds.
     """
 
@@ -40,25 +40,25 @@ class Backoff:
 
     @property
     def left_sec(self) -> float:
-        """Seconds of the pause that are left; 0 or less if it is over."""
+        """Remaining seconds of the pause; 0 or less if it is over."""
         elapsed = self._clock.now() - self._since
-        # A clock that jumps back, as that of a simulator which starts anew, ends the pause.
+        # A clock that jumps back, such as that of a restarted simulator, ends the pause.
         return self._pause_sec - elapsed if elapsed >= 0.0 else 0.0
 
     def failed(self) -> None:
-        """Begin a pause."""
+        """Start a pause."""
         self._pause_sec = min(self._pause_sec * 2 or self._first_sec, self._longest_sec)
         self._since = self._clock.now()
 
     def reset(self) -> None:
-        """End the pauses: an attempt has succeeded."""
+        """Reset the pauses after a successful attempt."""
         self._pause_sec = 0.0
 
 
 @register(
     "KeepReport",
     kind=Kind.ACTION,
-    effects="keeps the report of the survivor for later",
+    effects="stores the report of the survivor for later",
     answers=(
         Answer("SUCCESS", "kept", "named_by_{detect_node}", _KEPT),
         Answer("FAILURE", "nothing to keep", "!named_by_{detect_node}"),
@@ -66,11 +66,11 @@ class Backoff:
     facts={"reports_kept": 0, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
 )
 class KeepReport(RosLeaf):
-    """Keep the report of the survivor that was found, for `DeliverReports`; FAILURE if there is none with a name.
+    """Store the report of the detected survivor for `DeliverReports`; FAILURE if there is no named survivor.
 
     Args:
         detect_node: The search that found the survivor.
-        record: Where it is noted that the report is kept.
+        record: Records that the report is stored.
     """
 
     def __init__(
@@ -81,21 +81,21 @@ class KeepReport(RosLeaf):
         self._record = record or MissionRecord()
 
     def update(self) -> Status:
-        """Keep the report; to keep it again changes nothing."""
-        report = report_of(self._detect_node, self, self._record, "no report to keep")
+        """Store the report; storing it again has no effect."""
+        report = report_of(self._detect_node, self, self._record, "no report to store")
         if isinstance(report, Status):
             return report
         survivor_id = report.survivor_id
         self._record.report_kept(report)
-        self.feedback_message = f"the report of {survivor_id} is kept"
-        self.say(f"The report of {survivor_id} is kept until base acknowledges it.")
+        self.feedback_message = f"the report of {survivor_id} is stored"
+        self.say(f"The report of {survivor_id} is stored until base acknowledges it.")
         return Status.SUCCESS
 
 
 @register(
     "DeliverReports",
     kind=Kind.ACTION,
-    effects="reports the survivors whose reports were kept",
+    effects="reports the survivors whose reports were stored",
     uses=(Use.service("{service}"),),
     answers=(
         Answer("SUCCESS", "nothing kept", "reports_kept == 0"),
@@ -108,18 +108,18 @@ class KeepReport(RosLeaf):
 )
 @dataclass(eq=False, repr=False)
 class DeliverReports(ReportLeaf):
-    """Report each survivor whose report was kept: SUCCESS if none is left, at once if there was none.
+    """Report each survivor whose report is stored: SUCCESS when none is left, immediately if there was none.
 
-    FAILURE if a report was refused, after all others were tried; or as soon as the base station gives no answer. With a
-    back-off it is RUNNING for a while after a failure before it sends again: for `backoff_sec` at first, twice as long
-    after each further failure, a minute at most. A report that was not among those tried is sent at once.
+    FAILURE if a report was refused, after all others were tried, or as soon as the base station does not respond. After a failure with a
+    back-off, the leaf is RUNNING for a while before it sends again: for `backoff_sec` at first, then twice as long after each further failure,
+    at most a minute. A report that was not tried before is sent immediately.
 
     Args:
-        kept_reports: Where the reports are kept.
-        record: Where acknowledgements are noted.
-        clock: The clock of the back-off.
-        timeout_sec: How long to wait for each answer, seconds.
-        backoff_sec: How long to send nothing after the first failure, seconds; 0 to send again at once.
+        kept_reports: The stored reports.
+        record: Records acknowledgements.
+        clock: The clock that measures the back-off.
+        timeout_sec: How long to wait for each response, seconds.
+        backoff_sec: Pause after the first failure, seconds; 0 to send again immediately.
     """
 
     kept_reports: KeptReports
@@ -135,25 +135,25 @@ class DeliverReports(ReportLeaf):
         self._backoff = Backoff(self.clock, self.backoff_sec, _LONGEST_BACKOFF_SEC)
 
     def initialise(self) -> None:
-        """Begin with the oldest report."""
+        """Start with the oldest report."""
         self._untried = list(self.kept_reports)
         self._kept_at_first = len(self._untried)
         super().initialise()
 
     def request(self) -> Any:
-        """Return the request for the oldest report not tried yet; SUCCESS if none is kept, RUNNING in a back-off."""
+        """Return the request for the oldest untried report; SUCCESS if none is stored, RUNNING during a back-off."""
         if not self._untried:
-            self.feedback_message = "no report is kept"
+            self.feedback_message = "no report is stored"
             return self.answer(Status.SUCCESS, "nothing kept")
         if self._backoff.left_sec > 0.0 and {report.survivor_id for report in self._untried} <= self._tried:
-            self.feedback_message = f"base is tried again in {self._backoff.left_sec:.0f} s"
+            self.feedback_message = f"next attempt in {self._backoff.left_sec:.0f} s"
             return Status.RUNNING
         report = self._untried.pop(0)
         self._tried.add(report.survivor_id)
         return self._request_for(report)
 
     def on_response(self, response: Any) -> Status:
-        """Continue with the next report: a refused one must not block the others."""
+        """Continue with the next report, so that a refused one does not block the others."""
         super().on_response(response)
         if self._untried:
             return Status.RUNNING
@@ -164,7 +164,7 @@ class DeliverReports(ReportLeaf):
         return self.answer(Status.SUCCESS, "delivered")
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE, and begin a back-off."""
+        """Start a back-off and return FAILURE."""
         super().on_failure(reason)
         return self._failed()
 

@@ -1,4 +1,4 @@
-"""Searching for survivors, giving them a frame, and reporting them."""
+"""Search for survivors, publish their frames, and report them."""
 
 from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from search_and_rescue.coverage import ObstacleMap
 
 _MAP_TOPIC = "map"
-"""What Nav2's map server, or SLAM, publishes the map on, for late subscribers as well."""
+"""The map's topic, published by Nav2's map server or SLAM and latched for late subscribers."""
 
-# From how many percent on a cell of the map is occupied, as map_server writes them.
+# A cell of the map is occupied from this percentage on, as map_server writes them.
 _OCCUPIED = 65
 
 _SEEN_AT_ONCE = 100
 
-# What answers change in proofs and simulations.
+# Effects of outcomes in verification and simulation.
 _NAMED = "named_by_{detect_node} = true; kept_by_{detect_node} = false"
 _ACKNOWLEDGED = (
     "reports_kept -= kept_by_{detect_node} && reports_kept > 0 ? 1 : 0; kept_by_{detect_node} = false"
@@ -49,13 +49,13 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 _UNTOLD = "found_by_{detect_node} = false; named_by_{detect_node} = false"
 
 _FRAMES_TOPIC = "/tf_static"
-"""Absolute, like tf2's own; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
+"""Absolute, as in tf2; a mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
 
 
 class MapExtent:
-    """The rectangle of the map that a node last received, if any: nobody is rescued from infinity, or from beyond the map.
+    """The rectangle of the last map that a node received, used to reject infinite positions and positions outside the map.
 
-    Use `map_extent_of`: one subscription does for all leaves.
+    Use `map_extent_of`: all leaves share one subscription.
 
     Args:
         node: The rclpy node that subscribes.
@@ -72,10 +72,10 @@ class MapExtent:
         node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._take, latched)
 
     def check(self, x: float, y: float) -> tuple[float, float]:
-        """Return a position, metres in the frame `map`.
+        """Return the position unchanged, metres in the frame `map`.
 
         Raises:
-            UnusableValueError: If nothing can be there.
+            UnusableValueError: If the position is not finite or not on the map.
         """
         check_position(x, y)
         if self._place is not None and not self._place.contains(x, y):
@@ -83,7 +83,7 @@ class MapExtent:
         return x, y
 
     def objection(self, x: float, y: float) -> str:
-        """Return why nothing can be at a position, metres in the frame `map`; empty if something can."""
+        """Return why a position (metres, frame `map`) is impossible; empty if it is possible."""
         try:
             self.check(x, y)
         except UnusableValueError as error:
@@ -96,8 +96,8 @@ class MapExtent:
             self._place, self._grid, self._obstacles = place, message, None
 
     def obstacles(self) -> "ObstacleMap | None":
-        """Return what nobody sees or drives through: cells that are occupied, or unknown; None while there is no map with all its cells."""
-        # Only who sweeps needs NumPy.
+        """Return the cells that block sight and driving: occupied and unknown ones; None until a complete map has arrived."""
+        # Only sweeps need NumPy.
         import numpy as np
 
         from search_and_rescue.coverage import ObstacleMap
@@ -114,7 +114,7 @@ class MapExtent:
 
 
 def map_extent_of(node: "Node") -> MapExtent:
-    """Return the extent of a node's map, the same object in every call."""
+    """Return the extent of a node's map; every call returns the same object."""
     return of_node(node, MapExtent, lambda: MapExtent(node))
 
 
@@ -135,16 +135,16 @@ def map_extent_of(node: "Node") -> MapExtent:
 )
 @dataclass(eq=False, repr=False)
 class DetectSurvivor(ServiceLeaf):
-    """Search the current zone, and keep the answer: SUCCESS whether or not a survivor was found.
+    """Search the current zone and store the response: SUCCESS whether or not a survivor was found.
 
-    FAILURE if the service does not answer, or answers with a position that is none, or not on the map.
+    FAILURE if the service does not respond, or responds with a position that is not finite or not on the map.
 
     Args:
         zone_manager: The mission's zones.
-        record: Where a find is noted.
+        record: Records detections.
         service: The service's name.
         server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the answer, seconds.
+        timeout_sec: How long to wait for the response, seconds.
     """
 
     name: str
@@ -165,7 +165,7 @@ class DetectSurvivor(ServiceLeaf):
         self._survivor_id: str | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the client, and listen to the map."""
+        """Create the client and subscribe to the map."""
         super().setup(**kwargs)
         map_extent_of(self.node)
 
@@ -182,15 +182,15 @@ class DetectSurvivor(ServiceLeaf):
         return self._survivor_id
 
     def set_survivor_id(self, survivor_id: str) -> None:
-        """Keep the survivor's assigned name."""
+        """Store the survivor's assigned name."""
         self._survivor_id = survivor_id
 
     def take(self, survivor: tuple[float, float] | None) -> None:
-        """Keep where a survivor was found, x and y in the frame `map` (metres); None if nobody was."""
+        """Store the position of a survivor, x and y in the frame `map` (metres); None if none was found."""
         self._pose, self._survivor_id = survivor, None
 
     def request(self) -> Any:
-        """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched before."""
+        """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if an earlier run searched it."""
         self.take(None)
         if not self.zone_manager.has_remaining():
             self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
@@ -202,11 +202,11 @@ class DetectSurvivor(ServiceLeaf):
         return self.interface.Request(zone_id=self._zone_id)
 
     def on_send(self) -> None:
-        """Log which zone is searched."""
+        """Log the zone that is searched."""
         self.say(f"Calling {self.service_name} for {self._zone_id}...")
 
     def on_response(self, response: Any) -> Status:
-        """Keep the answer, with or without a survivor; one at an impossible place is none."""
+        """Store the response; a survivor at an impossible position makes the search fail."""
         try:
             survivor = self._place(response)
         except UnusableValueError as error:
@@ -223,11 +223,11 @@ class DetectSurvivor(ServiceLeaf):
         return self.answer(Status.SUCCESS, "nothing" if survivor is None else "found")
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE: there is no answer, or none that can be."""
+        """Return FAILURE: there is no response, or no usable one."""
         return self.answer(super().on_failure(reason), "no answer")
 
     def is_good_news(self, response: Any) -> bool:
-        """Return whether the answer can be true."""
+        """Return whether the response has a usable position."""
         try:
             self._place(response)
         except UnusableValueError:
@@ -235,10 +235,10 @@ class DetectSurvivor(ServiceLeaf):
         return True
 
     def _place(self, response: Any) -> tuple[float, float] | None:
-        """Return where the survivor is, metres in the frame `map`; None if none was found.
+        """Return the survivor's position, metres in the frame `map`; None if none was found.
 
         Raises:
-            UnusableValueError: If nobody can be there.
+            UnusableValueError: If the position is impossible.
         """
         extent = map_extent_of(self.node)
         return extent.check(response.survivor_x, response.survivor_y) if response.found else None
@@ -247,7 +247,7 @@ class DetectSurvivor(ServiceLeaf):
 @register(
     "AwaitSurvivor",
     kind=Kind.ACTION,
-    effects="takes what a detector has seen",
+    effects="waits for a detection",
     uses=(Use.topic("{topic}"),),
     answers=(
         Answer(
@@ -263,18 +263,18 @@ class DetectSurvivor(ServiceLeaf):
 )
 @dataclass(eq=False, repr=False)
 class AwaitSurvivor(TopicLeaf):
-    """Wait until a detector publishes somebody who has no name yet, and tell the search: SUCCESS then, RUNNING before.
+    """Wait until a detector publishes a survivor without a name, and pass it to the search: RUNNING until then, then SUCCESS.
 
-    What was published since the setup counts, so that nobody is lost who was seen while another find was dealt with. A detector repeats what it
-    sees: of several in one tick the last one counts, and whoever has a name already, even if the operator has rejected it, is no news. A
-    detection in another frame than `map`, from the future, or where nobody can be, is reported once and passed over.
+    Messages are collected from setup on, so that no survivor is lost who was seen while another detection was handled. A detector repeats its
+    detections: of several in one tick the last one is used, and a survivor who already has a name, even if rejected by the operator, is ignored.
+    A detection in another frame than `map`, from the future, or at an impossible position is reported once and ignored.
 
     Args:
-        detect_node: The search that is told where the survivor is.
-        zone_manager: The mission's zones: the find counts for the current one.
-        record: Where the find is noted, and who was found before.
+        detect_node: The search that receives the survivor's position.
+        zone_manager: The mission's zones; the detection belongs to the current one.
+        record: Records the detection, and lists the earlier ones.
         topic: The topic's name (`geometry_msgs/msg/PointStamped`, frame `map`, metres).
-        same_within: How near two finds are the same survivor, metres.
+        same_within: Distance below which two detections are the same survivor, metres.
     """
 
     name: str
@@ -293,20 +293,20 @@ class AwaitSurvivor(TopicLeaf):
         self.topic_name = self.topic
 
     def setup(self, **kwargs: Any) -> None:
-        """Subscribe to the topic, and to the map."""
-        # A detector publishes all whom it sees at once.
+        """Subscribe to the topic and to the map."""
+        # A detector publishes all survivors that it sees at once.
         self.qos = qos_profile(type(self).__name__, self.qos)
         self.qos.depth = _SEEN_AT_ONCE
         super().setup(**kwargs)
         map_extent_of(self.node)
 
     def initialise(self) -> None:
-        """Have the search forget whom it has found before."""
+        """Clear the search's earlier detection."""
         super().initialise()
         self.detect_node.take(None)
 
     def update(self) -> Status:
-        """Look whether somebody was published; a find that an earlier run could not deal with comes first."""
+        """Check for new messages; a detection that an earlier run could not handle comes first."""
         if not self.zone_manager.has_remaining():
             return self.answer(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()["id"]
@@ -315,7 +315,7 @@ class AwaitSurvivor(TopicLeaf):
         return super().update()
 
     def on_message(self, message: Any) -> Status:
-        """Tell the search of somebody new."""
+        """Pass a new survivor to the search."""
         place = planar_point(message, MAP_FRAME)
         if not self._is_new(place):  # any more
             return self.on_silence()
@@ -324,8 +324,8 @@ class AwaitSurvivor(TopicLeaf):
         return self._found(zone, place)
 
     def on_silence(self) -> Status:
-        """Return RUNNING: nobody new was published."""
-        self.feedback_message = f"nobody new on '{self.topic_name}'{self.silence_cause}"
+        """Return RUNNING: no new survivor was published."""
+        self.feedback_message = f"no new survivor on '{self.topic_name}'{self.silence_cause}"
         return self.answer(Status.RUNNING, "listening")
 
     def _found(self, zone: str, place: tuple[float, float] | None) -> Status:
@@ -335,7 +335,7 @@ class AwaitSurvivor(TopicLeaf):
         return self.answer(Status.SUCCESS, "found")
 
     def check_message(self, message: Any) -> None:
-        """Hold the position against frame and map."""
+        """Check the position's frame and that it is on the map."""
         map_extent_of(self.node).check(*planar_point(message, MAP_FRAME))
 
     def _receive(self, message: Any) -> None:
@@ -352,7 +352,7 @@ class StaticTransforms:
     `/tf_static` keeps one message for late subscribers, so that message must contain every frame published so far,
     and a frame that is sent again must replace its earlier version. (tf2_ros for Python ignores the second sending.)
 
-    Use `static_transforms_of`: of two publishers on one node each would send late subscribers only its own frames.
+    Use `static_transforms_of`: two publishers on one node would each send late subscribers only their own frames.
 
     Args:
         node: The rclpy node that publishes.
@@ -367,15 +367,15 @@ class StaticTransforms:
         self._transforms: dict[str, TransformStamped] = {}
 
     def put(self, transform: "TransformStamped") -> None:
-        """Publish a frame, together with all earlier ones; one with the same child frame is replaced."""
+        """Publish a frame together with all earlier ones; a frame with the same child is replaced."""
         self._transforms[transform.child_frame_id] = transform
         self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
 
 
 def static_transforms_of(node: "Node") -> StaticTransforms:
-    """Return the static frames of a node, the same object in every call.
+    """Return the static frames of a node; every call returns the same object.
 
-    They exist as long as the node: frames of a finished mission remain known.
+    They exist as long as the node, so that frames of a finished mission remain known.
     """
     return of_node(node, StaticTransforms, lambda: StaticTransforms(node))
 
@@ -392,14 +392,14 @@ def static_transforms_of(node: "Node") -> StaticTransforms:
 )
 @dataclass(eq=False, repr=False)
 class BroadcastSurvivorTF(RosLeaf):
-    """Give the survivor that was found a name, and publish a static frame of that name under `map`.
+    """Name the detected survivor, and publish a static frame of that name under `map`.
 
-    FAILURE if none was found.
+    FAILURE if no survivor was detected.
 
     Args:
-        detect_node: The search that found the survivor; is told the name.
-        zone_manager: Gives out the names.
-        record: Where the name is noted.
+        detect_node: The search that found the survivor; receives the name.
+        zone_manager: Assigns the names.
+        record: Records the name.
     """
 
     name: str
@@ -413,7 +413,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher, or share the one that the node has already; publish the survivors of earlier runs."""
+        """Create the publisher, or share the node's existing one; publish the survivors of earlier runs."""
         super().setup(**kwargs)
         static_transforms_of(self.node)
         for survivor in self.record.survivors:
@@ -425,7 +425,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self._verdict = Status.RUNNING
 
     def update(self) -> Status:
-        """Publish once in each activation, so that each uses one name."""
+        """Publish once in each activation, so that each activation uses one name."""
         if self._verdict is Status.RUNNING:
             self._verdict = self._broadcast()
         return self._verdict
@@ -433,7 +433,7 @@ class BroadcastSurvivorTF(RosLeaf):
     def _broadcast(self) -> Status:
         pose = self.detect_node.survivor_pose()
         if pose is None:
-            self.complain(f"'{self.name}' has no frame to broadcast: nobody was found.")
+            self.complain(f"'{self.name}' has no frame to broadcast: no survivor was found.")
             return Status.FAILURE
         survivor_id = self.record.before.take_name(*pose)
         if survivor_id is None:
@@ -457,7 +457,7 @@ class BroadcastSurvivorTF(RosLeaf):
         frame.child_frame_id = survivor_id
         frame.transform.translation.x = x
         frame.transform.translation.y = y
-        # A position is known, not an attitude.
+        # The position is known, the orientation is not.
         frame.transform.rotation.w = 1.0
         static_transforms_of(self.node).put(frame)
 
@@ -465,36 +465,36 @@ class BroadcastSurvivorTF(RosLeaf):
 def report_of(
     detect_node: DetectSurvivor, leaf: RosLeaf, record: MissionRecord, lacks: str
 ) -> SurvivorReport | Status:
-    """Return the report of the survivor that was found, or the status of the leaf that has none to deal with.
+    """Return the report of the detected survivor, or the leaf's status if there is nothing to report.
 
     Args:
         detect_node: The search that found the survivor.
-        leaf: The leaf: it says why that is so.
-        record: Knows whether base has acknowledged the report in an earlier run.
-        lacks: What the leaf has then, in words.
+        leaf: The leaf, which logs the reason.
+        record: Tells whether base acknowledged the report in an earlier run.
+        lacks: The leaf's problem in that case, in words.
     """
     survivor_id, pose = detect_node.survivor_id(), detect_node.survivor_pose()
     if survivor_id is None or pose is None:
-        missing = "nobody was found" if pose is None else "the survivor has no name yet"
+        missing = "no survivor was found" if pose is None else "the survivor has no name yet"
         leaf.complain(f"'{leaf.name}' has {lacks}: {missing}.")
         return Status.FAILURE
     if record.was_reported_before(survivor_id):
-        leaf.feedback_message = f"{survivor_id}, named by an earlier run, is acknowledged already"
+        leaf.feedback_message = f"{survivor_id}, named by an earlier run, is already acknowledged"
         return Status.SUCCESS
     return SurvivorReport(survivor_id, *pose)
 
 
 @dataclass(eq=False, repr=False)
 class ReportLeaf(ServiceLeaf):
-    """A leaf that reports a survivor to the base station, and handles the acknowledgement.
+    """Base class of leaves that report a survivor to the base station and handle the acknowledgement.
 
     Subclasses choose the survivor.
 
     Args:
-        record: Where the acknowledgement is noted.
+        record: Records the acknowledgement.
         service: The service's name.
         server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the answer, seconds.
+        timeout_sec: How long to wait for the response, seconds.
     """
 
     name: str
@@ -512,12 +512,12 @@ class ReportLeaf(ServiceLeaf):
         self._survivor_id = ""
 
     def on_send(self) -> None:
-        """Note that the survivor is reported, and log the name."""
+        """Record that the report is sent, and log the name."""
         self.record.report_sent(self._survivor_id)
         self.say(f"Reporting {self._survivor_id} to base...")
 
     def on_response(self, response: Any) -> Status:
-        """Return SUCCESS if the base station has acknowledged the report, else FAILURE."""
+        """Return SUCCESS if the base station acknowledged the report, otherwise FAILURE."""
         if not response.acknowledged:
             self.complain(f"Base did not acknowledge {self._survivor_id}.")
             return self.answer(Status.FAILURE, "refused")
@@ -527,7 +527,7 @@ class ReportLeaf(ServiceLeaf):
         return Status.SUCCESS
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE: without an answer a report is not acknowledged, either."""
+        """Return FAILURE: a report without a response is not acknowledged."""
         return self.answer(super().on_failure(reason), "refused")
 
     def is_good_news(self, response: Any) -> bool:
@@ -558,7 +558,7 @@ class ReportLeaf(ServiceLeaf):
 )
 @dataclass(eq=False, repr=False)
 class NotifyBase(ReportLeaf):
-    """Report the survivor that was found: SUCCESS if the base station acknowledges the report.
+    """Report the detected survivor: SUCCESS if the base station acknowledges the report.
 
     Args:
         detect_node: The search that found the survivor.
@@ -567,7 +567,7 @@ class NotifyBase(ReportLeaf):
     detect_node: DetectSurvivor
 
     def request(self) -> Any:
-        """Return the report of the survivor; FAILURE if none was found, or it has no name, SUCCESS if base knew it before."""
+        """Return the report of the survivor; FAILURE if there is none with a name, SUCCESS if base acknowledged it in an earlier run."""
         report = report_of(self.detect_node, self, self.record, "nothing to report")
         if isinstance(report, Status):
             return self.answer(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
@@ -582,11 +582,11 @@ class NotifyBase(ReportLeaf):
 class LogNoDetection(RosLeaf):
     """Log that no survivor was found.
 
-    After a refused report the tree may come here as well: who was found all the same is named for the operator.
+    After a refused report the tree may tick this leaf too; a detected survivor is then named for the operator.
 
     Args:
         zone_manager: Names the zone, if requested.
-        record: Knows who was found there all the same.
+        record: Knows the survivors detected there.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Sweeping the ground of a zone: piece by piece, and what was missed once more."""
+"""Sweeps of a zone's ground: piece by piece, with further passes over the gaps."""
 
 import itertools
 import math
@@ -38,23 +38,23 @@ from search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
 
 Passes = Annotated[int, at_least(1)]
 Share = Annotated[float, sensible(0, 1)]
-# How many pieces there are nobody knows before the run: what a leaf answers says whether one is open. In proofs a run has so many more than
-# one a pass.
+# The number of pieces is unknown before the run, so the outcome of a leaf says whether a piece is open. Verification assumes this many
+# pieces beyond one a pass.
 _PIECES = {"zones_left": 3, "piece_open": False, "more_pieces": 1}
-# Where no zone is left, no piece is open, whatever was planned.
+# Without a zone left, no piece is open, whatever was planned.
 _OPEN = "zones_left > 0 && piece_open"
 
-# What is nearer than that is the robot's place as well, metres.
+# Positions closer together than this are the same position, metres.
 _STANDS_M = 0.05
-# Who was here and is so far away now, metres, and faster than that, m/s, did not drive there: the localisation has jumped.
+# A robot that moved this far, metres, and faster than that, m/s, did not drive: the localisation has jumped.
 _JUMP_M, _FASTEST_MPS = 2.0, 1.5
-# Nav2 takes a pose for passed within 0.7 m of it, unless its tree has another radius; farther away than this the robot was not there, metres.
+# Nav2 regards a pose as passed within 0.7 m, unless its tree sets another radius. Farther away than this the robot did not pass it, metres.
 _PASSES_M = 3.0
 
 
 @dataclass(eq=False, repr=False)
 class _SweepLeaf(RosLeaf):
-    """The common base of leaves on the current zone's ground.
+    """Base class of the leaves for the current zone's ground.
 
     Args:
         zone_manager: The mission's zones.
@@ -70,7 +70,7 @@ class _SweepLeaf(RosLeaf):
 
     @property
     def _zone(self) -> str:
-        """The current zone; empty if none is left."""
+        """The current zone's ID; empty if none is left."""
         return self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
 
 
@@ -81,10 +81,10 @@ class _SweepLeaf(RosLeaf):
     facts={"zones_left": 3},
 )
 class ZoneHasGround(_SweepLeaf):
-    """Has the current zone an outline, so that it can be swept? SUCCESS if so, else FAILURE."""
+    """Check that the current zone has a polygon, so that it can be swept: SUCCESS if so, otherwise FAILURE."""
 
     def update(self) -> Status:
-        """Look at the zone."""
+        """Check the zone."""
         return Status.SUCCESS if self._zone in self.sweeps.grounds else Status.FAILURE
 
 
@@ -98,10 +98,10 @@ class ZoneHasGround(_SweepLeaf):
     facts=_PIECES,
 )
 class PiecesRemaining(_SweepLeaf):
-    """Is a piece of the current zone's sweep open? SUCCESS if so, else FAILURE."""
+    """Check that a piece of the current zone's sweep is open: SUCCESS if so, otherwise FAILURE."""
 
     def update(self) -> Status:
-        """Look at the sweep."""
+        """Check the sweep."""
         sweep = self.sweeps.of(self._zone)
         self.feedback_message = f"{sweep.done} of {len(sweep.pieces)} pieces done"
         return Status.SUCCESS if sweep.left else Status.FAILURE
@@ -109,10 +109,10 @@ class PiecesRemaining(_SweepLeaf):
 
 @dataclass(eq=False, repr=False)
 class _PlanLeaf(_SweepLeaf):
-    """The common base of leaves that plan pieces, beside the ticks: RUNNING meanwhile.
+    """Base class of the leaves that plan pieces in the background and are RUNNING meanwhile.
 
     Args:
-        clearance: How far pieces keep from obstacles, metres.
+        clearance: Distance of pieces from obstacles, metres.
     """
 
     _: KW_ONLY
@@ -123,12 +123,12 @@ class _PlanLeaf(_SweepLeaf):
         self._under_way: tuple[str, str, float, Future[list[MapPose]]] | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Listen to the map."""
+        """Subscribe to the map."""
         super().setup(**kwargs)
         map_extent_of(self.node)
 
     def update(self) -> Status:
-        """Begin to plan, or take what has come of it."""
+        """Start planning, or handle the finished plan."""
         zone = self._zone
         if not zone:
             return self.answer(Status.FAILURE, "no zone")
@@ -141,7 +141,7 @@ class _PlanLeaf(_SweepLeaf):
         return self._planned(*self._under_way)
 
     def terminate(self, new_status: Status) -> None:
-        """Forget what is planned, if the leaf is stopped."""
+        """Discard the plan if the leaf is halted."""
         if new_status is Status.INVALID:
             self._under_way = None
 
@@ -154,7 +154,7 @@ class _PlanLeaf(_SweepLeaf):
         spacing = self.sweeps.grounds[zone].sweep_width / coverage
         obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
         if obstacles is None:
-            self.complain(f"No map has come: {zone} is swept as if nothing stood there, or hid anything.")
+            self.complain(f"No map has arrived: {zone} is swept as if it had no obstacles.")
         future = begin_beside(self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance)
         self._under_way = zone, told, spacing, future
         return self.answer(Status.RUNNING, "planning")
@@ -174,7 +174,7 @@ class _PlanLeaf(_SweepLeaf):
         least, most = pod_at_random(coverage), pod_of_parallel_sweep(coverage)
         self.say(
             f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart): "
-            f"POD {least:.0%} at random to {most:.0%} where legs are kept."
+            f"POD {least:.0%} at random, {most:.0%} if legs are kept."
         )
         return self.answer(Status.SUCCESS, "planned")
 
@@ -195,17 +195,17 @@ class _PlanLeaf(_SweepLeaf):
 )
 @dataclass(eq=False, repr=False)
 class PlanSweep(_PlanLeaf):
-    """Plan the sweep of the current zone's ground; one that is planned goes on where it is.
+    """Plan the sweep of the current zone's ground; a planned sweep continues at its open piece.
 
-    FAILURE if nothing of the ground can be driven to.
+    FAILURE if the robot cannot drive to any of the ground.
 
     Args:
-        orders: Takes the operator's areas, by the service `~/add_area` (`sar_interfaces/srv/AddArea`).
-        fence: The geofence, for areas that are drawn.
-        pattern: How: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's
+        orders: Accepts the operator's areas through the service `~/add_area` (`sar_interfaces/srv/AddArea`).
+        fence: The geofence that drawn areas must respect.
+        pattern: The pattern: `parallel` legs along the long side, a `creeping_line` along the short side, an `expanding_square` around the zone's
             pose, or the diameters of a `sector` search through it.
-        coverage: How often each place is covered by the sweep width: legs are sweep width / coverage apart.
-        clearance: How far pieces keep from obstacles, metres.
+        coverage: Number of times each position is covered by the sweep width: legs are sweep width / coverage apart.
+        clearance: Distance of pieces from obstacles, metres.
     """
 
     pattern: SweepPattern = "parallel"
@@ -214,19 +214,19 @@ class PlanSweep(_PlanLeaf):
     fence: Fence = field(default_factory=Fence)
 
     def setup(self, **kwargs: Any) -> None:
-        """Listen to the map, and to the operator."""
+        """Subscribe to the map and offer the operator's service."""
         super().setup(**kwargs)
         extent = map_extent_of(self.node)
         drawn = DrawnAreas(self.zone_manager, self.sweeps, self.fence, extent.objection)
         self.orders.offer(self.node, "add_area", partial(self._on_area, drawn))
 
     def shutdown(self) -> None:
-        """Withdraw the service, and release the node."""
+        """Withdraw the service and release the node."""
         self.orders.withdraw()
         super().shutdown()
 
     def _on_area(self, drawn: DrawnAreas, request: Any, response: Any) -> Any:
-        """Take an area that the operator has drawn; it counts from the next choice on."""
+        """Accept an area drawn by the operator; it takes effect at the next choice."""
         try:
             response.success, response.message = True, drawn.take(request)
         except DrawingError as error:
@@ -240,7 +240,7 @@ class PlanSweep(_PlanLeaf):
         if zone not in self.sweeps.grounds:
             return self._refused(f"{zone} cannot be swept: it has no polygon.")
         if not self.coverage > 0.0:
-            legs = "legs must be some way apart: write more than 0, for example 0.9"
+            legs = "write a coverage above 0, for example 0.9"
             return self._refused(f"{zone} cannot be swept: coverage is {self.coverage:g}; {legs}.")
         if self.sweeps.of(zone).passes:
             return self.answer(Status.SUCCESS, "swept before")
@@ -263,14 +263,14 @@ class PlanSweep(_PlanLeaf):
 )
 @dataclass(eq=False, repr=False)
 class RefineSweep(_PlanLeaf):
-    """Plan to look once more at what the sweep of the current zone has missed: SUCCESS if there is such ground.
+    """Plan another pass over the gaps in the sweep of the current zone: SUCCESS if there is such ground.
 
-    FAILURE if the zone was looked at well enough, if all of its passes were made, or if no gap can be driven to.
+    FAILURE if the zone was searched well enough, if all of its passes were made, or if no gap can be reached.
 
     Args:
-        until_pod: How likely somebody there must have been found, 0 to 1.
-        max_passes: How many passes there are at most, the first one included.
-        clearance: How far pieces keep from obstacles, metres.
+        until_pod: Required probability of detection of the zone, 0 to 1.
+        max_passes: Largest number of passes, including the first one.
+        clearance: Distance of pieces from obstacles, metres.
     """
 
     until_pod: Share = 0.8
@@ -283,7 +283,7 @@ class RefineSweep(_PlanLeaf):
             return self.answer(Status.FAILURE, "nothing to sweep")
         gaps = self.sweeps.raster(zone, map_extent_of(self.node).obstacles()).gaps(self.until_pod)
         if not gaps:
-            self.feedback_message = f"{zone}: what was missed is too scattered to be swept, or on no map"
+            self.feedback_message = f"{zone}: the gaps are too scattered to be swept, or not on the map"
             return self.answer(Status.FAILURE, "nothing to sweep")
         return self._plan(zone, "gaps", gaps, "parallel", 1.0)
 
@@ -301,7 +301,7 @@ class RefineSweep(_PlanLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToPiece(NavigateTo):
-    """Drive to the current piece of the sweep, and keep what is seen on the way.
+    """Drive to the current piece of the sweep, and record the ground seen on the way.
 
     RUNNING on the way, SUCCESS on arrival, FAILURE if Nav2 does not get there.
 
@@ -320,20 +320,20 @@ class NavigateToPiece(NavigateTo):
         self._zone_id = ""
 
     def setup(self, **kwargs: Any) -> None:
-        """Listen to the map, and to where the robot is."""
+        """Subscribe to the map and to the robot's position."""
         super().setup(**kwargs)
         map_extent_of(self.node)
         self._robot = robot_estimate(self.node)
 
     def goal(self) -> Any:
-        """Return the goal for the current piece; SUCCESS if it was searched before, FAILURE if no piece is open."""
+        """Return the goal for the current piece; SUCCESS if an earlier run searched it, FAILURE if no piece is open."""
         zone = self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
         sweep = self.sweeps.of(zone)
         if not sweep.left:
-            self.complain(f"'{self.name}' has nowhere to drive to: no piece is open.")
+            self.complain(f"'{self.name}' has no target: no piece is open.")
             return self.answer(Status.FAILURE, "no piece")
         self._zone_id, self._place, self._track = zone, None, []
-        # A piece of another pass lies elsewhere: what has failed there says nothing of it.
+        # A piece of another pass is elsewhere, so that failures of this pass say nothing about it.
         again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
         return self._set_out(zone, sweep, again)
 
@@ -350,7 +350,7 @@ class NavigateToPiece(NavigateTo):
             self.record.zone_started(zone)
 
     def update(self) -> Status:
-        """Return the leaf's status; until the goal has ended, the drive counts as looked."""
+        """Return the leaf's status; the drive is added to the searched ground until the goal has ended."""
         status = super().update()
         self._look()
         return status
@@ -359,7 +359,7 @@ class NavigateToPiece(NavigateTo):
         return self._robot.place() if self._robot is not None else None
 
     def _look(self) -> None:
-        # Where simulated time is fast, much of it may pass between two looks; a look that finds no place is one.
+        # With fast simulated time, much time may pass between two updates; an update without a known position also counts as one.
         now = self._clock.now()
         passed, self._looked_at = now - self._looked_at, now
         place = self._here()
@@ -381,7 +381,7 @@ class NavigateToPiece(NavigateTo):
     "NavigateThroughPieces",
     kind=Kind.ACTION,
     effects="drives the robot through the pieces, and marks them as swept",
-    # Not the action: where no server offers it, the start must not wait for one.
+    # Without the action: the start must not wait for a server that may not offer it.
     uses=(Use.nav2(),),
     answers=drive_answers(
         Answer("SUCCESS", "all done", _OPEN, "piece_open = false; at = 'zone'; navigation_lost = false"),
@@ -392,16 +392,16 @@ class NavigateToPiece(NavigateTo):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateThroughPieces(NavigateToPiece):
-    """Drive through all open pieces of the sweep without a stop, and mark each as swept when it is passed.
+    """Drive through all open pieces of the sweep without a stop, and mark each as swept when the robot passes it.
 
-    RUNNING on the way, SUCCESS when the last one is behind the robot, FAILURE if Nav2 does not get there. FAILURE at once where pieces are to
-    be driven to one by one: nobody serves the action, an earlier run has searched at the open piece, or the planner finds no way through all
-    of them, until a piece is left out; and on the way where the next piece and the way home would not leave the reserve.
+    RUNNING on the way, SUCCESS when the last piece is passed, FAILURE if Nav2 does not get there. FAILURE at once if the robot must drive to
+    the pieces one by one: no server offers the action, an earlier run searched at the open piece, or the planner finds no path through all of
+    them, until a piece is skipped. FAILURE on the way if the next piece and the way home would not leave the reserve.
 
     Args:
-        homing: What it takes to come home; counts where the tree asks for it.
+        homing: Estimates the way home; used if the tree asks for it.
         clock: The mission's clock.
-        until_pod: Ground where somebody would have been found with less than that, 0 to 1, is a gap.
+        until_pod: Ground with a lower probability of detection than this, 0 to 1, is a gap.
     """
 
     homing: Homing
@@ -428,7 +428,7 @@ class NavigateThroughPieces(NavigateToPiece):
 
     def _message_to(self, poses: Sequence[Any]) -> Any:
         goal = self.interface.Goal()
-        # From ROS 2 Kilted on they are in a message of their own.
+        # From ROS 2 Kilted on, the poses are in a message of their own.
         if hasattr(goal.poses, "goals"):
             goal.poses.goals = poses
         else:
@@ -436,10 +436,10 @@ class NavigateThroughPieces(NavigateToPiece):
         return goal
 
     def on_feedback(self, feedback: Any) -> Status | None:
-        """Keep the remaining distance, and mark what was passed."""
+        """Store the remaining distance, and mark passed pieces."""
         super().on_feedback(feedback)
         self._look()
-        # Nav2 leaves the last one in: of that the result tells.
+        # Nav2 never reports the last pose as passed; the result does.
         passed = (left := poses_left(feedback)) > 0 and self._pass(left)
         if not (passed and self.homing.is_asked):
             return None
@@ -448,7 +448,7 @@ class NavigateThroughPieces(NavigateToPiece):
         return self._piece_by_piece() if self.homing.shortage(self.clock.now()) else None
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Return SUCCESS at the end, with all pieces marked; else FAILURE, and log Nav2's reason."""
+        """Return SUCCESS at the end, with all pieces marked; otherwise FAILURE, and log Nav2's reason."""
         self._look()
         if status != SUCCEEDED:
             if code_of(result) in OF_PLANNER:
@@ -460,20 +460,20 @@ class NavigateThroughPieces(NavigateToPiece):
         return self.answer(Status.SUCCESS, "all done")
 
     def _pass(self, left: int) -> bool:
-        """Mark pieces as swept until so many of those that were sent are left; return whether there was one to mark."""
+        """Mark pieces as swept until `left` of the sent pieces remain; return whether a piece was marked."""
         before = self.sweeps.of(self._zone_id).done
         for number in range(before, self._end - left):
-            # Of the last one the arrival was held against the localisation.
+            # The arrival at the last piece was checked against the localisation.
             if left and not self._was_near(self.sweeps.of(self._zone_id).pieces[number]):
                 return number > before
-            # A find on the way has ended the drive.
+            # A detection on the way has ended the drive.
             self.record.zone_searched(self._zone_id, None)
             self.sweeps.advance(self._zone_id, map_extent_of(self.node).obstacles(), self.until_pod)
             self._track = self._track[-1:]
         return self._end - left > before
 
     def _was_near(self, piece: MapPose) -> bool:
-        """Return whether the robot has passed a piece by its localisation, or that does not say where it is."""
+        """Return whether the localisation shows that the robot passed a piece, or is unknown."""
         there, track = (piece["x"], piece["y"]), self._track
         steps = itertools.pairwise(track if len(track) > 1 else track * 2)
         return not track or min(_distance_to(there, *step) for step in steps) <= _PASSES_M
@@ -484,7 +484,7 @@ class NavigateThroughPieces(NavigateToPiece):
 
 
 def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
-    """Return how far a point is from the straight line between two others, metres."""
+    """Return the distance of a point from the line segment between two others, metres."""
     (x, y), along = start, (end[0] - start[0], end[1] - start[1])
     length = math.hypot(*along)
     share = ((point[0] - x) * along[0] + (point[1] - y) * along[1]) / length**2 if length else 0.0
@@ -493,7 +493,7 @@ def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tu
 
 
 def _plan_of(zone: str, sweep: Sweep) -> tuple[str, int, int]:
-    """Return what distinguishes a zone's plan from others: in all but the pieces that are left out it stays the same."""
+    """Return the identity of a zone's plan, which stays the same except for skipped pieces."""
     return zone, sweep.passes, sweep.skipped
 
 
@@ -510,22 +510,22 @@ def _plan_of(zone: str, sweep: Sweep) -> tuple[str, int, int]:
 )
 @dataclass(eq=False, repr=False)
 class AdvancePiece(_SweepLeaf):
-    """Mark the current piece as swept, with what was seen so far; the next one becomes the current piece.
+    """Mark the current piece as swept, with the ground seen so far; the next one becomes the current piece.
 
     Args:
-        until_pod: Ground where somebody would have been found with less than that, 0 to 1, is a gap.
+        until_pod: Ground with a lower probability of detection than this, 0 to 1, is a gap.
     """
 
     _: KW_ONLY
     until_pod: Share = 0.8
 
     def setup(self, **kwargs: Any) -> None:
-        """Listen to the map."""
+        """Subscribe to the map."""
         super().setup(**kwargs)
         map_extent_of(self.node)
 
     def update(self) -> Status:
-        """Advance, and tell at the end of a pass what it has come to."""
+        """Advance, and log the result at the end of a pass."""
         zone = self._zone
         if not self.sweeps.of(zone).left:
             return self.answer(Status.SUCCESS, "no piece")
@@ -540,7 +540,7 @@ class AdvancePiece(_SweepLeaf):
 @register(
     "SkipPiece",
     kind=Kind.ACTION,
-    effects="leaves the current piece out",
+    effects="skips the current piece",
     answers=(
         Answer("SUCCESS", "skipped", f"{_OPEN} && more_pieces > 0", "more_pieces -= 1"),
         Answer("SUCCESS", "skipped the last", _OPEN, "piece_open = false"),
@@ -549,7 +549,7 @@ class AdvancePiece(_SweepLeaf):
     facts=_PIECES,
 )
 class SkipPiece(_SweepLeaf):
-    """Leave the current piece out, as one that cannot be reached or searched; the next one becomes the current piece."""
+    """Skip the current piece because it cannot be reached or searched; the next one becomes the current piece."""
 
     def update(self) -> Status:
         """Skip it."""
@@ -558,7 +558,7 @@ class SkipPiece(_SweepLeaf):
         if not sweep.left:
             return self.answer(Status.SUCCESS, "no piece")
         self.complain(f"Skipping {sweep.told(zone)}.")
-        self.sweeps.skip(zone, "it is too far for a battery, was not reached, or not searched")
+        self.sweeps.skip(zone, "too far for a battery, not reached, or not searched")
         return self.answer(Status.SUCCESS, "skipped" if self.sweeps.of(zone).left else "skipped the last")
 
 
@@ -574,14 +574,14 @@ class SkipPiece(_SweepLeaf):
 )
 @dataclass(eq=False, repr=False)
 class IsFindNew(RosLeaf):
-    """Is the survivor that the last search has found somebody who has no name yet? SUCCESS if so, else FAILURE.
+    """Check that the survivor found by the last search is new, so has no name yet: SUCCESS if so, otherwise FAILURE.
 
-    In a sweep the same survivor is seen from several pieces, each time a little elsewhere.
+    During a sweep the same survivor is detected from several pieces, at slightly different positions.
 
     Args:
-        detect_node: The search whose answer counts.
-        record: Who was found before.
-        same_within: How near two finds are the same survivor, metres.
+        detect_node: The search whose result is checked.
+        record: The survivors detected before.
+        same_within: Distance below which two detections are the same survivor, metres.
     """
 
     name: str
@@ -594,7 +594,7 @@ class IsFindNew(RosLeaf):
         super().__init__(self.name)
 
     def update(self) -> Status:
-        """Look who was found before."""
+        """Compare with the survivors detected before."""
         place = self.detect_node.survivor_pose()
         if place is None:
             return self.answer(Status.FAILURE, "nobody")
@@ -602,5 +602,5 @@ class IsFindNew(RosLeaf):
         near = next((each for each in known if each.counts), None)
         if near is None or self.record.before.has_open_name(*place):
             return self.answer(Status.SUCCESS, "new")
-        self.feedback_message = f"{near.survivor_id} was found before"
+        self.feedback_message = f"{near.survivor_id} was detected before"
         return self.answer(Status.FAILURE, "known")

@@ -1,4 +1,4 @@
-"""Going through the list of zones: visited, postponed, and finally abandoned."""
+"""The zones of the plan: visiting, postponing and abandoning them."""
 
 from concurrent.futures import Future
 from typing import Annotated, Any
@@ -23,9 +23,8 @@ from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import MAP_FRAME, VisitingOrder, Zone, ZoneManager, is_ratio
 
 Attempts = Annotated[int, at_least(1)]
-# Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of
-# attempts at the current zone is the number of the round; a round is over when all remaining zones have been
-# postponed in it.
+# Zones are postponed in rounds: a postponed zone is next when all others have been tried. So the number of attempts at the current zone
+# is the number of the round. A round is over when all remaining zones have been postponed in it.
 _ROUND_IS_OVER = "postponed_in_round >= zones_left"
 _NEXT_ROUND = f"({_ROUND_IS_OVER} ? round + 1 : round)"
 _POSTPONED = (
@@ -57,7 +56,7 @@ class AdvanceZone(RosLeaf):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Advance to the next zone, which is started at once; past the last one nothing is done, and no tick requested."""
+        """Advance to the next zone and request a tick for it; past the last zone, do nothing."""
         if not self._zones.has_remaining():
             return self.answer(Status.SUCCESS, "no zone")
         self._zones.advance()
@@ -68,7 +67,7 @@ class AdvanceZone(RosLeaf):
 @register(
     "ChooseZone",
     kind=Kind.ACTION,
-    effects="makes one of the zones that are left the current one",
+    effects="chooses the current zone among the remaining ones",
     answers=(
         Answer("SUCCESS", "chosen", "zones_left > 0"),
         Answer("FAILURE", "no zone", "zones_left == 0"),
@@ -77,22 +76,22 @@ class AdvanceZone(RosLeaf):
     facts={"zones_left": 3},
 )
 class ChooseZone(RosLeaf):
-    """Choose which of the zones that are left is the current one: RUNNING while that is computed, beside the ticks.
+    """Choose the current zone among the remaining ones; RUNNING while the choice is computed in the background.
 
     `listed` keeps the order of the plan. `nearest` takes the zone that is reached first. `expected_find` takes the first zone of the order
-    in which the expected time to the first find is least, by the probabilities as they are now. Zones that were postponed come again
-    when all others have been tried as often.
+    with the shortest expected time to the first detection, given the current probabilities. Postponed zones are chosen again
+    when all others have been tried equally often.
 
-    First the planner is asked for the ways that are not known yet, of more than 30 zones for those of the 30 that reward their time most. Those
-    that it does not give count as straight lines times 1.5, which is logged.
+    First the planner is asked for the unknown paths; with more than 30 zones, for those of the 30 with the highest probability per second. A path
+    that the planner does not provide is estimated as 1.5 times the straight line, which is logged.
 
     Args:
-        zone_manager: The mission's zones, and where somebody may be.
-        order: How: `listed` keeps the order of the plan, `nearest` takes what is reached first, `expected_find` finds soonest.
-        ways_timeout_sec: How long the planner may take for all ways together, seconds of the machine; not waited for where it is not there.
-        planner_id: Which of the planner server's planners is asked; empty for its only one.
-        orders: Takes the operator's hints on where somebody may be, by the service `~/add_hint` (`sar_interfaces/srv/AddHint`).
-        sweeps: The mission's sweeps: a hint on a place counts for the zone whose outline is around it.
+        zone_manager: The mission's zones and their probabilities.
+        order: The order: `listed` keeps the order of the plan, `nearest` takes the zone reached first, `expected_find` detects soonest.
+        ways_timeout_sec: Time limit for all paths together, seconds of the machine's clock; without a planner the leaf does not wait.
+        planner_id: ID of the planner in the planner server; empty for its only one.
+        orders: Accepts the operator's hints through the service `~/add_hint` (`sar_interfaces/srv/AddHint`).
+        sweeps: The mission's sweeps; a hint with a position applies to the zone whose polygon contains it.
     """
 
     def __init__(
@@ -116,7 +115,7 @@ class ChooseZone(RosLeaf):
         self._approximation = ""
 
     def setup(self, **kwargs: Any) -> None:
-        """Make the clients of the planner, if it is to be asked."""
+        """Create the planner clients, if paths are needed."""
         self._release()
         super().setup(**kwargs)
         if self._zones.areas:
@@ -127,7 +126,7 @@ class ChooseZone(RosLeaf):
             )
 
     def update(self) -> Status:
-        """Ask for the ways, begin to compute, or choose by what has come of it."""
+        """Request the paths, start the computation, or choose a zone by its result."""
         if not self._zones.has_remaining():
             return self.answer(Status.FAILURE, "no zone")
         if self._ways is None:
@@ -146,12 +145,12 @@ class ChooseZone(RosLeaf):
         return self.answer(Status.RUNNING, "choosing")
 
     def terminate(self, new_status: Status) -> None:
-        """Forget what is asked and computed, if the leaf is stopped."""
+        """Discard requests and computations if the leaf is halted."""
         if new_status is Status.INVALID:
             self._forget()
 
     def shutdown(self) -> None:
-        """Withdraw the service, release the clients, and the node."""
+        """Withdraw the service, release the clients and the node."""
         self._release()
         self._orders.withdraw()
         super().shutdown()
@@ -163,7 +162,7 @@ class ChooseZone(RosLeaf):
         self._ways = None
 
     def _on_hint(self, request: Any, response: Any) -> Any:
-        """Take a hint, which counts from the next choice on."""
+        """Accept a hint, which takes effect at the next choice."""
         ratio, zone, refusal = request.likelihood_ratio, request.zone_id, ""
         if not zone:
             try:
@@ -172,10 +171,10 @@ class ChooseZone(RosLeaf):
             except UnusableValueError as error:
                 refusal = str(error)
         if not refusal and not is_ratio(ratio):
-            refusal = f"the likelihood ratio is {ratio:g}, and must be a thousandth to a thousand"
+            refusal = f"the likelihood ratio is {ratio:g}: write a number from 0.001 to 1000"
         elif not refusal and zone not in self._zones.areas:
             refusal = f"there is no zone '{zone}' with a probability"
-        response.success, response.message = not refusal, refusal or f"it counts for {zone}"
+        response.success, response.message = not refusal, refusal or f"the hint applies to {zone}"
         if refusal:
             self.complain(self._orders.line("add_hint", f"refused, {refusal}"))
         else:
@@ -195,12 +194,14 @@ class ChooseZone(RosLeaf):
             self._ways.give_up()
 
     def _begin(self, zones: list[Zone]) -> Future[list[int]]:
-        # A laptop that proves trees needs no NumPy.
+        # A laptop that verifies trees needs no NumPy.
         from search_and_rescue.zone_order import approximation, ordered
 
         how = approximation(len(zones)) if self._order == "expected_find" else ""
         if how and how != self._approximation:
-            self.say(f"'{self.name}': {len(zones)} zones are ordered by {how}, which is near the best order.")
+            self.say(
+                f"'{self.name}': {len(zones)} zones are ordered by {how}, which is close to the best order."
+            )
         self._approximation = how
         return begin_beside(self._wake, ordered, self._order, self._zones.tour(zones))
 
@@ -208,7 +209,7 @@ class ChooseZone(RosLeaf):
 @register(
     "PostponeZone",
     kind=Kind.ACTION,
-    effects="puts the current zone behind all others",
+    effects="moves the current zone to the end of the plan",
     answers=(
         Answer("SUCCESS", "postponed", f"zones_left > 0 && {_NEXT_ROUND} < {{attempts}}", _POSTPONED),
         Answer("FAILURE", "tried often enough", f"zones_left == 0 || {_NEXT_ROUND} >= {{attempts}}"),
@@ -216,24 +217,24 @@ class ChooseZone(RosLeaf):
     facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
 )
 class PostponeZone(RosLeaf):
-    """Put the current zone after all others, to try it again later; FAILURE after its last attempt.
+    """Move the current zone to the end of the plan for a later attempt; FAILURE after its last attempt.
 
     Args:
         zone_manager: The mission's zones.
-        attempts: The number of attempts at a zone, 1 or more; after the last one it is not postponed again.
+        attempts: Number of attempts at a zone, 1 or more.
     """
 
     def __init__(self, name: str, zone_manager: ZoneManager, *, attempts: Attempts = 3) -> None:
         super().__init__(name)
         if attempts < 1:
-            raise ValueError(f"attempts is {attempts}; a zone is tried at least once: write 1 or more")
+            raise ValueError(f"attempts is {attempts}: write 1 or more")
         self._zones = zone_manager
         self._attempts = attempts
 
     def update(self) -> Status:
-        """Postpone the zone, if attempts are left."""
+        """Postpone the zone if attempts are left."""
         if not self._zones.has_remaining():
-            self.complain(f"'{self.name}' has no zone to postpone: none is left.")
+            self.complain(f"'{self.name}' cannot postpone a zone: none is left.")
             return Status.FAILURE
         zone_id, attempt = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
         if attempt >= self._attempts:
@@ -247,7 +248,7 @@ class PostponeZone(RosLeaf):
 @register(
     "AbandonZone",
     kind=Kind.ACTION,
-    effects="takes the current zone out of the plan, unvisited",
+    effects="removes the current zone from the plan, unvisited",
     answers=(
         Answer("SUCCESS", "abandoned", "zones_left > 0", "zones_left -= 1; zones_abandoned += 1"),
         Answer("SUCCESS", "no zone", "zones_left == 0"),
@@ -255,7 +256,7 @@ class PostponeZone(RosLeaf):
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
 class AbandonZone(RosLeaf):
-    """Take the current zone out of the plan, unvisited; the mission can then no longer be complete.
+    """Remove the current zone from the plan, unvisited; the mission can then no longer be complete.
 
     Args:
         zone_manager: The mission's zones.
@@ -266,7 +267,7 @@ class AbandonZone(RosLeaf):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Abandon the zone; past the last one there is nothing to do."""
+        """Abandon the zone; past the last zone, do nothing."""
         if not self._zones.has_remaining():
             return self.answer(Status.SUCCESS, "no zone")
         zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
@@ -278,12 +279,12 @@ class AbandonZone(RosLeaf):
 @register(
     "AbandonZones",
     kind=Kind.ACTION,
-    effects="takes all zones that are left out of the plan, unvisited",
+    effects="removes all remaining zones from the plan, unvisited",
     answers=(Answer("SUCCESS", "abandoned", then="zones_abandoned += zones_left; zones_left = 0"),),
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
 class AbandonZones(RosLeaf):
-    """Take all zones that are left out of the plan, unvisited, for the reason that a failsafe has given.
+    """Remove all remaining zones from the plan, unvisited, for the reason given by a failsafe.
 
     Args:
         zone_manager: The mission's zones.
@@ -297,8 +298,8 @@ class AbandonZones(RosLeaf):
 
     def update(self) -> Status:
         """Abandon the zones, if any are left."""
-        reason = self._record.alarm or "the tree has cut the mission short"
+        reason = self._record.alarm or "the tree has ended the mission early"
         for zone in self._zones.remaining_zones():
             self._zones.abandon(reason)
-            self.complain(f"{zone['id']} is given up: {reason}.")
+            self.complain(f"{zone['id']} is abandoned: {reason}.")
         return Status.SUCCESS

@@ -87,7 +87,7 @@ def test_a_report_that_is_refused_is_kept_and_delivered_on_the_way(overcome):
     run, status = overcome
     assert status == 0, run.output
     told = [
-        "The report of survivor_1 is kept until base acknowledges it.",
+        "The report of survivor_1 is stored until base acknowledges it.",
         "Reporting survivor_1 to base...",
         "Navigating to zone_b...",
         "Base acknowledged survivor_1.",

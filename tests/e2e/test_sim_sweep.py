@@ -96,8 +96,8 @@ def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
         found, missed = flights.Flights(PROGRAM, arguments, ros=only)(seeds)
     assert (found.counts["survivors found"], missed.counts["survivors found"]) == (1, 0)
     # 5 m at 0.6 m/s, and never the time of the wall, which is a fraction of it.
-    assert 8.0 < found.counts["first find after"] < found.time_sec
-    assert "first find after" not in missed.counts
+    assert 8.0 < found.counts["first detection after"] < found.time_sec
+    assert "first detection after" not in missed.counts
 
 
 @pytest.mark.ros

@@ -287,7 +287,7 @@ class TestConditions:
         assert leaf.update() is Status.SUCCESS
         clock.advance(2.0)
         assert leaf.update() is Status.FAILURE
-        assert record.alarm == "the mission's time of 60 s is up"
+        assert record.alarm == "the mission's time limit of 60 s has expired"
 
     @pytest.mark.parametrize(
         ("share", "status", "alarm"),
@@ -594,7 +594,7 @@ class TestStandstill:
         clock.advance(0.2)
         assert ticked(leaf) is Status.SUCCESS
         assert said.has(
-            "'Rest': the robot still moves (0.25 m/s, 0.00 rad/s) 0.2 s after it was told to stand."
+            "'Rest': the robot still moves (0.25 m/s, 0.00 rad/s) 0.2 s after the command to stop."
         )
 
     def test_a_settle_timeout_that_passes_within_a_tick_is_reported_as_well(

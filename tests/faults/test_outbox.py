@@ -225,7 +225,7 @@ class TestJudging:
         ("survivor_id", "verdict", "same_as", "said"),
         [
             ("survivor_9", 1, "", "there is no 'survivor_9'"),
-            ("survivor_1", 7, "", "there is no verdict 7"),
+            ("survivor_1", 7, "", "unknown verdict 7"),
             ("survivor_1", 3, "survivor_9", "'survivor_1' cannot be merged with 'survivor_9'"),
             ("survivor_1", 3, "survivor_1", "'survivor_1' cannot be merged with 'survivor_1'"),
         ],
@@ -257,7 +257,7 @@ def test_reports_that_base_refuses_arrive_while_the_robot_drives_on() -> None:
     finally:
         run.kill()
     told = [
-        "The report of survivor_1 is kept until base acknowledges it.",
+        "The report of survivor_1 is stored until base acknowledges it.",
         "Base did not acknowledge survivor_1.",
         "Navigating to zone_c...",
         "Base acknowledged survivor_1.",

@@ -151,7 +151,7 @@ def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_pat
 
 
 def test_more_areas_than_anybody_searches_are_refused_before_they_are_understood(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="areas_file: has 10,001 areas, and 10,000 are the most"):
+    with pytest.raises(ParameterError, match="areas_file: has 10,001 areas: keep at most 10,000"):
         begun(tmp_path, [{"geometry": {"type": "Polygon"}}] * 10_001)
 
 
@@ -172,7 +172,7 @@ def test_marks_and_folders_of_a_planner_are_no_areas_and_are_noted(tmp_path: Pat
     flat: dict[str, object] = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
     reader = ParameterReader({**flat, "areas_file": str(tmp_path / "areas.geojson")})
     assert list(MISSION.begin(reader).sweeps.grounds) == ["north"]
-    assert reader.notes == ["areas_file: 2 of 3 features are no polygons and no areas"]
+    assert reader.notes == ["areas_file: skipped 2 of 3 features, which are not polygons"]
 
 
 def test_a_layer_that_names_wgs_84_is_taken(tmp_path: Path) -> None:
@@ -190,22 +190,22 @@ SWAPPED = [[corner[::-1] for corner in ring()]]
     [
         ("no json", {}, "areas_file: is no GeoJSON file: "),
         ("[" * 100_000, {}, "areas_file: is no GeoJSON file: "),
-        ("[]", {}, "areas_file: is no GeoJSON of polygons: it must be a FeatureCollection"),
+        ("[]", {}, "areas_file: is no GeoJSON of polygons: write a FeatureCollection"),
         ('{"features": [1]}', {}, "areas_file: is no GeoJSON of polygons"),
         ([feature("")], {}, "areas_file: feature 1 needs a property `name` without a dot"),
         ([feature("a.b")], {}, "areas_file: feature 1 ('a.b') needs a property `name` without a dot"),
-        ([feature(), feature()], {}, "areas_file: feature 2 ('north') has the name of another one"),
+        ([feature(), feature()], {}, "areas_file: feature 2 ('north') repeats the name of another feature"),
         ([feature(kind="Point")], {}, "zone_order: is empty"),
         ([feature(rings=[[ring()], [ring()]], kind="MultiPolygon")], {}, "areas_file: feature 1 ('north') is no Polygon but MultiPolygon"),
         ([{**feature(), "properties": "none"}], {}, "areas_file: feature 1 needs a property `name` without a dot"),
-        ('{"crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}, "features": []}', {}, "areas_file: is in the coordinates 'urn:ogc:def:crs:EPSG::25832': write it in WGS 84"),
+        ('{"crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}, "features": []}', {}, "areas_file: uses the coordinates 'urn:ogc:def:crs:EPSG::25832': write WGS 84"),
         ([feature(rings=[5])], {}, "areas_file: feature 1 ('north') is no Polygon"),
         ([feature(rings=[])], {}, "areas_file: feature 1 ('north') is no Polygon"),
         ([feature(rings=[ring(), ring()])], {}, "areas_file: feature 1 ('north') has holes"),
         ([feature(rings=[[[10, "a"], [1, 2]]])], {}, "areas_file: feature 1 ('north') has a corner that is no"),
         ([feature(rings=[[[500, 10], [1, 2]]])], {}, "areas_file: feature 1 ('north') is not in degrees"),
-        ([feature(rings=SWAPPED)], {}, "areas_file: feature 1 ('north') lies "),
-        ([feature()], {"georeference.lat": None}, "areas_file: is in degrees: give the place of the map on the earth"),
+        ([feature(rings=SWAPPED)], {}, "areas_file: feature 1 ('north') is "),
+        ([feature()], {"georeference.lat": None}, "areas_file: is in degrees: add the map's georeference"),
         ([feature()], {"areas_file": 3}, "areas_file: must be the path of a GeoJSON file, is 3"),
         ([feature()], {"areas_file": "/nowhere/areas.geojson"}, "areas_file: /nowhere/areas.geojson cannot be read"),
         ([feature(poa=1.5)], {}, "zones.north.poa: must be a share from 0 to 1, is 1.5"),

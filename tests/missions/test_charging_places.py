@@ -81,12 +81,12 @@ def test_without_such_a_parameter_nothing_is_shown_of_them() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"dock__x": 2.0}, "charging.dock.y: is missing: a charging place has x and y in metres"),
+        ({"dock__x": 2.0}, "charging.dock.y: is missing: add x and y of the charging place in metres"),
         ({"dock__x": 2.0, "dock__y": "far"}, "charging.dock.y: must be a number"),
         ({"dock__x": 2.0, "dock__y": 1.0, "dock__z": 1.0}, "charging.dock.z: is not known there"),
         (
             {"dock__x": 20.0, "dock__y": 1.0, "geofence": [-9.0, -9.0, 9.0, -9.0, 9.0, 9.0, -9.0, 9.0]},
-            "charging.dock.x: has the place (20, 1) outside the geofence",
+            "charging.dock.x: has the position (20, 1) outside the geofence",
         ),
     ],
 )
@@ -167,7 +167,7 @@ class TestTheLeaves:
         drives = stage.take(NavigateToCharge("Drive", search.zones, record=search.record, homing=homing))
         drives.tick_once()
         drives.stop(Status.INVALID)
-        assert "dock is 3 m away, for 3% of the battery, which is at 40%." in stage.lines
+        assert "dock is 3 m away and takes 3% of the battery, which is at 40%." in stage.lines
         search.record.charging_reached("dock")
         waits.tick_once()
         assert waits.status is Status.RUNNING

@@ -79,7 +79,7 @@ def test_without_probabilities_there_is_no_map() -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"a__poa": 0.6}, "zones.a.poa: the zones' poa sum to 1.1: write 1 at most"),
+        ({"a__poa": 0.6}, "zones.a.poa: the zones' poa sum to 1.1: the sum must be at most 1"),
         ({"a__poa": 1.5}, "zones.a.poa: must be a share from 0 to 1, is 1.5"),
         ({"b__pod": -0.5}, "zones.b.pod: must be a share from 0 to 1, is -0.5"),
         ({"b__poa": None}, "zones.b.poa: is missing"),
@@ -119,7 +119,7 @@ def test_the_chosen_zone_is_the_current_one_and_the_others_keep_their_order() ->
 def test_a_zone_that_is_not_left_cannot_be_chosen() -> None:
     zones = searching().zones
     zones.advance()
-    with pytest.raises(ValueError, match="a is not left then"):
+    with pytest.raises(ValueError, match="a is not left at that time"):
         zones.choose("a")
 
 
@@ -182,7 +182,7 @@ def test_other_probabilities_make_another_mission() -> None:
 def test_the_plan_is_told_before_the_flight_with_its_times_and_chances() -> None:
     # 3 m, 1 m and 1 m at 0.5 m/s are 9, 3 and 3 s with the detours; each look takes 5 s.
     assert searching().greeting()[2:] == [
-        "By expected_find (18 s to the first find, if there is one; ways are straight lines times 1.5):",
+        "By expected_find (18 s to the first detection, if there is one; paths are estimated as 1.5 times the straight line):",
         "  c: searched after 14 s, POS 30%",
         "  b: searched after 22 s, POS 40%",
         "  a: searched after 30 s, POS 45%",
@@ -415,14 +415,14 @@ class TestChooseZone:
         self, stage: "Stage", values: dict[str, Any], zone: str
     ) -> None:
         search = searching()
-        assert self.hint(stage, search, **values) == (True, f"it counts for {zone}")
+        assert self.hint(stage, search, **values) == (True, f"the hint applies to {zone}")
         assert search.zones.hints == {zone: 3.0}
         assert stage.lines == [f"Command add_hint by the operator: {zone}, times 3."]
 
     def test_a_hint_on_a_place_in_an_outline_counts_for_that_zone(self, stage: "Stage") -> None:
         search = searching()
         search.sweeps.grounds["a"] = Ground(((0.5, -1.0), (2.5, -1.0), (2.5, 1.0), (0.5, 1.0)), 3.2, 2.0)
-        assert self.hint(stage, search, x=2.4) == (True, "it counts for a")
+        assert self.hint(stage, search, x=2.4) == (True, "the hint applies to a")
 
     @pytest.mark.parametrize(
         ("values", "said"),
@@ -432,11 +432,11 @@ class TestChooseZone:
             ({"frame": "odom"}, "the point is in the frame 'odom', and must be in 'map'"),
             (
                 {"zone": "a", "times": 0.0},
-                "the likelihood ratio is 0, and must be a thousandth to a thousand",
+                "the likelihood ratio is 0: write a number from 0.001 to 1000",
             ),
             (
                 {"zone": "a", "times": math.inf},
-                "the likelihood ratio is inf, and must be a thousandth to a thousand",
+                "the likelihood ratio is inf: write a number from 0.001 to 1000",
             ),
         ],
     )
@@ -477,7 +477,7 @@ class TestChooseZone:
             assert stage.run(leaf) is Status.SUCCESS
         first, *others = stage.lines
         assert first == (
-            "'ChooseZone': 60 zones are ordered by probability per second, which is near the best order."
+            "'ChooseZone': 60 zones are ordered by probability per second, which is close to the best order."
         )
         assert [line.partition(":")[0] for line in others] == ["Next zone by expected_find"] * 2
 
@@ -638,7 +638,7 @@ class TestAskingThePlanner:
         for _ in range(2):
             assert stage.run(leaf) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 1 of 6 ways by straight lines times 1.5: the planner gives none: aborted (status 6), error code 208: there is no path to the goal."
+            "'Choose': 1 of 6 paths estimated as 1.5 times the straight line: the planner returned no path: aborted (status 6), error code 208: there is no path to the goal."
         ]
         assert server.asked == [*self.NEEDED, (0.0, 3.0)]
         assert self.to_c(search.zones) == 4.5
@@ -662,7 +662,7 @@ class TestAskingThePlanner:
         server.accepts = False
         assert stage.run(self.take(stage, search, "nearest")) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 3 of 3 ways by straight lines times 1.5: the planner gives none: it rejects the question."
+            "'Choose': 3 of 3 paths estimated as 1.5 times the straight line: the planner returned no path: it rejects the request."
         ]
 
     def test_nobody_waits_for_a_planner_that_is_not_there_which_is_told_once(self, stage: "Stage") -> None:
@@ -673,7 +673,7 @@ class TestAskingThePlanner:
             assert leaf._choice
             assert stage.run(leaf) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 6 of 6 ways by straight lines times 1.5: no server of compute_path_to_pose is there."
+            "'Choose': 6 of 6 paths estimated as 1.5 times the straight line: no server offers compute_path_to_pose."
         ]
 
     def test_what_is_not_answered_in_time_is_a_straight_line(self, stage: "Stage") -> None:
@@ -688,7 +688,9 @@ class TestAskingThePlanner:
         assert status(leaf) is Status.RUNNING
         server.gate.set()
         assert stage.run(leaf) is Status.SUCCESS
-        assert stage.warnings == ["'Choose': 6 of 6 ways by straight lines times 1.5: no answer within 7 s."]
+        assert stage.warnings == [
+            "'Choose': 6 of 6 paths estimated as 1.5 times the straight line: no response within 7 s."
+        ]
         assert tuple(server.asked) == self.NEEDED[:1]
 
     def test_one_that_is_halted_asks_no_further_and_keeps_what_it_was_told(self, stage: "Stage") -> None:

@@ -60,7 +60,7 @@ def draw(search: Search, *what: Any, **values: Any) -> str:
 
 def test_an_area_is_searched_after_all_others_from_a_place_inside() -> None:
     search = begun()
-    assert draw(search) == "'c' is searched as well"
+    assert draw(search) == "'c' is added"
     *_, last = search.zones.remaining_zones()
     assert (last["id"], last["x"], last["y"]) == ("c", 6.0, 2.0)
     assert search.sweeps.grounds["c"].polygon == tuple(SQUARE)
@@ -77,7 +77,7 @@ def test_a_survivor_is_seen_as_far_as_in_the_other_areas_unless_it_is_said() -> 
 
 def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -> None:
     search = begun(**LIKELY)
-    assert draw(search, poa=0.5) == "'c' is searched as well; the POA of the others counts 0.50 times"
+    assert draw(search, poa=0.5) == "'c' is added; the POA of the other zones is multiplied by 0.50"
     assert {name: area.poa for name, area in search.zones.areas.items()} == pytest.approx(
         {"a": 0.3, "b": 0.2, "c": 0.5}
     )
@@ -87,7 +87,7 @@ def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -
 
 def test_where_there_is_room_the_others_stay_as_likely_as_they_are() -> None:
     search = begun(**LIKELY | {"zones.a.poa": 0.3})
-    assert draw(search, poa=0.3) == "'c' is searched as well"
+    assert draw(search, poa=0.3) == "'c' is added"
     assert [area.poa for area in search.zones.areas.values()] == pytest.approx([0.3, 0.4, 0.3])
 
 
@@ -107,7 +107,7 @@ def test_an_area_that_nobody_has_begun_to_search_is_changed() -> None:
 def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None:
     search = begun()
     search.zones.advance()
-    with pytest.raises(DrawingError, match=f"'{zone}' is being searched, or was: draw another area"):
+    with pytest.raises(DrawingError, match=f"the search of '{zone}' has already started: draw another area"):
         draw(search, zone)
 
 
@@ -115,8 +115,8 @@ def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None
     ("what", "values", "said"),
     [
         ((""), {}, "the area has no name"),
-        (("c", SQUARE[:2]), {}, "the outline has 2 corners, and needs three or more"),
-        (("c", ()), {}, "it has no outline: draw three corners or more"),
+        (("c", SQUARE[:2]), {}, "the polygon has 2 corners: draw three or more"),
+        (("c", ()), {}, "the area has no polygon: draw three corners or more"),
         (("c", [(0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)]), {}, "crosses or touches itself at"),
         (
             ("c", [(0.0, 0.0), (0.0, 9.0), (-12.0, 0.0)]),
@@ -126,12 +126,12 @@ def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None
         (
             ("c", [(0.0, 0.0), (0.0, 9.0), (9.5, 0.0)]),
             {},
-            r"where nothing can be: \(9.5, 0\) is not on the map",
+            r"has an impossible corner: \(9.5, 0\) is not on the map",
         ),
         (("c",), {"frame": "odom"}, "the outline is in the frame 'odom', and must be in 'map'"),
-        (("c",), {"detection_range": 0.0}, "the detection range is 0, and must be above 0"),
-        (("c",), {"poa": 1.5}, "the probability is 1.5, and must be from 0 to 1"),
-        (("c",), {}, "give a probability"),
+        (("c",), {"detection_range": 0.0}, "the detection range is 0: write metres above 0"),
+        (("c",), {"poa": 1.5}, "the probability is 1.5: write a number from 0 to 1"),
+        (("c",), {}, r"the probability \(poa\) is missing"),
     ],
 )
 def test_what_cannot_be_searched_is_refused_with_the_reason(
@@ -166,7 +166,7 @@ def test_a_mission_without_other_areas_asks_how_far_one_sees() -> None:
     reader = ParameterReader(bare)
     search = MISSION.begin(reader)
     assert isinstance(search, Search)
-    with pytest.raises(DrawingError, match="give a detection range"):
+    with pytest.raises(DrawingError, match="the detection range is missing"):
         draw(search)
     draw(search, detection_range=2.0)
     assert search.sweeps.grounds["c"].sweep_width == pytest.approx(3.2)
@@ -210,9 +210,9 @@ def test_an_area_that_is_drawn_is_answered_and_told(stage: "Stage") -> None:
         response: Any = answer.result()
         return response.success, response.message
 
-    assert answered("c") == (True, "'c' is searched as well")
-    assert answered("") == (False, "the area has no name")
-    assert stage.lines == ["Command add_area by the operator: 'c' is searched as well."]
+    assert answered("c") == (True, "'c' is added")
+    assert answered("") == (False, "the area has no name: write one")
+    assert stage.lines == ["Command add_area by the operator: 'c' is added."]
     assert stage.warnings == ["Command add_area by the operator: refused, the area has no name."]
     leaf.shutdown()
     stage.until(lambda: not client.service_is_ready(), "the end of the service")

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 TREE, SWEEPS = Path("trees/search_areas.xml"), Path("trees/search_sweeps.xml")
-STRAIGHT = "'Full?': 1 of 1 ways by straight lines times 1.5: no server of compute_path_to_pose is there."
+STRAIGHT = (
+    "'Full?': 1 of 1 paths estimated as 1.5 times the straight line: no server offers compute_path_to_pose."
+)
 # 10 m away: 15 m with the detour, twice; at 1 % a metre and 1 m/s.
 SHORT = "zone_a needs 30% for 30 m and 30 s, the battery is at 40%, the reserve is 15%"
 
@@ -106,7 +108,7 @@ class TestReturnInReach:
         assert robot.asks.status is Status.RUNNING
         robot.clock.advance(31.0)
         assert robot.answer(robot.asks) == "out of reach"
-        assert stage.warnings == ["no share of the battery on 'battery_state' for 30 s: home first."]
+        assert stage.warnings == ["no usable percentage on 'battery_state' for 30 s: home first."]
 
     def test_a_battery_that_has_fallen_silent_suffices_for_nothing(self, stage: "Stage") -> None:
         robot = Robot(stage, max_age_sec=1e-9)
@@ -128,7 +130,7 @@ class TestReturnInReach:
         robot.clock.advance(1.0)
         robot.tells(0.9)
         assert robot.answer(robot.asks) == "out of reach"
-        told = "zone_a needs 30 s out and home, of the mission's time 29 s are left"
+        told = "zone_a needs 30 s out and home, and 29 s of the mission time are left"
         assert stage.warnings == [f"{told}: home first."]
         robot.comes_home()
         assert robot.answer(robot.waits) == "not charged"
@@ -245,7 +247,7 @@ class TestAwaitCharge:
         assert robot.search.display().phase == MissionPhase("waiting", "for another battery", BASE_NAME)
         robot.tells(0.95)
         assert robot.answer(robot.waits) == "charged"
-        assert stage.lines == ["The battery is at 95%: on to zone_a."]
+        assert stage.lines == ["The battery is at 95%: the robot continues to zone_a."]
         assert (robot.facts, robot.search.display().phase.name) == ([], "")
 
     def test_a_battery_that_is_charged_a_little_does_not_suffice(self, robot: Robot) -> None:
@@ -328,7 +330,7 @@ def test_a_charge_is_told_in_a_sentence() -> None:
     told: list[str] = []
     search.record.journal.listen(lambda fact: told.append(search.sentence(fact)))
     search.record.charged(0.954321)
-    assert told == ["the battery is at 95%, and suffices"]
+    assert told == ["the battery, at 95%, suffices"]
 
 
 UNASKED = "no leg begins unless the robot comes home again"

@@ -57,7 +57,7 @@ def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
             {"reserve": 15},
             "energy.reserve: must be a share from 0 to 1, is 15; 15 percent are 0.15: write 0.15",
         ),
-        ({"reserve": 1.0}, "energy.reserve: must be a share from 0 to below 1, is 1"),
+        ({"reserve": 1.0}, "energy.reserve: is 1: write a share from 0 to below 1"),
         ({"wrong_by": -0.1}, "energy.wrong_by: must be a share from 0 to 1, is -0.1"),
         ({"per_metre": 0.1}, "energy.per_metre: is not known there; did you mean 'per_m'?"),
         ({"reserve": "much"}, "energy.reserve: must be a number"),
@@ -121,7 +121,7 @@ def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
     made = homing(share=0.64)
     assert made.shortage() == ""
     made.ends_below = 0.2
-    assert made.shortage().endswith("the reserve is 15% above the 20% that end the mission")
+    assert made.shortage().endswith("the reserve is 15% above the limit of 20% that ends the mission")
     made.energy.read(1.0, 0.66)
     made.energy.read(2.0, 0.66)
     assert made.shortage() == ""

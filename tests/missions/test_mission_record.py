@@ -177,7 +177,7 @@ def test_only_a_search_with_probabilities_shows_when_somebody_was_found_first() 
         search = Search(ZoneManager(plan, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas))
         found_after(Journal(), search, 12.5)
         shown[name] = [each.text for each in search.display().figures if "first" in each.name]
-    assert shown == {"without": [], "with": ["first find after 12.5 s"]}
+    assert shown == {"without": [], "with": ["first detection after 12.5 s"]}
 
 
 def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept_and_what_it_has_seen() -> None:

@@ -113,7 +113,7 @@ class TestTheGoal:
         leaf = drive(stage)
         visit_every_zone(stage)
         assert stage.run(leaf) is Status.FAILURE
-        assert "nowhere to drive to" in stage.warnings[0]
+        assert "has no target" in stage.warnings[0]
         assert leaf.settled()
 
 
@@ -288,7 +288,7 @@ class TestFailure:
         server.error_code = 206
         assert stage.run(drive(stage)) is Status.FAILURE
         assert stage.warnings == [
-            "Navigation to zone_a failed: aborted (status 6), error code 206: the goal lies in an obstacle"
+            "Navigation to zone_a failed: aborted (status 6), error code 206: the goal is in an obstacle"
         ]
 
     def test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log(self, stage: "Stage") -> None:

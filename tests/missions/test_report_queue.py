@@ -51,7 +51,7 @@ class TestKeepReport:
         assert stage.run(keep(stage, kept, (-2.5, 3.2), "survivor_1")) is Status.SUCCESS
         assert list(kept) == [FIRST]
         assert [known.kept for known in stage.record.survivors] == [True]
-        assert stage.lines == ["The report of survivor_1 is kept until base acknowledges it."]
+        assert stage.lines == ["The report of survivor_1 is stored until base acknowledges it."]
         assert stage.warnings == []
 
     def test_a_report_that_an_earlier_run_has_delivered_is_not_kept_again(
@@ -67,13 +67,13 @@ class TestKeepReport:
         assert [found.acknowledged for found in stage.record.survivors] == [True]
 
     @pytest.mark.parametrize(
-        ("pose", "missing"), [(None, "nobody was found"), ((1.0, 2.0), "the survivor has no name yet")]
+        ("pose", "missing"), [(None, "no survivor was found"), ((1.0, 2.0), "the survivor has no name yet")]
     )
     def test_without_a_survivor_with_a_name_there_is_nothing_to_keep(
         self, stage: "Stage", kept: KeptReports, pose: tuple[float, float] | None, missing: str
     ) -> None:
         assert stage.run(keep(stage, kept, pose, None)) is Status.FAILURE
-        assert stage.warnings == [f"'KeepReport' has no report to keep: {missing}."]
+        assert stage.warnings == [f"'KeepReport' has no report to store: {missing}."]
         assert not kept
 
 
@@ -143,7 +143,7 @@ class TestDeliverReports:
         leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=clock)
         assert stage.run(leaf) is Status.FAILURE
         leaf.tick_once()
-        assert (leaf.status, leaf.feedback_message) == (Status.RUNNING, "base is tried again in 5 s")
+        assert (leaf.status, leaf.feedback_message) == (Status.RUNNING, "next attempt in 5 s")
         clock.advance(4.0)
         leaf.tick_once()
         assert leaf.status is Status.RUNNING

@@ -162,8 +162,8 @@ def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
     ("kind", "data", "sentence"),
     [
         ("zone_started", {"zone": "a"}, "set out for a"),
-        ("zone_searched", {"zone": "a", "survivor": None}, "searched a: nobody"),
-        ("zone_searched", {"zone": "a", "survivor": [1.0, 2.0]}, "searched a: somebody at (1.00, 2.00)"),
+        ("zone_searched", {"zone": "a", "survivor": None}, "searched a: no survivor"),
+        ("zone_searched", {"zone": "a", "survivor": [1.0, 2.0]}, "searched a: survivor at (1.00, 2.00)"),
         ("zone_abandoned", {"zone": "a", "attempts": 3, "reason": ""}, "a was abandoned after attempt 3"),
         ("zone_abandoned", {"zone": "a", "attempts": 1, "reason": "low"}, "a was given up: low"),
         (

@@ -91,18 +91,18 @@ class TestDetectSurvivor:
             "'DetectSurvivor' failed: detect_survivor found a survivor, and ("
         )
         assert stage.wakes == 0
-        told = [line for line in stage.record.shortfalls(stage.zones) if "no usable position" in line]
+        told = [line for line in stage.record.shortfalls(stage.zones) if "an unusable position" in line]
         assert len(told) == 1
-        assert told[0].startswith("There is a survivor at no usable position in zone_a: (")
+        assert told[0].startswith("There is a survivor at an unusable position in zone_a: (")
 
     def test_a_survivor_without_a_usable_position_is_told_until_the_next_answer(self, stage: "Stage") -> None:
         detect = stage.detect_service({"zone_a": (math.nan, 0.0)})
         leaf = search(stage)
         assert stage.run(leaf) is Status.FAILURE
-        assert "no usable position in zone_a" in str(stage.record.shortfalls(stage.zones))
+        assert "an unusable position in zone_a" in str(stage.record.shortfalls(stage.zones))
         detect.answer = lambda _, response: setattr(response, "found", False)
         assert stage.run(leaf) is Status.SUCCESS
-        assert "no usable position" not in str(stage.record.shortfalls(stage.zones))
+        assert "an unusable position" not in str(stage.record.shortfalls(stage.zones))
 
     @pytest.mark.parametrize(("place", "expected"), [((-0.9, 5.9), "SUCCESS"), ((1.1, 2.5), "FAILURE")])
     def test_a_survivor_beyond_the_map_is_no_answer(
@@ -322,7 +322,7 @@ class TestNotifyBase:
 
     def test_without_a_survivor_there_is_nothing_to_report(self, stage: "Stage") -> None:
         assert stage.run(report(stage, search(stage))) is Status.FAILURE
-        assert "nobody was found" in stage.warnings[0]
+        assert "no survivor was found" in stage.warnings[0]
 
     def test_a_survivor_without_a_name_cannot_be_reported(self, stage: "Stage") -> None:
         assert stage.run(report(stage, found(stage, survivor_id=None))) is Status.FAILURE

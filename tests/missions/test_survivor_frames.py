@@ -80,7 +80,7 @@ class TestBroadcastSurvivorTF:
     def test_without_a_survivor_it_fails_and_takes_no_name(self, stage: "Stage") -> None:
         leaf = broadcast(stage, DetectSurvivor("DetectSurvivor", stage.zones))
         assert stage.run(leaf) is Status.FAILURE
-        assert "nobody was found" in stage.warnings[0]
+        assert "no survivor was found" in stage.warnings[0]
         assert stage.zones.next_survivor_id() == "survivor_1"
 
     def test_two_leaves_on_one_node_publish_each_others_frames(self, stage: "Stage") -> None:

@@ -124,12 +124,12 @@ def test_ground_of_several_polygons_is_swept_in_one_way() -> None:
 
 
 def test_ground_without_a_free_place_is_refused() -> None:
-    with pytest.raises(GroundError, match="no stop of it can be driven to"):
+    with pytest.raises(GroundError, match="the robot cannot drive to any stop"):
         swept("parallel", obstacles=walled((0.0, 0.0, 9.0, 9.0)))
 
 
 def test_a_sweep_of_too_many_stops_is_refused_with_the_numbers() -> None:
-    with pytest.raises(GroundError, match=rf"32 m² in steps of 0.05 m are more than {MOST_PIECES} stops"):
+    with pytest.raises(GroundError, match=rf"32 m² in steps of 0.05 m need more than {MOST_PIECES} stops"):
         swept("parallel", spacing=0.05)
 
 
@@ -144,13 +144,13 @@ def test_a_sweep_of_too_many_stops_is_refused_with_the_numbers() -> None:
             DATUM,
             "too far for legs 1.00 m apart",
         ),
-        ("expanding_square", 1.0, OBLONG, MapPose(x=600.0, y=0.0, yaw=0.0), "put the pose into it"),
+        ("expanding_square", 1.0, OBLONG, MapPose(x=600.0, y=0.0, yaw=0.0), "move the pose inside"),
         (
             "parallel",
             1.0,
             ((0, 0), (1500, 0), (1500, 0.5), (0.5, 0.5), (0.5, 1500), (0, 1500)),
             DATUM,
-            r"too many cells of 0\.\d+ m of the map",
+            r"too many map cells of 0\.\d+ m",
         ),
     ],
 )

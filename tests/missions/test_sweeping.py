@@ -137,7 +137,7 @@ def test_the_pod_of_legs_is_told_where_all_of_a_first_sweep_in_legs_was_swept() 
 
 def test_a_skipped_piece_leaves_legs_that_were_not_kept() -> None:
     search = planned(searching(), count=1)
-    search.sweeps.skip("a", "it was not reached, or not searched")
+    search.sweeps.skip("a", "not reached, or not searched")
     assert search.sweeps.of("a").pod_of_legs is None
 
 
@@ -155,7 +155,7 @@ def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
     assert search.display().rasters == []
     search.sweeps.advance("a", None, 0.5)
     [layer] = search.display().rasters
-    assert (layer.name, layer.meaning, layer.columns) == ("a", "looked at, POD", 16)
+    assert (layer.name, layer.meaning, layer.columns) == ("a", "searched, POD", 16)
     assert (layer.x, layer.y, layer.cell_m) == (0.0, 0.0, 0.25)
     # The upper rows are farther from y = 1 than can be seen.
     assert layer.cells.endswith("16-" * 6)
@@ -182,11 +182,11 @@ def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
     search.sweeps.journal.listen(lambda entry: told.append(search.sentence(entry)))
     planned(search)
     search.sweeps.advance("a", None, 0.5)
-    search.sweeps.skip("a", "it was not reached, or not searched")
+    search.sweeps.skip("a", "not reached, or not searched")
     assert [line for line in told if line] == [
         "planned to sweep a in 4 pieces (parallel, 2 m apart)",
         "swept piece 1 of a: 0% seen, POD 0%",
-        "skipped piece 2 of a: it was not reached, or not searched",
+        "skipped piece 2 of a: not reached, or not searched",
     ]
     assert search.sweeps.of("a").skipped == 1
 
@@ -204,7 +204,7 @@ def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_
     planned(first)
     first.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
     first.sweeps.advance("a", None, 0.5)
-    first.sweeps.skip("a", "it was not reached, or not searched")
+    first.sweeps.skip("a", "not reached, or not searched")
     kept.close()
     opened(tmp_path / "sweep.journal", second, resume=True).close()
     assert second.sweeps.of("a") == first.sweeps.of("a")
@@ -306,13 +306,13 @@ class TestLeaves:
         assert status(leaf) is Status.SUCCESS
         assert places(search) == PIECES
         assert stage.lines == [
-            "a is swept in 4 pieces (parallel, 2.00 m apart): POD 63% at random to 79% where legs are kept."
+            "a is swept in 4 pieces (parallel, 2.00 m apart): POD 63% at random, 79% if legs are kept."
         ]
-        assert stage.warnings == ["No map has come: a is swept as if nothing stood there, or hid anything."]
+        assert stage.warnings == ["No map has arrived: a is swept as if it had no obstacles."]
 
     def test_one_that_is_planned_goes_on_where_it_is(self, stage: "Stage") -> None:
         search = planned(searching())
-        search.sweeps.skip("a", "it was not reached, or not searched")
+        search.sweeps.skip("a", "not reached, or not searched")
         leaf = self.take(stage, search, "PlanSweep", pattern="sector")
         leaf.tick_once()
         assert leaf.status is Status.SUCCESS
@@ -320,7 +320,7 @@ class TestLeaves:
 
     def test_one_that_is_swept_is_not_planned_again(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
-        search.sweeps.skip("a", "it was not reached, or not searched")
+        search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(self.take(stage, search, "PlanSweep")) is Status.SUCCESS
         assert (search.sweeps.of("a").passes, search.sweeps.of("a").left) == (1, 0)
 
@@ -334,7 +334,7 @@ class TestLeaves:
     @pytest.mark.parametrize("coverage", [0.0, -1.0, math.nan])
     def test_legs_without_a_distance_from_each_other_are_none(self, stage: "Stage", coverage: float) -> None:
         assert stage.run(self.take(stage, searching(), "PlanSweep", coverage=coverage)) is Status.FAILURE
-        assert "legs must be some way apart: write more than 0, for example 0.9" in stage.warnings[0]
+        assert "write a coverage above 0, for example 0.9" in stage.warnings[0]
 
     def test_without_a_zone_there_is_nothing_to_plan(self, stage: "Stage") -> None:
         search = searching()
@@ -357,7 +357,7 @@ class TestLeaves:
         publisher = self.walled(stage, 2.0, cells=1000)
         assert stage.run(leaf) is Status.SUCCESS
         assert places(search) == PIECES
-        assert stage.warnings == ["No map has come: a is swept as if nothing stood there, or hid anything."]
+        assert stage.warnings == ["No map has arrived: a is swept as if it had no obstacles."]
         assert publisher.topic_name.endswith("map")
 
     def test_ground_that_is_blocked_altogether_cannot_be_swept(self, stage: "Stage") -> None:
@@ -365,16 +365,16 @@ class TestLeaves:
         leaf = self.take(stage, search, "PlanSweep")
         publisher = self.walled(stage, 0.0)
         assert stage.run(leaf) is Status.FAILURE
-        assert "a cannot be swept: no stop of it can be driven to" in stage.warnings[0]
+        assert "a cannot be swept: the robot cannot drive to any stop" in stage.warnings[0]
         assert publisher.topic_name.endswith("map")
 
     def test_ground_that_is_all_blocked_by_now_has_no_gaps_to_sweep(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
-        search.sweeps.skip("a", "it was not reached, or not searched")
+        search.sweeps.skip("a", "not reached, or not searched")
         leaf = self.take(stage, search, "RefineSweep")
         publisher = self.walled(stage, 0.0)
         assert stage.run(leaf) is Status.FAILURE
-        assert leaf.feedback_message == "a: what was missed is too scattered to be swept, or on no map"
+        assert leaf.feedback_message == "a: the gaps are too scattered to be swept, or not on the map"
         assert (stage.warnings, publisher.topic_name[-3:]) == ([], "map")
 
     def driving(self, stage: "Stage", search: Search) -> tuple[Any, ManualClock]:
@@ -417,7 +417,7 @@ class TestLeaves:
     def test_the_open_pieces_are_driven_through_as_one_goal(self, stage: "Stage") -> None:
         server = stage.through_server()
         search = planned(searching())
-        search.sweeps.skip("a", "it was not reached, or not searched")
+        search.sweeps.skip("a", "not reached, or not searched")
         leaf = self.through(stage, search)
         stage.until(leaf._port.statuses.servers, "the server")
         leaf.tick_once()
@@ -527,7 +527,7 @@ class TestLeaves:
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         leaf.tick_once()
         assert (leaf.status, leaf.answer_label, server.requests) == (Status.FAILURE, "piece by piece", 1)
-        search.sweeps.skip("a", "it was not reached, or not searched")
+        search.sweeps.skip("a", "not reached, or not searched")
         server.script = ["succeed"]
         assert stage.run(leaf) is Status.SUCCESS
 
@@ -572,7 +572,7 @@ class TestLeaves:
         search = planned(searching(), count=1)
         leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
         assert stage.run(leaf) is Status.FAILURE
-        search.sweeps.skip("a", "it was not reached, or not searched")
+        search.sweeps.skip("a", "not reached, or not searched")
         server.script = ["succeed"]
         search.sweeps.plan("a", "gaps", 2.0, [MapPose(x=3.0, y=3.0, yaw=0.0)])
         assert stage.run(leaf) is Status.SUCCESS
@@ -581,7 +581,7 @@ class TestLeaves:
     def test_where_no_piece_is_open_there_is_nowhere_to_drive_to(self, stage: "Stage") -> None:
         search = searching()
         assert stage.run(self.take(stage, search, "NavigateToPiece", record=search.record)) is Status.FAILURE
-        assert stage.warnings == ["'NavigateToPiece' has nowhere to drive to: no piece is open."]
+        assert stage.warnings == ["'NavigateToPiece' has no target: no piece is open."]
 
     @pytest.mark.parametrize(
         ("name", "labels"),
@@ -613,7 +613,7 @@ class TestLeaves:
         leaf = self.take(stage, search, "PlanSweep")
         assert stage.run(leaf) is Status.SUCCESS
         assert leaf.answer_label == "going on"
-        search.sweeps.skip("a", "it was not reached, or not searched")
+        search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(leaf) is Status.SUCCESS
         assert leaf.answer_label == "swept before"
         assert search.sweeps.of("a").passes == 1
@@ -628,7 +628,7 @@ class TestLeaves:
         # What lies beyond the range of the legs at y = 1, in legs along its long side.
         assert {round(y, 2) for _, y in places(search)} == {3.12}
         while search.sweeps.of("a").left:
-            search.sweeps.skip("a", "it was not reached, or not searched")
+            search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(leaf) is Status.FAILURE
 
     def test_what_was_looked_at_well_enough_is_not_swept_again(self, stage: "Stage") -> None:

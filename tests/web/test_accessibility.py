@@ -27,7 +27,7 @@ def tell(journal, scene):
     journal.watch("status", node=0, tick=1, status="RUNNING", message="")
     journal.watch("status", node=1, tick=1, status="RUNNING", message="3 m left")
     journal.note("found", name="find_1", x=-2.0, y=2.0)
-    journal.note("alarmed", text="a find at no usable position")
+    journal.note("alarmed", text="a find at an unusable position")
     watched = [{"name": each, "if_broken": "hold"} for each in ("at home at the end", "no way twice")]
     journal.watch("properties_watched", properties=watched)
     journal.raise_alarm("Property broken", "property_broken", property="no way twice", event="Drive driven")

@@ -96,12 +96,12 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
     run.status(0, "FAILURE", "")
     browser.open(tree_of(run.server))
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
-    run.journal.note("alarmed", text="a find at no usable position")
+    run.journal.note("alarmed", text="a find at an unusable position")
     run.journal.end(Ending.OVER, 1, "No point is left. north was not visited.")
     run.close()
     browser.wait_for("#condition strong", "failed").wait_for("#condition", "No point is left.")
     assert "north was not visited" in browser.text("#log")
-    assert "a find at no usable position" in browser.text("#progress")
+    assert "a find at an unusable position" in browser.text("#progress")
 
 
 def test_why_a_mission_has_failed_stays_on_the_page(live, browser):

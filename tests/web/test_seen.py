@@ -65,7 +65,7 @@ def large():
         ("survivor_named", {"survivor": f"survivor_{number}", "x": 10.0 * number, "y": 1.0, "possibly": None})
         for number in range(2, 7)
     ]
-    alarms = [alarm(f"There is a survivor at no usable position in zone_{each}") for each in "abc"]
+    alarms = [alarm(f"There is a survivor at an unusable position in zone_{each}") for each in "abc"]
     return as_address(html_report(mission(*named, CONFIRMED, *alarms, ("zone_visited", {"zone": "zone_c"}))))
 
 
