@@ -1,6 +1,6 @@
-"""What a mission is made of: the mission, its parameters, its journal, what is shown of it, and its servers.
+"""The parts of a mission: the mission, its parameters, its journal, its display, and its servers.
 
-This part has the interface (`mission`), the choice of a tree's mission (`choosing`), and what its parameters say when a run begins (`beginning`).
+This package has the interface (`mission`), the choice of a tree's mission (`choosing`), and the parameters at the start of a run (`beginning`).
 """
 
 from typing import TYPE_CHECKING
@@ -53,9 +53,9 @@ if TYPE_CHECKING:
     from sar_compiler.tree.showing import short_line as short_line
 
 ENTRY_POINTS = "sar_compiler.missions"
-"""The group of entry points by which missions are found."""
+"""The group of entry points that name missions."""
 DEFAULT = "sar_compiler.default_mission"
-"""The group whose entry point has the name of the mission that is run if nothing is named."""
+"""The group whose entry point names the default mission."""
 PUBLIC_MODULES = (
     "beginning",
     "choosing",

@@ -1,4 +1,4 @@
-"""Beginning a run: what the parameters of its node say of the mission, of the run and of the tree."""
+"""The start of a run: reads the parameters of its node for the mission, the run and the tree."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -21,17 +21,17 @@ from sar_compiler.opener import admit
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.expressions import name_uses
 
-# The node of a tree that belongs to no mission.
+# The node of a tree without a mission.
 _PLAIN_NODE_NAME = "sar_run"
 
 
 class Beginning(NamedTuple):
-    """The beginning of a run.
+    """The start of a run.
 
     Attributes:
-        mission: The run of the mission; of a tree that belongs to none, one that has nothing of its own.
-        parameters: The parameters that any run has.
-        notes: What is surprising about the parameters, such as a name like one that is read.
+        mission: The run of the mission; a plain one for a tree without a mission.
+        parameters: The parameters of every run.
+        notes: Surprising parameters, such as a probable typo in a name.
     """
 
     mission: MissionRun
@@ -45,22 +45,22 @@ def node_name(mission: Mission | None) -> str:
 
 
 def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding) -> Beginning:
-    """Begin a run.
+    """Start a run.
 
     Args:
-        mission: The mission; None for a tree that belongs to none.
+        mission: The mission; None for a tree without one.
         reader: The parameters of the node.
         binding: The tree.
 
     Raises:
-        ParameterError: If there are mistakes in the parameters; has all of them.
+        ParameterError: If there are errors in the parameters; lists all of them.
     """
     run = mission.begin(reader) if mission is not None else MissionRun()
     parameters = read_run(reader)
     reader.complain()
     if mission is not None and (unlisted := reader.files.keys() - set(mission.path_parameters)):
         raise TypeError(
-            f"the mission '{mission.name}' reads the file of {min(unlisted)}: list it in path_parameters"
+            f"the mission '{mission.name}' reads the file of {min(unlisted)}: add it to path_parameters"
         )
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in (*_keys(binding), *_script_keys(binding)))
@@ -70,12 +70,12 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
 
 
 class FileStart(NamedTuple):
-    """What a parameter file says of the runs of a tree, read without ROS.
+    """The start of a run from a parameter file, read without ROS.
 
     Attributes:
-        parameters: What the file says, by the names of the parameters.
-        reader: What was read of it, and of the files that it names.
-        beginning: The beginning of a run with it.
+        parameters: The file's parameters by name.
+        reader: The reader of the file and of the files that it names.
+        beginning: The start of a run with these parameters.
     """
 
     parameters: dict[str, object]
@@ -84,7 +84,7 @@ class FileStart(NamedTuple):
 
 
 def begin_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) -> FileStart:
-    """Begin a run of a loaded tree with the parameters of a file, without ROS.
+    """Start a run of a loaded tree with the parameters of a file, without ROS.
 
     Raises:
         ParameterFileError: If ROS would refuse or misread the file.
@@ -100,12 +100,12 @@ def begin_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) 
 def read_parameters(
     tree: ProjectTree, params: Path | None = None, tree_id: str | None = None
 ) -> ParameterReader:
-    """Return the parameters with which `sar-run` runs a tree, and the files that they name, read without ROS.
+    """Return the parameters with which `sar-run` runs a tree, including the files that they name, read without ROS.
 
     Args:
         tree: The tree.
         params: The parameter file; by default that of the mission, if it has one.
-        tree_id: The tree in the file; by default the one that the file executes.
+        tree_id: The tree in the file; by default the main tree.
 
     Raises:
         TreeError: If there are errors.
@@ -121,17 +121,17 @@ def read_parameters(
 
 
 def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:
-    """Return faults as `--fault` has them, of the robot's navigation or of the mission's servers.
+    """Parse the faults of `--fault`, which affect the robot's navigation or the mission's servers.
 
     Raises:
-        FaultError: If there is no such fault.
+        FaultError: If a fault is unknown.
     """
     targets = {**(mission.faults if mission is not None else {}), **NAVIGATION_FAULTS}
     return [parse_fault(text, targets) for text in texts]
 
 
 def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the parameters that are paths of files: those of the mission, and those that leaves have for a path (`{@photos}`)."""
+    """Return the parameters that are file paths: those of the mission, and those of leaves (`{@photos}`)."""
     ports = (
         key.removeprefix("@")
         for bound in binding.nodes()
@@ -142,7 +142,7 @@ def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the parameters that are read before the start and never again, or what they stand below."""
+    """Return the parameters, or their prefixes, that are only read before the start."""
     own = mission.parameter_names if mission is not None else ()
     names = (*RUN_PARAMETER_NAMES, *own, *(key for key in _keys(binding) if key.startswith("@")))
     return {"use_sim_time", *(name.removeprefix("@").partition(".")[0] for name in names)}

@@ -22,16 +22,16 @@ from sar_compiler.tree.guessing import did_you_mean, nearest
 if TYPE_CHECKING:
     from sar_compiler.missions.mission import Mission, MissionRun
 
-# Every tree has these, with a mission or without.
+# Context types of every tree, with or without a mission.
 _OF_EVERY_TREE = {Clock, Enums, Scope}
 
 
 class MissionError(SarError):
-    """A mission cannot be loaded, has raised an exception, or there is none of the requested name."""
+    """A mission cannot be loaded, raised an exception, or does not exist."""
 
 
 class _GuardedMission:
-    """A mission or a run of one, whose exceptions say that they are its own."""
+    """Wraps a mission or its run, so that exceptions name the mission."""
 
     def __init__(self, guarded: "Mission | MissionRun", name: str) -> None:
         self._guarded = guarded
@@ -48,7 +48,7 @@ class _GuardedMission:
         except SarError:
             raise
         except Exception as error:
-            # A library that is not installed is no fault of the mission: the command says which extra has it.
+            # A missing library is not the mission's fault: the command names the extra that provides it.
             if isinstance(error, ImportError) and not_installed(error):
                 raise
             place = traceback.extract_tb(error.__traceback__)[-1]
@@ -59,12 +59,12 @@ class _GuardedMission:
         from sar_compiler.missions.mission import MissionRun
 
         if not isinstance(result, MissionRun):
-            raise MissionError(f"{failed}: it returned {result!r} in place of a MissionRun")
+            raise MissionError(f"{failed}: it returned {result!r} instead of a MissionRun")
         return _GuardedMission(result, self._name)
 
 
 def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
-    """Return the missions that are installed, by name.
+    """Return the installed missions by name.
 
     Raises:
         MissionError: If one cannot be imported or is not a mission, or if two have the same name.
@@ -85,23 +85,23 @@ def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
 
 
 def default_mission() -> str | None:
-    """Return the name of the mission whose default tree is run if nothing is named; None if no installed package declares one."""
+    """Return the name of the mission whose default tree runs if no tree is given; None if no installed package declares one."""
     return next((entry_point.name for entry_point in entry_points(DEFAULT)), None)
 
 
 def _flaw(mission: object) -> str:
-    """Return what is wrong with the object that an entry point names; empty if it is a mission."""
+    """Return the error of the object that an entry point names; empty if it is a mission."""
     from sar_compiler.missions.mission import Mission
 
     if not isinstance(mission, Mission):
-        return f"is no Mission, but {mission!r}"
+        return f"must name a Mission, but names {mission!r}"
     name = getattr(mission, "name", None)
     if not isinstance(name, str) or not (name.isascii() and name.isidentifier()):
-        return f"needs a name that a node can have, such as 'patrol'; it is {name!r}"
+        return f"needs a name that is valid for a node, such as 'patrol', but has {name!r}"
     types = mission.context_types
     if isinstance(types, Collection) and all(isinstance(each, type) for each in types):
         return ""
-    return f"needs the classes of its context objects as context_types, in brackets; they are {types!r}"
+    return f"needs context_types, a collection of its context objects' classes, but has {types!r}"
 
 
 def find_mission(name: str, checkout: Path | None = None) -> "Mission":
@@ -115,7 +115,7 @@ def find_mission(name: str, checkout: Path | None = None) -> "Mission":
         return missions[name]
     hint = did_you_mean(nearest(name, missions))
     for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
-        hint += f"; the missions of {place} are passed over, which is part of what is looked at: install them"
+        hint += f"; missions of {place} are ignored because it is the checked folder: install them"
     raise MissionError(f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}")
 
 
@@ -126,15 +126,15 @@ def choose_mission(
 
     Args:
         binding: The tree.
-        name: The mission's name, whatever the leaves require; None to choose by the leaves.
-        checkout: A folder whose content does not count as installed.
+        name: The mission's name, which overrides the leaves' requirements; None to choose by the leaves.
+        checkout: A folder whose packages are not regarded as installed.
 
     Returns:
         The mission; None for a plain tree, whose leaves require no mission's objects.
 
     Raises:
-        MissionError: If there is no mission called *name*; also raised by the mission returned, and by its run, in
-            place of what their methods raise.
+        MissionError: If there is no mission called *name*; also raised by the returned mission and its run instead of
+                any exception of their methods.
         TreeError: If the leaves require the objects of several missions.
     """
     if name is not None:
@@ -143,7 +143,7 @@ def choose_mission(
         (bound, {each.target for each in bound.spec.handed_over} - _OF_EVERY_TREE)
         for bound in binding.nodes()
     ]
-    # The leaves of a plain tree ask for nothing, and no mission is imported for it.
+    # The leaves of a plain tree need no context objects, so no mission is imported.
     missions = [*load_missions(checkout).values()] if any(asked for _, asked in asking) else []
     first: dict[Mission, BoundNode] = {}
     for bound, asked in asking:
@@ -153,9 +153,9 @@ def choose_mission(
     if len(first) > 1:
         collector = Collector()
         whose = ", ".join(f"<{bound.spec.tag}> of '{mission.name}'" for mission, bound in first.items())
-        message = f"the leaves of this tree are of several missions: {whose}"
+        message = f"the leaves of this tree belong to several missions: {whose}"
         last = list(first.values())[-1]
-        collector.add("several-missions", message, last.element, hint="say which one counts: --mission NAME")
+        collector.add("several-missions", message, last.element, hint="choose one with --mission NAME")
         raise TreeError(collector.findings)
     return _guard(next(iter(first))) if first else None
 

@@ -25,12 +25,12 @@ NAVIGATION_FAULTS = {
 
 
 class _FaultForm(NamedTuple):
-    """How a kind of fault is written.
+    """The syntax of a kind of fault.
 
     Attributes:
-        text: The same, in words.
-        parts: What can stand behind the kind: nothing, `=` and a value, `@` and a place, or both.
-        amount: What of the fault the value is; empty if there is none.
+        text: The syntax, in words.
+        parts: The parts after the kind: none, `=` and a value, `@` and a location, or both.
+        amount: The attribute that the value sets; empty if there is none.
         option: The option after the comma, seconds; empty if there is none.
     """
 
@@ -56,7 +56,7 @@ _SHAPE = re.compile(r"(\w*)(?:=([^@,]*))?(?:@([^,]*))?(?:,([^=]*)=?(.*))?", re.D
 
 
 class FaultError(SarError):
-    """A fault cannot be understood, or cannot happen.
+    """A fault is invalid.
 
     Attributes:
         spec: The fault as written.
@@ -76,12 +76,12 @@ class Fault:
         target: The service or action, such as `navigate_to_pose`, or the node `amcl`.
         kind: `drop`, `delay`, `refuse`, `abort`, `code`, `late`, `starved`, `succeed`, `reject` or `die`.
         count: The number of calls or goals that it affects (`drop`, `refuse`, `reject`).
-        seconds: Seconds of the server's clock: of delay of each answer (`delay`), on the way until the end (`code`), until a server
-            of Nav2 acknowledges another one's goal (`late`).
-        place: The place that it affects (`abort`, `code`, `late`, `starved`, `succeed`, `die`); "" for all.
+        seconds: Seconds of the server's clock: the delay of each response (`delay`), the drive before the end (`code`), or the delay until a
+                server of Nav2 acknowledges another server's goal (`late`).
+        place: The location that it affects (`abort`, `code`, `late`, `starved`, `succeed`, `die`); "" for all.
         code: The error code that a goal ends with (`code`).
-        drives: How long the robot drives on after the end of a goal, seconds of the server's clock (`late`).
-        back: The time until a dead server returns, in simulated seconds; None for never (`die`).
+        drives: How long the robot continues to drive after the end of a goal, seconds of the server's clock (`late`).
+        back: The time until a crashed server returns, in simulated seconds; None for never (`die`).
         text: The fault as written.
     """
 
@@ -100,20 +100,20 @@ class Fault:
 
 
 def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
-    """Read one fault, for instance `take_photo:drop=2` or `navigate_to_pose:die@yard,back=5`.
+    """Parse one fault, for instance `take_photo:drop=2` or `navigate_to_pose:die@yard,back=5`.
 
     Args:
         text: The fault as written.
         targets: The possible faults by service or action.
 
     Raises:
-        FaultError: If it is invalid; the message says what is allowed.
+        FaultError: If it is invalid; the message lists the valid forms.
     """
     target, colon, rest = text.strip().partition(":")
     _require_among(text, "target", target, targets)
     if not colon or not rest:
         allowed = ", ".join(f"{target}:{_FORMS[kind].text}" for kind in targets[target])
-        raise FaultError(text, f"does not say what goes wrong; allowed: {allowed}")
+        raise FaultError(text, f"has no kind of fault: write one of {allowed}")
     match = _SHAPE.fullmatch(rest)
     kind, value, place, option, seconds = match.groups() if match else ("", None, None, None, "")
     _require_among(text, f"fault of {target}", kind, targets[target])
@@ -122,7 +122,7 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
     if parts not in form.parts or "" in {value, place}:
         raise FaultError(text, f"expected {target}:{form.text}")
     if option is not None and option != form.option:
-        raise FaultError(text, f"'{option}={seconds}' is not known; expected {target}:{form.text}")
+        raise FaultError(text, f"unknown option '{option}={seconds}': expected {target}:{form.text}")
     fault = Fault(target, kind, text=text)
     if value is not None:
         fault = replace(fault, **{form.amount: _AMOUNTS[form.amount](text, value)})
@@ -139,8 +139,8 @@ class CallFate:
     """The faults applied to one service call.
 
     Attributes:
-        drop: Whether it is never answered.
-        delay_sec: The delay of its answer in seconds of the server's clock.
+        drop: Whether the call gets no response.
+        delay_sec: The delay of its response in seconds of the server's clock.
         refuse: Whether the server refuses it.
     """
 
@@ -158,7 +158,7 @@ class ServiceFaults:
         self._delay_sec = sum(fault.seconds for fault in faults if fault.kind == "delay")
 
     def next_call(self) -> CallFate:
-        """Return the fate of the call that has just arrived."""
+        """Return the faults of the call that has just arrived."""
         if self._drops > 0:
             self._drops -= 1
             return CallFate(drop=True)
@@ -168,7 +168,7 @@ class ServiceFaults:
 
 
 class NavigationFaults:
-    """The faults of navigation. Aborts and codes affect every goal for their place; a server dies, is late, is starved or succeeds at a place once per fault."""
+    """The faults of navigation. Aborts and codes affect every goal for their location; the other faults apply there once each."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
@@ -178,16 +178,16 @@ class NavigationFaults:
         self.places = {fault.place: fault for fault in faults if fault.place}
 
     def check_places(self, known: Collection[str]) -> None:
-        """Check that every place of a fault exists.
+        """Check that the location of every fault exists.
 
         Raises:
-            FaultError: If a place does not exist.
+            FaultError: If a location does not exist.
         """
         for place, fault in self.places.items():
             _require_among(str(fault), "place", place, known)
 
     def rejects_next(self) -> bool:
-        """Return whether the goal that has just arrived is to be rejected."""
+        """Return whether to reject the goal that has just arrived."""
         reject = self._rejections > 0
         self._rejections -= reject
         return reject
@@ -196,7 +196,7 @@ class NavigationFaults:
         """Return the fault of a goal that has just been accepted; None if it has none.
 
         Args:
-            place: The place that contains it, or None.
+            place: The location of the goal, or None.
         """
         for fault in (*self._lasting, *self._single):
             if fault.place in {place, ""}:
@@ -206,7 +206,7 @@ class NavigationFaults:
         return None
 
 
-# Of one goal for a place; a slow computer, without a place, is slow for every goal.
+# Once for each goal at a location; without a location, a slow computer slows every goal.
 _AT_ONE_GOAL = ("die", "late", "starved", "succeed")
 
 
@@ -221,12 +221,12 @@ class FaultPlan:
 
     Args:
         faults: The requested faults, in any order.
-        places: Positions of places (metres, frame `map`) by which goals are told apart; the world's markers if None.
-        seed: The run's seed, for servers that leave something to chance.
+        places: Positions (metres, frame `map`) that identify goals; the world's markers if None.
+            seed: The run's seed, for servers with random behaviour.
 
     Attributes:
         faults: The requested faults.
-        places: The place positions, or None.
+        places: The positions, or None.
         seed: The seed.
     """
 
@@ -268,11 +268,11 @@ def create_service(
         service_type: The service's type.
         name: Its name.
         answer: Fills in the response of an ordinary call and returns it; `answer(request, response)`.
-        refuse: The same for a call that is refused; *answer* by default.
+        refuse: The same for a refused call; *answer* by default.
         faults: The faults of the service; none by default.
 
-    A dropped call is not passed to *answer*. A delayed one is passed to it after the delay; other calls
-    and the rest of the node are served meanwhile.
+    A dropped call is not passed to *answer*. A delayed call is passed to it after the delay; other calls and the rest of the node are
+    served meanwhile.
     """
     if faults is None:
         return node.create_service(service_type, name, answer)
@@ -292,20 +292,20 @@ def create_service(
     def send_by(decided: tuple[CallFate, Any, Any], header: Any) -> None:
         fate = decided[0]
         if fate.drop:
-            node.get_logger().warning(f"Fault: a call of {name} gets no answer.")
+            node.get_logger().warning(f"Fault: a call of {name} gets no response.")
         elif fate.delay_sec > 0.0:
-            node.get_logger().warning(f"Fault: the answer of {name} is {fate.delay_sec:g} s late.")
+            node.get_logger().warning(f"Fault: the response of {name} is {fate.delay_sec:g} s late.")
             _after(node, fate.delay_sec, lambda: send(answer_by(*decided), header))
         else:
             send(answer_by(*decided), header)
 
-    # The executor sends whatever a callback returns; this is the one place where an answer can be late or get lost.
+    # The executor sends every value that a callback returns, so a response can only be delayed or dropped here.
     service.send_response = send_by
     return service
 
 
 def _after(node: "Node", seconds: float, action: Callable[[], object]) -> None:
-    """Call a function once, after some time of the node's clock."""
+    """Call a function once, after a time on the node's clock."""
 
     def end() -> None:
         node.destroy_timer(timer)
@@ -323,7 +323,7 @@ def _require_among(text: str, what: str, word: str, words: Collection[str]) -> N
 
 def _count(text: str, value: str) -> int:
     if not (value.isascii() and value.isdigit() and int(value) > 0):
-        raise FaultError(text, f"'{value}' is not a whole number above 0")
+        raise FaultError(text, f"'{value}' is not an integer above 0")
     return int(value)
 
 
@@ -340,11 +340,11 @@ def _seconds(text: str, value: str) -> float:
 
 def _place(text: str, value: str) -> str:
     if not re.fullmatch(r"[\w.-]+", value):
-        raise FaultError(text, f"'{value}' is not a place's name")
+        raise FaultError(text, f"'{value}' is not the name of a location")
     return value
 
 
-# The attributes of options that have another name.
+# Attributes of options with another name.
 _OPTIONS = {"after": "seconds"}
 _AMOUNTS: Mapping[str, Callable[[str, str], Any]] = {
     "count": _count,

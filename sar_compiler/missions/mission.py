@@ -1,8 +1,8 @@
 """The interface of a mission: the base classes of your own missions.
 
-Missions are found by the entry point group `sar_compiler.missions`, whose entries name an instance of a `Mission`.
-Nothing here imports ROS, and neither may a module that an entry names: `sar-run` imports them before ROS is
-initialised, and a laptop without ROS must be able to.
+Missions are found through the entry point group `sar_compiler.missions`, whose entries name an instance of a `Mission`. Neither this module
+nor a module that an entry names may import ROS: `sar-run` imports them before ROS is initialised, and commands import them on computers
+without ROS.
 """
 
 import sys
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 LONGEST = 200
-"""How many characters a text of an order has at most."""
+"""Largest number of characters in a text of a command."""
 
 
 _LEAST_CORNERS, _MOST_CORNERS = 3, 100
@@ -32,19 +32,19 @@ _EMPTY: Mapping[str, Any] = {"number": None, "polygon": ()}
 
 
 class VerbError(SarError):
-    """An order is not one of the mission's, or is not complete."""
+    """A command is unknown or incomplete."""
 
 
 class VerbField(NamedTuple):
-    """A value that comes with an order.
+    """A field of a command.
 
     Attributes:
-        name: Its name. `x` and `y` together are a place on the map, in metres.
-        label: What people read.
-        kind: `text`; `number`; `choice`, of `choices`; `found`, the name of a landmark that was found; `polygon`, an outline on the
+        name: Its name. `x` and `y` together are a position on the map, in metres.
+        label: Its label on the page.
+        kind: `text`; `number`; `choice`, of `choices`; `found`, the name of a landmark that was found; `polygon` on the
             map: its corners in their order, each x and y in metres.
-        choices: For `choice`: pairs of a value and what people read.
-        optional: Whether it may be left empty: a number is None then, an outline has no corners, anything else is an empty text.
+        choices: For `choice`: pairs of a value and its label.
+        optional: Whether it may be empty: a number is then None, a polygon has no corners, and any other field is an empty string.
     """
 
     name: str
@@ -55,18 +55,18 @@ class VerbField(NamedTuple):
 
 
 class Verb(NamedTuple):
-    """Something that the operator can order.
+    """A command of the operator.
 
     Attributes:
-        name: The service's, on the mission's node: `pause` for `~/pause`. The answer has `success` and `message`.
-        label: What is on its button.
-        help: What it does, in a sentence.
-        service_type: The service's type, `std_srvs/srv/Trigger` for one without values.
-        fields: The values that come with it.
-        confirm: What is asked before it is carried out; empty for what does no harm.
+        name: The name of the service on the mission's node: `pause` for `~/pause`. The response has `success` and `message`.
+        label: The text of its button.
+        help: Its effect, in a sentence.
+        service_type: The service's type, `std_srvs/srv/Trigger` for a command without fields.
+        fields: Its fields.
+        confirm: The warning to confirm first; empty for a harmless command.
         fill: Fills the service's request with the values.
-        role: Where pages put it: `stop` ends the mission where the robot stands, `hold` has the robot stand and `release` has it go on.
-            Empty for any other.
+        role: Its place on pages: `stop` ends the mission where the robot stands, `hold` pauses and `release` resumes it. Empty for any
+                other.
     """
 
     name: str
@@ -79,13 +79,13 @@ class Verb(NamedTuple):
     role: Literal["", "stop", "hold", "release"] = ""
 
     def check(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values of an order.
+        """Check and return the values of a command.
 
         Raises:
-            VerbError: If one is missing or wrong, or there are others.
+            VerbError: If a value is missing, wrong or unknown.
         """
         if unknown := set(values) - {field.name for field in self.fields}:
-            raise VerbError(f"{self.name} takes no {min(unknown)!r:.60}")
+            raise VerbError(f"{self.name} has no field {min(unknown)!r:.60}")
         return {field.name: self._check_field(field, values.get(field.name)) for field in self.fields}
 
     def _check_field(self, field: VerbField, value: Any) -> Any:
@@ -117,17 +117,17 @@ class Verb(NamedTuple):
 
 
 def _is_number(value: Any) -> bool:
-    # A whole number may be greater than any that is finite as a float.
+    # An integer may be larger than any finite float.
     return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 class SearchedArea(NamedTuple):
-    """An area that the robot will search, for the check before the flight.
+    """An area that the robot will search, for the check before the run.
 
     Attributes:
         name: Its name.
-        corners: Its outline: x and y in metres, frame `map`.
-        swath: How far the ways of one sweep of it are apart, metres.
+        corners: Its polygon: x and y in metres, frame `map`.
+        swath: Distance between the legs of a sweep, metres.
     """
 
     name: str
@@ -151,84 +151,84 @@ class MissionRun:
         return []
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
-        """Return the facts that its parameters decide, as they are at the start: `{"zones_left": 4}`.
+        """Return the facts that its parameters determine, at the start: `{"zones_left": 4}`.
 
-        They count in runs without a robot (`simulate`, `verify`), for leaves that know these facts.
+        Runs without a robot (`simulate`, `verify`) use them for leaves that know these facts.
         """
         return {}
 
     def facts_added(self) -> Mapping[str, int]:
-        """Return by how much commands have raised facts since the run began: `{"zones_left": 1}` once a zone was added.
+        """Return the increases of facts by commands since the start of the run: `{"zones_left": 1}` once a zone was added.
 
-        No leaf's answer says so; a run that is watched for properties takes it from here.
+        No outcome of a leaf includes these changes, so a run that is monitored for properties reads them here.
         """
         return {}
 
     def limits(self) -> Mapping[str, int]:
-        """Return what counts in a flight in place of facts that proofs need as limits, and that nobody knows before: `{"more_pieces": 10_000}`.
+        """Return a run's values of facts that verification needs as limits and that are unknown beforehand: `{"more_pieces": 10_000}`.
 
-        A limit says how often something happens at most: answers only lower it.
+        A limit is the largest number of occurrences: outcomes only lower it.
         """
         return {}
 
     def identity(self) -> Mapping[str, object]:
-        """Return the parameters that make it this mission, as JSON values: another one cannot go on with its journal."""
+        """Return the parameters that identify this mission, as JSON values: a different mission cannot resume from its journal."""
         return {}
 
     def keep_in(self, journal: "Journal") -> None:
-        """Keep the mission's facts in a journal from now on; called once, before the tree is compiled.
+        """Record the mission's events in a journal from now on; called once, before the tree is compiled.
 
-        Whatever is to outlast the process is written with `journal.note` before anybody is told of it, and changes the run's state by `apply`:
-        what earlier runs have written does so here. The leaves answer by that state what is finished, because the tree starts anew.
-        Who keeps the journal, to note in it, says so in a method of this name, and calls this one.
+        Every event that must survive the process is written with `journal.note` before it is reported anywhere, and changes the run's state by
+        `apply`. The events of earlier runs are applied here. A resumed tree starts over; its leaves use this state to skip finished work.
+        A subclass that stores the journal overrides this method and calls it.
 
         Raises:
-            JournalError: If the facts of earlier runs are not those of such a mission.
+            JournalError: If the events of earlier runs are not those of such a mission.
         """
         journal.attach(self, self.kinds)
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change the run's state by a fact: of this run as it is noted, of earlier ones as it is taken over.
+        """Update the run's state from an event: one of this run when it is recorded, those of earlier runs when it resumes.
 
-        It is told of the beginning and the end of a run as well, `run_began` and `run_ended`. Nothing else changes what is remembered.
+        It also receives the start and the end of a run, `run_began` and `run_ended`. Nothing else may change persistent state.
 
         Raises:
-            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If there cannot be such a fact now.
+            ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event contradicts the current state.
         """
 
     def display(self) -> Display:
-        """Return what the mission shows of itself, as it is now: asked for after each fact, and what has changed is written behind it."""
+        """Return the current display. It is requested after each event, and its changes are written after that event."""
         return Display()
 
     def sentence(self, fact: JournalEntry) -> str:  # noqa: ARG002 - for subclasses
-        """Return a fact as a sentence, without a full stop; empty for its kind and its values."""
+        """Return an event as a sentence without a full stop; empty to use its kind and values."""
         return ""
 
     def verbs(self) -> Sequence[Verb]:
-        """Return what the operator can order while it runs, for pages with a button each; the tree's leaves offer the services."""
+        """Return the operator's commands, each with a button on pages; the tree's leaves offer the services."""
         return ()
 
     def places(self) -> Mapping[str, tuple[float, float]] | None:
-        """Return the places that a fault may name: x and y in metres, frame `map`; None for the world's zones."""
+        """Return the positions that a fault may name: x and y in metres, frame `map`; None for the world's zones."""
         return None
 
     def route(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions to which the robot will drive, in their order, for a check before the flight.
+        """Return the names and positions of the robot's targets, in order, for a check before the run.
 
         x and y in metres, frame `map`; by default its `places`.
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
 
     def may_visit(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions to which the robot may drive besides its route, such as charging places, for the same check."""
+        """Return the names and positions of optional stops, such as charging places, for the same check."""
         return []
 
     def searched_areas(self) -> Sequence[SearchedArea]:
-        """Return the areas that the robot will search, for the check before the flight: how much of each it can drive to."""
+        """Return the areas that the robot will search; the check before the run computes the reachable part of each."""
         return ()
 
     def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses
-        """Return whether the robot may be at a position in the frame `map`, metres: whether it is inside its geofence."""
+        """Return whether the robot may be at a position (frame `map`, metres), so whether it is inside its geofence."""
         return True
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":  # noqa: ARG002
@@ -241,19 +241,19 @@ class MissionRun:
         return []
 
     def shortfalls(self) -> list[str] | None:
-        """Return in sentences what is missing for a complete mission; empty if it is complete.
+        """Return a sentence for each item that a complete mission still needs; empty if it is complete.
 
         Returns:
-            The sentences; None for a mission without an end of its own, whose tree's root decides.
+            The sentences; None for a mission whose end is decided by the tree's root.
         """
         return None
 
     def remarks(self) -> list[str]:
-        """Return in sentences what a complete mission has left open all the same: they stand behind "Mission complete."."""
+        """Return sentences about open points of a complete mission, which follow "Mission complete."."""
         return []
 
     def nothing_left(self) -> str:
-        """Return in words that nothing is left to do ("No zone is left"); empty while something is.
+        """Return a text once nothing is left to do ("No zone is left"); empty before.
 
         If the tree is then idle, the run ends, complete or not.
         """
@@ -275,13 +275,13 @@ class Mission(ABC):
     Attributes:
         name: Its name, for `--mission` and for its node unless that is remapped.
         context_types: The types of its context objects; a tree with a leaf that requires one is a tree of this mission.
-        parameter_names: The parameters that it reads, of a group the first part; used to detect misspellings.
-        path_parameters: Those of its parameters that are paths of files (`ParameterReader.read_file`): who gives a goal to
-            `sar-run --serve` cannot set them.
+        parameter_names: The parameters that it reads; of a group, the first part. Used to detect typos.
+        path_parameters: Those of its parameters that are file paths (`ParameterReader.read_file`). A client of `sar-run --serve`
+                cannot set them.
         faults: The faults that `--fault` can inject into its servers, of `drop`, `delay` and `refuse`, by service.
-        default_tree: A shipped tree's name, or a file; None if a tree must be named.
-        is_resumable: Whether a run keeps facts in its journal (`MissionRun.keep_in`), so that another can go on with it. On
-            a robot it then has one unless that is declined.
+        default_tree: The name of a shipped tree, or a file; None if the user must name a tree.
+        is_resumable: Whether a run records events in its journal (`MissionRun.keep_in`), so that a later run can resume it. On
+                a robot such a run has a journal by default.
     """
 
     name: str
@@ -293,11 +293,11 @@ class Mission(ABC):
     is_resumable: bool = False
 
     def default_parameters(self) -> Path | None:
-        """Return the parameter file to use if none is given."""
+        """Return the default parameter file."""
         return None
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:  # noqa: ARG002
-        """Return the properties to verify if no file of properties is given; None for none.
+        """Return the default properties to verify; None for none.
 
         Args:
             leaves: The classes of the tree's leaves.
@@ -306,9 +306,9 @@ class Mission(ABC):
 
     @abstractmethod
     def begin(self, reader: ParameterReader) -> MissionRun:
-        """Begin a run.
+        """Start a run.
 
         Args:
-            reader: The node's parameters. Mistakes are reported to it; it then returns placeholders, and the run is
-                dropped before they are used.
+            reader: The node's parameters. Errors are reported to it; it then returns placeholders, and the run is
+                    discarded before they are used.
         """

@@ -1,8 +1,8 @@
 """Check of a ROS parameter file before ROS reads it.
 
-The parser of ROS (rcl's, on libyaml) accepts less than YAML, reports no column, and silently misreads or
-ignores some content. This check refuses all that the parser refuses, misreads or ignores, and accepts
-the rest, whichever nodes the file is for. The parser also has its own rules for which scalars are numbers.
+The parser of ROS (rcl's, on libyaml) accepts less than YAML, reports no column, and silently misreads or ignores some content. This check
+rejects all content that the parser rejects, misreads or ignores, and accepts the rest, whichever nodes the file is for. The parser also has
+its own rules for which scalars are numbers.
 """
 
 import difflib
@@ -21,24 +21,24 @@ from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.tree.yaml_spans import SPLIT, split_number
 
 _SECTION = "ros__parameters"
-# libyaml where PyYAML has it, which is what ROS reads with: ten times as fast.
+# libyaml if PyYAML has it, which ROS uses as well: ten times as fast.
 _LOADER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _PART = r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"
 _NODE_NAME = re.compile(rf"/?{_PART}(?:/{_PART})*")
 _MAX_DEPTH = 64
 _MAX_EVENTS = 100_000
-"""The most names, values, and beginnings and ends of lists; 30,000 parameters have fewer."""
+"""Largest number of names, values, and list starts and ends; 30,000 parameters have fewer."""
 _SIGNS = re.compile("[:?]")
 
 
 @dataclass(frozen=True)
 class FileProblem:
-    """One mistake in a parameter file.
+    """An error in a parameter file.
 
     Attributes:
         line: Its line, from 1.
         column: Its column, from 1.
-        text: The description of the mistake.
+        text: The description of the error.
     """
 
     line: int
@@ -47,18 +47,18 @@ class FileProblem:
 
     @property
     def place(self) -> str:
-        """Its line and column, each behind a colon; empty for the file as a whole."""
+        """Its line and column, each after a colon; empty for the file as a whole."""
         return f":{self.line}:{self.column}" if self.line else ""
 
 
 class ParameterFileError(SarError):
-    """A parameter file that ROS would refuse or misread.
+    """ROS would reject or misread a parameter file.
 
     Attributes:
-        file: The file as it was named.
-        line: Line of the first mistake, from 1; 0 if the file is not text.
+        file: The file as named by the user.
+        line: Line of the first error, from 1; 0 if the file is not text.
         column: Its column, from 1; 0 if the file is not text.
-        problems: All mistakes.
+        problems: All errors.
     """
 
     def __init__(self, file: Path, problems: Iterable[FileProblem]) -> None:
@@ -71,11 +71,11 @@ class ParameterFileError(SarError):
 
 
 def check_parameter_file(path: Path | str) -> None:
-    """Check a ROS parameter file for content that ROS refuses or misreads.
+    """Check a ROS parameter file for content that ROS rejects or misreads.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        ParameterFileError: If there are mistakes; has all of them, each with its place.
+        ParameterFileError: If there are errors; lists all of them with their locations.
     """
     _sections(path)
 
@@ -106,32 +106,32 @@ def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:
         node: The full name of the node, with its namespace.
 
     Returns:
-        The values by their flat names (`points.yard.x`). Of sections for the node, the later one counts.
+        The values by flat name (`points.yard.x`). If several sections are for the node, the later one applies.
 
     Raises:
-        ParameterFileError: If there are mistakes; has all of them, each with its place.
+        ParameterFileError: If there are errors; lists all of them with their locations.
     """
     return {name: each.value for name, each in _values_for(path, node).items()}
 
 
 class _Given(NamedTuple):
-    """A value of a file, and the node of its name."""
+    """A value of a file, and the YAML node of its name."""
 
     value: object
     name: yaml.Node
 
 
 def _values_for(path: Path | str, node: str) -> dict[str, _Given]:
-    """Return what a file gives to a node, by the flat names."""
+    """Return the parameters of a node in a file, by flat name."""
     sections = _sections(path).items()
     return {key: given for name, values in sections if _is_for(name, node) for key, given in values.items()}
 
 
 class ParameterPlaces:
-    """Where parameter files give a node its parameters.
+    """Locations in parameter files of a node's parameters.
 
     Args:
-        paths: The files, each one that `check_parameter_file` passes; a later one counts.
+        paths: The files, each one that `check_parameter_file` accepts; a later one takes precedence.
         node: The full name of the node, with its namespace.
     """
 
@@ -145,11 +145,11 @@ class ParameterPlaces:
             self._beginning = next(iter(places.values()), f"{path}:1:1")
 
     def of(self, key: str, parameters: Mapping[str, object]) -> str:
-        """Return file, line and column of a parameter, or of what is around one that is missing; empty if no file says it.
+        """Return file, line and column of a parameter, or of its parent if it is missing; empty if no file gives it.
 
         Args:
             key: Its flat name.
-            parameters: The parameters that the node has; what a command line says otherwise is in no file.
+            parameters: The node's parameters; values overridden on a command line are in no file.
         """
         if key in parameters:
             value, place = self._given.get(key, (None, ""))
@@ -164,15 +164,15 @@ class ParameterPlaces:
 
 
 def _plain(value: object) -> object:
-    """Return a value of ROS, whose lists are arrays, as a file has it."""
+    """Return a ROS value as a file has it, with lists instead of arrays."""
     return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
 
 
 def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
-    """Return what the sections of a file give, by their full names with wildcards as written.
+    """Return the values of a file's sections by full name, with wildcards as written.
 
     Raises:
-        ParameterFileError: If there are mistakes; has all of them.
+        ParameterFileError: If there are errors; lists all of them.
     """
     file = Path(path)
     reading = _Walk(_text_of(file))
@@ -190,7 +190,7 @@ def _is_for(section: str, node: str) -> bool:
 
 def _text_of(file: Path) -> str:
     data = read_file(file, PARAMETERS).data
-    wrong = f"is larger than {PARAMETERS.limit // 2**20} MiB, which no parameter file is"
+    wrong = f"is larger than {PARAMETERS.limit // 2**20} MiB, the limit of a parameter file"
     if len(data) <= PARAMETERS.limit:
         try:
             return data.decode("utf-8-sig")
@@ -220,17 +220,17 @@ def _needs_quotes(event: yaml.ScalarEvent) -> bool:
 
 
 def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
-    """Return whether a key is similar to the section's name, and not the name of a node with a section below it."""
+    """Return whether a key resembles the section's name, and is not the name of a node with a section below it."""
     below = [each.value for each, _ in value.value] if isinstance(value, yaml.MappingNode) else []
     return _SECTION not in below and bool(difflib.get_close_matches(key.lower(), [_SECTION], 1, 0.9))
 
 
 class _Walk:
-    """What a text says, read in one walk.
+    """The content of a parameter file, read in one walk.
 
     Attributes:
-        problems: All mistakes.
-        sections: What each section gives, by its full name and by the flat names; of use if there are no mistakes.
+        problems: All errors.
+        sections: The values of each section, by full name and flat names; only valid without errors.
     """
 
     def __init__(self, text: str) -> None:
@@ -244,7 +244,7 @@ class _Walk:
         except yaml.reader.ReaderError as error:
             line = text.count("\n", 0, error.position)
             column = error.position - (text.rfind("\n", 0, error.position) + 1)
-            wrong = f"not YAML: the character {chr(error.character)!r} is not allowed"
+            wrong = f"not YAML: delete the character {chr(error.character)!r}"
             self.problems = [FileProblem(line + 1, column + 1, wrong)]
 
     def _report(self, where: yaml.Node | yaml.Event, text: str) -> None:
@@ -254,10 +254,10 @@ class _Walk:
         self._look_at_events()
         if self.problems:
             return
-        # This loader takes every scalar for text: no date, no number of Python's is in the way.
+        # This loader reads every scalar as a string: neither dates nor Python's numbers interfere.
         root = yaml.compose(self._text, Loader=_LOADER)
         if root is None:
-            wrong = f"the file is empty: it needs a node's name (or /**) and {_SECTION} below it"
+            wrong = f"the file is empty: write a node's name (or /**) and {_SECTION} below it"
             self.problems = [FileProblem(1, 1, wrong)]
         elif not isinstance(root, yaml.MappingNode):
             wrong = f"must be a mapping: a node's name (or /**), {_SECTION} below it, then the parameters"
@@ -266,9 +266,9 @@ class _Walk:
             self._nodes(root, "", "")
 
     def _look_at_events(self) -> None:
-        """Find YAML features that ROS does not support, up to where it is nested too deeply; nothing behind that is read.
+        """Report YAML features that ROS does not support, up to the nesting limit; nothing after that is read.
 
-        An older libyaml, which some builds of ROS have, refuses some signs in plain scalars within brackets.
+        An older libyaml, used by some builds of ROS, rejects some characters in plain scalars within brackets.
         """
         documents = brackets = depth = 0
         for event in self._events():
@@ -276,11 +276,11 @@ class _Walk:
                 documents += 1
                 if event.version is not None and tuple(event.version) != (1, 1):
                     version = f"%YAML {event.version[0]}.{event.version[1]}"
-                    self._report(event, f"ROS reads YAML 1.1 only: leave out '{version}'")
+                    self._report(event, f"ROS reads YAML 1.1 only: delete '{version}'")
                 if documents == 2:  # noqa: PLR2004
-                    self._report(event, "a second document (---): ROS mixes it into the first; keep one")
+                    self._report(event, "a second document (---), which ROS mixes into the first: keep one")
             elif isinstance(event, yaml.AliasEvent):
-                self._report(event, f"ROS reads no aliases: write out the value of '*{event.anchor}'")
+                self._report(event, f"ROS reads no aliases: write the value of '*{event.anchor}' in full")
             elif isinstance(event, yaml.CollectionStartEvent):
                 brackets += bool(event.flow_style)
                 depth += 1
@@ -291,13 +291,15 @@ class _Walk:
                 brackets = max(brackets - 1, 0)
                 depth -= 1
             elif isinstance(event, yaml.ScalarEvent) and brackets and _needs_quotes(event):
-                why = "needs quotes within [] and {}: not every ROS takes its ':' or '?'"
+                why = "needs quotes within [] and {}: some versions of ROS reject its ':' or '?'"
                 self._report(event, f"'{event.value}' {why}")
 
     def _events(self) -> Iterator[Any]:
         for number, event in enumerate(yaml.parse(self._text, Loader=_LOADER)):
             if number > _MAX_EVENTS:
-                text = f"there are more than {_MAX_EVENTS:,} names and values, as in no parameter file"
+                text = (
+                    f"the file has more than {_MAX_EVENTS:,} names and values, the limit of a parameter file"
+                )
                 self._report(event, text)
                 return
             yield event
@@ -314,7 +316,7 @@ class _Walk:
             if key.value != _SECTION:
                 self._node(key, value, above)
             elif not name:
-                self._report(key, f"there is no node's name (or /**) above {_SECTION}")
+                self._report(key, f"{_SECTION} has no node's name above it: write one, or /**")
             elif isinstance(value, yaml.MappingNode):
                 given: dict[str, _Given] = {}
                 self._parameters(value, "", given)
@@ -327,7 +329,9 @@ class _Walk:
             self._report(key, f"'{key.value}': did you mean '{_SECTION}' (two underscores)?")
         elif isinstance(value, yaml.MappingNode):
             if _SECTION in key.value or not _NODE_NAME.fullmatch(key.value):
-                text = "is no name of a node or a namespace: letters, digits and _, / between them, * or **"
+                text = (
+                    "is no valid node name or namespace: write letters, digits and _, / between them, * or **"
+                )
                 self._report(key, f"'{key.value}' {text}")
             self._nodes(value, key.value, f"{above}/{key.value.strip('/')}")
         else:
@@ -360,7 +364,7 @@ class _Walk:
                 continue
             if isinstance(value, yaml.MappingNode):
                 if not value.value:
-                    self._report(value, f"'{name}' is empty: leave it out")
+                    self._report(value, f"'{name}' is empty: delete it")
                 self._parameters(value, f"{name}.", given)
                 continue
             # `a.b: 1` and `a: {b: 2}` are the same parameter.
@@ -373,7 +377,7 @@ class _Walk:
     def _list(self, name: str, sequence: yaml.SequenceNode) -> list[object]:
         if not sequence.value:
             # An empty list is an array of no type, which a node cannot declare.
-            wrong = "is an empty list, of which ROS cannot tell the type: leave it out or fill it"
+            wrong = "is an empty list, whose type ROS cannot determine: delete it or fill it"
             self._report(sequence, f"'{name}' {wrong}")
         values: list[object] = []
         kinds: list[str] = []
@@ -385,30 +389,30 @@ class _Walk:
             values.append(self._scalar(name, entry))
             kinds.append(self._kind(entry))
             if kinds[-1] != kinds[0]:
-                hint = " (write 1.0 for 1)" if {kinds[-1], kinds[0]} == {"a whole number", "a number"} else ""
+                hint = " (write 1.0 for 1)" if {kinds[-1], kinds[0]} == {"an integer", "a number"} else ""
                 mixed = f"'{name}' mixes {kinds[0]} with {kinds[-1]}: a list must be all of one type{hint}"
                 self._report(entry, mixed)
                 break
         return values
 
     def _scalar(self, name: str, node: yaml.ScalarNode) -> object:
-        """Return a value as ROS reads it, and find what its author did not mean."""
+        """Return a value as ROS reads it, and report values that differ from their author's intention."""
         text = node.value
         if node.tag != "tag:yaml.org,2002:str":
-            # Read as if the tag were not there: `!degrees 90` as 90, `!!int '3'` as text.
+            # ROS ignores tags: it reads `!degrees 90` as 90, `!!int '3'` as a string.
             self._report(node, f"'{name}' has the tag {node.tag}, which ROS ignores: write the value itself")
         elif self._is_text(node):
             return text
         elif text == "":
             self._report(node, f"'{name}' has no value")
         elif text in ("~", "null", "Null", "NULL"):
-            self._report(node, f"'{name}' is {text}: ROS has no empty values and would read that text")
+            self._report(node, f"'{name}' is {text}: ROS has no empty values and would read it as a string")
         elif re.fullmatch(r"[+-]?0[0-7]+", text) and int(text, 8) != int(text):
-            octal = f"'{name}': ROS reads {text} as an octal number, {int(text, 8)}; write it without the 0"
+            octal = f"'{name}': ROS reads {text} as an octal number, {int(text, 8)}: write it without the 0"
             self._report(node, octal)
         elif rcl_kind(text) == "text" and _means_number(text):
             self._report(
-                node, f"'{name}': ROS reads {text} as text, not as a number; write it in plain digits"
+                node, f"'{name}': ROS reads {text} as a string, not as a number: write it in plain digits"
             )
         return _READ[self._kind(node)](text)
 
@@ -416,7 +420,7 @@ class _Walk:
         return "text" if self._is_text(node) else rcl_kind(node.value)
 
     def _is_text(self, node: yaml.ScalarNode) -> bool:
-        # An explicit tag begins at the node's start; the only one that gets here is !!str.
+        # An explicit tag begins at the node's start; only !!str can occur here.
         return (
             node.style in ("'", '"') or self._text[node.start_mark.index : node.start_mark.index + 1] == "!"
         )
@@ -440,12 +444,12 @@ def rcl_kind(text: str) -> str:
     `1_000` and `0o10` are text, and so is a number that is too large for a double.
 
     Returns:
-        `a truth value`, `a whole number`, `a number` or `text`.
+        `a Boolean`, `an integer`, `a number` or `text`.
     """
     if text in _BOOLS:
-        return "a truth value"
+        return "a Boolean"
     if _INTEGER.fullmatch(text) and -(2**63) <= _c_integer(text) < 2**63:
-        return "a whole number"
+        return "an integer"
     if _DECIMAL.fullmatch(text):
         return "text" if math.isinf(float(text)) else "a number"
     return "a number" if _HEXADECIMAL.fullmatch(text) or _WORDS.fullmatch(text) else "text"
@@ -458,14 +462,14 @@ def _c_integer(text: str) -> int:
 
 
 def _c_double(text: str) -> float:
-    # C writes infinity and NaN as Python does, YAML puts a point before them.
+    # C writes infinity and NaN as Python does; YAML puts a dot before them.
     plain = text.lower().replace(".inf", "inf").replace(".nan", "nan")
     return float.fromhex(plain) if "0x" in plain else float(plain)
 
 
 _READ: Mapping[str, Callable[[str], object]] = {
-    "a truth value": lambda text: text.lower() in ("y", "yes", "true", "on"),
-    "a whole number": _c_integer,
+    "a Boolean": lambda text: text.lower() in ("y", "yes", "true", "on"),
+    "an integer": _c_integer,
     "a number": _c_double,
     "text": str,
 }

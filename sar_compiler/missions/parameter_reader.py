@@ -1,4 +1,4 @@
-"""Reading a node's parameters, and those of every run: mistakes are collected, with the names of the keys; works without ROS.
+"""Reading the parameters of a node and of every run. Errors are collected with the names of the keys; works without ROS.
 
 The keys are those of a ROS node, flat and relative: `points.yard.x`, `initial_pose.yaw`, `point_order`.
 Lengths are in metres, angles in radians, in the frame `map`.
@@ -24,18 +24,18 @@ _POSE = ("x", "y", "yaw")
 
 # The parameters of every ROS node.
 _ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
-# How alike two names must be, from 0 to 1, for one to be a slip of the other.
+# Similarity of two names, from 0 to 1, from which one is regarded as a typo of the other.
 _ALIKE = 0.8
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake in the parameters.
+    """An error in the parameters.
 
     Attributes:
         key: The parameter, such as `points.yard.x`.
-        text: The description of the mistake.
-        place: The file that gives it, with line and column; empty if it is given in no file.
+        text: The description of the error.
+        place: File, line and column of the parameter; empty if no file gives it.
     """
 
     key: str
@@ -43,15 +43,15 @@ class Problem:
     place: str = ""
 
     def __str__(self) -> str:
-        """Return the place, the key and the mistake."""
+        """Return the location, the key and the error."""
         return _with_place(self.place, f"{self.key}: {self.text}")
 
 
 class ParameterError(SarError):
-    """Parameters that a mission cannot start with.
+    """A mission cannot start with these parameters.
 
     Attributes:
-        problems: All mistakes, in the order in which the keys were read.
+        problems: All errors, in the order in which the keys were read.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
@@ -61,22 +61,22 @@ class ParameterError(SarError):
             message = _with_place(only.place, f"parameter {only.key}: {only.text}")
         else:
             lines = "".join(f"\n  {problem}" for problem in self.problems)
-            message = f"{len(self.problems)} mistakes in the parameters:{lines}"
+            message = f"{len(self.problems)} errors in the parameters:{lines}"
         super().__init__(message)
 
 
 def lookalikes(
     given: Iterable[str], read: Iterable[str], place_of: Callable[[str], str] = lambda _name: ""
 ) -> list[str]:
-    """Report parameters whose names are similar to those that are read.
+    """Report unused parameters whose names are similar to used ones.
 
     Args:
         given: The flat names of a node's parameters. Names without a similar one are ignored.
-        read: The names that are read, besides ROS's own; of a group, such as `points`, the first part.
-        place_of: Returns the file that gives one, with line and column; empty if none does.
+        read: The names that are used, in addition to ROS's own; of a group, such as `points`, the first part.
+        place_of: Returns file, line and column of a parameter; empty if no file gives it.
 
     Returns:
-        A note for each misspelling, with the name that was probably meant.
+        A note for each probable typo, with the name that was probably meant.
     """
     known = sorted({*read, *_ROS})
     plain = [name for name in known if "." not in name]
@@ -88,52 +88,52 @@ def lookalikes(
         for written, names in ((name, known), (first, plain)):
             near = get_close_matches(written.lower(), names, 1, _ALIKE)
             if near:
-                note = f"parameter '{written}' is not read; did you mean '{near[0]}'?"
+                note = f"parameter '{written}' is not used: did you mean '{near[0]}'?"
                 notes.setdefault(note, _with_place(place_of(name), note))
                 break
     return list(notes.values())
 
 
 def unread_files(reader: "ParameterReader", read: Iterable[str]) -> list[str]:
-    """Report that nothing is read of the files of parameters, if that is so.
+    """Report that no parameter of the files is used, if that is the case.
 
     Args:
         reader: The parameters.
-        read: The names that are read; see `lookalikes`.
+        read: The names that are used; see `lookalikes`.
     """
     if reader.elsewhere:
-        return [f"no parameter of the file is read: {reader.elsewhere}; write '/**:' above the section"]
+        return [f"no parameter of the file is used: {reader.elsewhere}. Write '/**:' above the section"]
     given = [name for name in reader.parameters if reader.place_of(name)]
     firsts = {name.partition(".")[0] for name in read}
     if not given or any(name.partition(".")[0] in {*firsts, *_ROS} for name in given):
         return []
     found = ", ".join(given[:_MOST_NAMED]) + (", …" if len(given) > _MOST_NAMED else "")
     known = ", ".join(sorted(firsts))
-    text = f"no parameter of the file is read by the run: it gives {found}; known are {known}"
+    text = f"no parameter of the file is used by the run: it has {found}, and the run uses {known}"
     return [_with_place(reader.place_of(given[0]), text)]
 
 
 _MOST_NAMED = 5
 MOST_PLACES = 1_000
-"""The most places that a mission visits: so many are put in order within two seconds."""
+"""Largest number of locations that a mission visits; this many are ordered within two seconds."""
 
 
 class ParameterReader:
-    """Reads values and collects mistakes in them; a bad value is read as 0, and reading continues.
+    """Reads values and collects errors in them; an invalid value is read as 0, and reading continues.
 
     Args:
-        parameters: A node's parameters by flat name. Names that are not read are ignored.
+        parameters: A node's parameters by flat name. Unused names are ignored.
         elsewhere: A note of the nodes that parameters were given for instead
-            (`parameter_file.sections_elsewhere`), for the message about a missing list of places.
-        places: Where files give them, if they come of files.
+            (`parameter_file.sections_elsewhere`), for the message about a missing list of locations.
+        places: Locations of the parameters, if they come from files.
 
     Attributes:
         parameters: The parameters.
         elsewhere: The note.
-        problems: All mistakes found so far.
+        problems: All errors so far.
         notes: Notes on valid but surprising parameters, such as a point that is never visited.
-        files: The files that parameters name, as they were read, by the parameters' names.
-        places_elsewhere: What returns file, line and column of a parameter that such a file gives.
+        files: The files named by parameters, as they were read, by parameter name.
+        places_elsewhere: Functions that return file, line and column of a parameter from such a file.
     """
 
     def __init__(
@@ -151,30 +151,30 @@ class ParameterReader:
     def of_files(
         cls, parameters: Mapping[str, object], files: Sequence[Path | str], node: str
     ) -> "ParameterReader":
-        """Return the reader of the parameters of a node, by its full name, that files give."""
+        """Return a reader of the parameters that files give to a node, by its full name."""
         return cls(parameters, sections_elsewhere(files, node), ParameterPlaces(files, node))
 
     def report(self, key: str, text: str, place: str = "") -> None:
-        """Note a mistake in a parameter.
+        """Report an error in a parameter.
 
         Args:
             key: The parameter.
-            text: The description of the mistake.
-            place: File, line and column; by default those at which the parameter is given.
+            text: The description of the error.
+            place: File, line and column; by default those of the parameter.
         """
         problem = Problem(key, text, place or self.place_of(key))
-        # A mission may read what every run reads.
+        # A mission may read a parameter that every run reads.
         if problem not in self.problems:
             self.problems.append(problem)
 
     def place_of(self, key: str) -> str:
-        """Return the file that gives a parameter, or what is around a missing one, with line and column; empty if none does."""
+        """Return file, line and column of a parameter, or of a missing one's parent; empty if no file gives it."""
         if key in self.places_elsewhere:
             return self.places_elsewhere[key]()
         return self._places.of(key, self.parameters) if self._places is not None else ""
 
     def group(self, prefix: str, allowed: tuple[str, ...]) -> dict[str, set[str]]:
-        """Return, of `<prefix>.<id>.<name>`, the names by id; anything else there is a mistake."""
+        """Return the names of `<prefix>.<id>.<name>` by ID; report any other parameter with this prefix."""
         groups: dict[str, set[str]] = {}
         pattern = f"{prefix}.<id>.{{{','.join(allowed)}}}"
         for key in self.parameters:
@@ -186,15 +186,15 @@ class ParameterReader:
                 continue
             groups.setdefault(member, set()).add(name)
             if name not in allowed:
-                self.report(key, f"is not known there; {_did_you_mean(name, allowed)}")
+                self.report(key, f"is unknown; {_did_you_mean(name, allowed)}")
         return groups
 
     def places(self, noun: str, more: tuple[str, ...] = ()) -> list[dict[str, Any]]:
-        """Read poses that are visited in an order: for `point`, `point_order` and `points.<id>.{x,y,yaw}`.
+        """Read poses that are visited in order: for `point`, `point_order` and `points.<id>.{x,y,yaw}`.
 
         Args:
             noun: The noun for one of them.
-            more: What may stand beside a pose, for others to read.
+            more: Further names beside a pose, which the caller reads.
 
         Returns:
             The poses, each with `id`, `x`, `y` (m) and `yaw` (rad), in the order of their visits.
@@ -207,7 +207,7 @@ class ParameterReader:
         return [{"id": name, **self.point(f"{noun}s.{name}", _POSE)} for name in order]
 
     def point(self, prefix: str, names: Iterable[str]) -> dict[str, float]:
-        """Read coordinates that must all be given.
+        """Read coordinates, all of which are required.
 
         Args:
             prefix: The prefix of their names.
@@ -216,12 +216,12 @@ class ParameterReader:
         return {name: self.number(f"{prefix}.{name}") for name in names}
 
     def _order(self, noun: str, known: Collection[str]) -> list[str]:
-        """Return the ids to visit, each once and known."""
+        """Return the IDs to visit, each known and listed once."""
         key, allowed = f"{noun}_order", f"must be a list of {noun} ids"
-        example = f': give the {noun}s to visit, for example {key}: ["{noun}_a", "{noun}_b"]'
+        example = f': list the {noun}s to visit, for example {key}: ["{noun}_a", "{noun}_b"]'
         if key not in self.parameters:
             near = get_close_matches(key, self.parameters, 1, 0.75)
-            hint = f" (is '{near[0]}' meant to be it?)" if near else ""
+            hint = f" (did you mean '{near[0]}'?)" if near else ""
             place = f" ({self.elsewhere})" if self.elsewhere else ""
             self.report(key, f"is missing{hint}{example}{place}")
             return []
@@ -233,13 +233,13 @@ class ParameterReader:
         if not entries:
             self.report(key, f"is empty{example}")
         if len(entries) > MOST_PLACES:
-            text = f"names {len(entries):,} {noun}s, and {MOST_PLACES:,} are the most: give the others to another mission"
+            text = f"names {len(entries):,} {noun}s, more than {MOST_PLACES:,}: move some to another mission"
             self.report(key, text)
             return []
         order: dict[str, None] = {}
         for entry in entries:
             if not isinstance(entry, str) or not entry:
-                self.report(key, f"{allowed} (text), holds {_describe(entry)}")
+                self.report(key, f"{allowed} (strings), holds {_describe(entry)}")
             elif entry in order:
                 self.report(key, f"names '{entry}' more than once")
             else:
@@ -250,40 +250,40 @@ class ParameterReader:
         if name in known:
             return True
         hint = did_you_mean(nearest(name, known))
-        missing = f"names '{name}', which has no pose: give {noun}s.{name}.x, .y and .yaw{hint}"
+        missing = f"names '{name}', which has no pose: add {noun}s.{name}.x, .y and .yaw{hint}"
         self.report(f"{noun}_order", missing)
         return False
 
     def pose(self, prefix: str) -> dict[str, float]:
-        """Return the one pose `<prefix>.{x,y,yaw}`; missing coordinates are 0."""
+        """Return the pose `<prefix>.{x,y,yaw}`; missing coordinates are 0."""
         self.only(prefix, _POSE)
         keys = {name: f"{prefix}.{name}" for name in _POSE}
         return {name: self.number(key, 0.0) for name, key in keys.items()}
 
     def only(self, prefix: str, names: tuple[str, ...]) -> None:
-        """Note as mistakes the parameters below a prefix that are not among some names."""
+        """Report parameters below a prefix that are not among the given names."""
         listed = f"{', '.join(names[:-1])} and {names[-1]}"
         for key in self.parameters:
             if key == prefix:
                 self.report(key, f"must hold {listed}, is {_describe(self.parameters[key])}")
             elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in names:
-                self.report(key, f"is not known there; {_did_you_mean(key.partition('.')[2], names)}")
+                self.report(key, f"is unknown; {_did_you_mean(key.partition('.')[2], names)}")
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return a finite number; a missing one is the default, or else a mistake."""
+        """Return a finite number; a missing one is the default, or an error without a default."""
         if key not in self.parameters:
             if default is None:
-                self.report(key, "is missing: give a number")
+                self.report(key, "is missing: write a number")
             return default or 0.0
         return self._checked(key, self.parameters[key])
 
     def _checked(self, key: str, value: object, whose: str = "") -> float:
-        """Return a number that makes sense in the unit of a parameter; reports any other as a mistake, or notes it.
+        """Return a plausible number in the unit of a parameter; any other is reported as an error or noted.
 
         Args:
             key: The parameter.
             value: Its value, or one of them.
-            whose: What is before the description of one of several values.
+            whose: Text before the description of one of several values.
         """
         unit = unit_of_key(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -321,17 +321,17 @@ class ParameterReader:
     def read_file(self, key: str, noun: str, most_bytes: int) -> str | None:
         """Return the text of the file that a parameter names, in UTF-8.
 
-        The path is relative to the parameter file, which it may not lead out of: the file must lie in the repository of the
-        parameter file, or where there is none in its folder. A path on the command line may lead anywhere. Goals of
-        `sar-run --serve` cannot give such a parameter; a mission lists it in its `path_parameters`.
+        The path is relative to the parameter file and must stay in its repository, or without a repository in its folder. A path on the
+        command line may be anywhere. Goals of `sar-run --serve` cannot set such a parameter, so a mission lists it in its
+        `path_parameters`.
 
         Args:
-            key: The parameter; it must be there.
-            noun: What the file is, for messages.
-            most_bytes: How large it may be.
+            key: The parameter, which must be set.
+            noun: The kind of file, for messages.
+            most_bytes: The largest size.
 
         Returns:
-            The text; None if there is no such file, which is then a mistake in the parameter.
+            The text; None if there is no such file, which is reported as an error of the parameter.
         """
         value = self.parameters[key]
         if not isinstance(value, str) or not value:
@@ -340,14 +340,14 @@ class ParameterReader:
         given_in = self.place_of(key).rsplit(":", 2)[0]
         path = Path(given_in).parent / value
         if given_in:
-            # What is installed with links to its sources lies in two folders.
+            # An installation with links to its sources has two folders.
             folders = {enclosing_folder(Path(each).parent) for each in (given_in, Path(given_in).resolve())}
             path = NamedPath.within(path, sorted(folders))
         try:
             content = read_file(path, FileKind(noun, most_bytes))
             text = content.text()
         except OutsideError as error:
-            there = f"put it beside {given_in}, or name it on the command line: -p {key}:=PATH"
+            there = f"move it next to {given_in}, or name it on the command line: -p {key}:=PATH"
             self.report(key, f"{path} cannot be read: {error.reason}; {there}")
             return None
         except UnreadableFileError as error:
@@ -357,7 +357,7 @@ class ParameterReader:
         return text
 
     def read_json_file(self, key: str, noun: str, most_bytes: int) -> JsonFile | None:
-        """Return what the file that a parameter names says, as `read_file`; None if there is none, or it is not JSON, which is reported, as keys that are written twice are."""
+        """Return the content of a JSON file named by a parameter, as `read_file`; None if it is missing or invalid. Errors and duplicate keys are reported."""
         text = self.read_file(key, noun, most_bytes)
         if text is None:
             return None
@@ -371,10 +371,10 @@ class ParameterReader:
         return file
 
     def complain(self) -> None:
-        """Raise an error with all mistakes, if there are any.
+        """Raise an error that lists all errors, if there are any.
 
         Raises:
-            ParameterError: If there are mistakes; has all of them.
+            ParameterError: If there are errors; lists all of them.
         """
         if self.problems:
             raise ParameterError(self.problems)
@@ -389,7 +389,7 @@ class ParameterReader:
         return value
 
     def cruise_speed(self) -> float:
-        """Return how fast the robot drives, for estimates of time, m/s."""
+        """Return the robot's speed for estimates of time, m/s."""
         return self.positive("cruise_speed_mps", RunParameters.cruise_speed_mps)
 
     def switch(self, key: str, *, default: bool) -> bool:
@@ -407,7 +407,7 @@ def _with_place(place: str, text: str) -> str:
 
 def _describe(value: object) -> str:
     if isinstance(value, str):
-        return f"the text '{value}'"
+        return f"the string '{value}'"
     if isinstance(value, bool):
         return "true" if value else "false"
     if value is None:
@@ -418,15 +418,15 @@ def _describe(value: object) -> str:
 
 
 def _as_float(value: float) -> float:
-    """Return a number as one of a limited size, as C has it."""
+    """Return a number as a double, as in C."""
     try:
         return float(value)
-    except OverflowError:  # a whole number of hundreds of digits
+    except OverflowError:  # an integer of hundreds of digits
         return math.inf
 
 
 def _remedy(value: object, unit: str) -> str:
-    """Return what to write for a value that is no number, as far as it follows from the value; else nothing."""
+    """Return a suggestion for a value that is not a number, if it follows from the value; otherwise an empty string."""
     if isinstance(value, Iterable) and not isinstance(value, str | bytes):
         return f" (write {only[0]}, without brackets)" if len(only := list(value)) == 1 else ""
     if not isinstance(value, str):
@@ -442,15 +442,15 @@ def _did_you_mean(name: str, allowed: tuple[str, ...]) -> str:
     near = get_close_matches(name.lower(), allowed, 1, 0.5)
     if near:
         return f"did you mean '{near[0]}'?"
-    return f"there may be {', '.join(allowed)}"
+    return f"expected one of {', '.join(allowed)}"
 
 
 SETTLE_SEC = 5.0
-"""The longest wait for the goals of a stopped tree to end: Nav2 brakes, and answers late where a machine is busy."""
+"""Longest wait for the goals of a halted tree to end: Nav2 brakes, and responds late on a busy machine."""
 BLOCKED_TICK_SEC = 10.0
-"""How long a leaf may block the tick before the goals are canceled: as long as a supervisor waits."""
+"""How long a leaf may block the tick before the goals are cancelled: as long as a supervisor waits."""
 
-# The range that a timer and a tick can keep up with; other values are taken for slips.
+# The range that a timer and a tick can handle; other values are regarded as typos.
 _FASTEST_TICK_HZ = 1000.0
 _SLOWEST_TICK_HZ = 1e-6
 
@@ -465,12 +465,12 @@ class RunParameters:
         initial_pose: The initial pose: x, y (m), yaw (rad), in the frame `map`.
         startup_timeout_sec: The longest wait for the tree's requirements before the first tick, in seconds.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
-        robot_radius_m: The radius of the robot's body, for planning before the flight, in metres.
+        robot_radius_m: The radius of the robot's body, for planning before the run, in metres.
         cruise_speed_mps: The speed that estimates of time assume, in m/s.
         settle_timeout_sec: The longest wait for the goals to end when the run is stopped, in seconds.
-        blocked_tick_timeout_sec: How long nothing may be ticked, because a leaf blocks, before the goals are canceled; in steady seconds.
-        arrival_tolerance_m: How far from its goal a robot may be that has arrived, in metres; None for Nav2's tolerance and half a metre.
-        georeference: Where the frame `map` lies on the earth; None if that is not said.
+        blocked_tick_timeout_sec: How long a leaf may block ticks before the goals are cancelled, in steady seconds.
+        arrival_tolerance_m: Largest distance from its goal of a robot that has arrived, in metres; None for Nav2's tolerance and half a metre.
+        georeference: The position of the frame `map` on the earth; None if not given.
     """
 
     tick_rate_hz: float = 2.0
@@ -490,7 +490,7 @@ RUN_PARAMETER_NAMES = tuple(field.name for field in fields(RunParameters))
 
 
 def read_run(reader: ParameterReader) -> RunParameters:
-    """Read the parameters of a run; missing ones have their default, and the reader collects mistakes."""
+    """Read the parameters of a run; missing ones have their default, and the reader collects errors."""
     limit, start, tolerance = "time_limit_sec", reader.pose("initial_pose"), "arrival_tolerance_m"
     return RunParameters(
         tick_rate_hz=_rate(reader, "tick_rate_hz", RunParameters.tick_rate_hz),

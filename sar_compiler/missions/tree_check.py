@@ -1,4 +1,4 @@
-"""Whether the leaves of a tree are those of one mission."""
+"""Checks that all leaves of a tree belong to one mission."""
 
 from sar_compiler.missions import ENTRY_POINTS
 from sar_compiler.nodes.installed import entry_points
@@ -7,18 +7,18 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 
 
 def check_mission(tree: ProjectTree) -> list[Diagnostic]:
-    """Return the findings about the mission of the tree that a file executes; none for a file with errors.
+    """Return the findings about the mission of a file's main tree; none for a file with errors.
 
     Raises:
-        MissionError: If there is no mission of the name that the user has given, or one cannot be imported.
+        MissionError: If the mission named by the user does not exist, or a mission cannot be imported.
     """
     project = tree.project
-    # The only one is never imported to ask whose a tree is.
+    # A single installed mission need not be imported to choose it.
     if project.additions.mission is None and len(entry_points(ENTRY_POINTS, project.checkout)) < 2:  # noqa: PLR2004
         return []
     try:
         binding = tree.binding()
-    except TreeError:  # there is no such tree, or it has been said already what is wrong with it
+    except TreeError:  # the tree does not exist, or its errors are already reported
         return []
     from sar_compiler.missions.choosing import mission_of
 

@@ -1,7 +1,7 @@
-"""The simulated world that replaces a robot when `--sim` is given.
+"""The simulated world that replaces a robot with `--sim`.
 
-The core (world, robot, lidar, map, planner, navigator) is plain Python and numpy, deterministic and seeded;
-:mod:`sar_compiler.sim.simulation` puts it on ROS 2, and no other module here needs ROS to be imported.
+The core (world, robot, lidar, map, planner, navigator) is plain Python and numpy, deterministic and seeded.
+Only :mod:`sar_compiler.sim.simulation` connects it to ROS 2; no other module here imports ROS.
 """
 
 PUBLIC_MODULES = (

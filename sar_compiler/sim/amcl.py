@@ -1,4 +1,4 @@
-"""The stand-in for Nav2's localiser and map server: silent until it is told a pose, and as right as that from then on."""
+"""Substitute for Nav2's localiser and map server: silent until it receives a pose, and as accurate as that pose from then on."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ _MAP, _ODOM = "map", "odom"
 _TF_EVERY = 2
 # A new pose is published after this much movement, as AMCL does: metres and radians.
 _UPDATE_MOVE, _UPDATE_TURN = 0.25, 0.2
-# A pose that is farther off than this leads a robot elsewhere than it is sent to: metres, radians.
+# A pose error above this makes the robot drive to wrong positions: metres, radians.
 _NOTABLE_MOVE, _NOTABLE_TURN = 0.3, 0.3
 # Variances of x and y in m², and of yaw in rad².
 _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
@@ -28,13 +28,13 @@ _VARIANCES = {0: 0.01, 7: 0.01, 35: 0.005}
 class Amcl:
     """Node `amcl`: `initialpose` in; `amcl_pose`, `map` → `odom`, `amcl/get_state`, and the topic `map` of Nav2's map server out.
 
-    It has no scan to match: a robot that was told a wrong pose believes it, and drives beside where it was sent to.
+    It does not match scans: a robot that received a wrong pose keeps the error, and misses its goals by it.
 
     Args:
         host: Creates the node.
         robot: The robot.
         occupancy: The map; an initial pose outside it is refused.
-        localised: Whether it knows where the robot is without being told.
+        localised: Whether it knows the robot's pose without an initial pose.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Amcl:
         localised: bool = False,
     ) -> None:
         self._host, self._robot, self._map = host, robot, occupancy
-        # From the true pose to the one that is believed, both in `map`; None before there is one.
+        # From the true pose to the estimated one, both in `map`; None before there is an estimate.
         self._error: Pose2D | None = ORIGIN if localised else None
         self._published: Pose2D | None = None
         self._now_ns = 0
@@ -67,11 +67,11 @@ class Amcl:
         self._host.destroy(self._node)
 
     def pose(self) -> Pose2D | None:
-        """Return the robot's pose in `map` as it is believed, or None before an initial pose was received."""
+        """Return the robot's estimated pose in `map`, or None before an initial pose was received."""
         return None if self._error is None else self._error.compose(self._robot.state.pose)
 
     def step(self, step: int, now_ns: int) -> None:
-        """Publish what is due at the simulated time *now_ns*, nanoseconds."""
+        """Publish the messages due at the simulated time *now_ns*, nanoseconds."""
         self._now_ns = now_ns
         pose = self.pose()
         if pose is None:
@@ -86,7 +86,7 @@ class Amcl:
         frame = message.header.frame_id
         if frame not in {_MAP, f"/{_MAP}"}:
             self._node.get_logger().error(
-                f"Initial pose in frame '{frame}' ignored; it has to be in '{_MAP}'."
+                f"Initial pose in frame '{frame}' ignored: send it in frame '{_MAP}'."
             )
             return
         pose = from_pose(message.pose.pose)
@@ -99,8 +99,8 @@ class Amcl:
         truth = self._robot.state.pose
         if _is_away(truth, pose, _NOTABLE_MOVE, _NOTABLE_TURN):
             self._node.get_logger().warning(
-                f"The initial pose ({pose.x:.2f}, {pose.y:.2f}, yaw={pose.yaw:.2f}) is not where the robot stands "
-                f"({truth.x:.2f}, {truth.y:.2f}, yaw={truth.yaw:.2f}): from now on it drives beside where it is sent to."
+                f"The initial pose ({pose.x:.2f}, {pose.y:.2f}, yaw={pose.yaw:.2f}) differs from the robot's true pose "
+                f"({truth.x:.2f}, {truth.y:.2f}, yaw={truth.yaw:.2f}): the robot will miss its goals by this error."
             )
         self._error = pose.compose(truth.inverse())
         self._publish(pose)

@@ -1,24 +1,24 @@
-"""A robot's battery: what driving and time take from it, and its swap where the robot has started, or at a charging place."""
+"""A robot's battery: consumption by distance and time, and its swap at the robot's start or at a charging place."""
 
 from dataclasses import dataclass
 
 from sar_compiler.sim.geometry import Pose2D
 
-# So near to its start a robot is back there, metres; slower than this it stands, m/s.
+# Within this distance of its start a robot is back there, metres; below this speed it stands still, m/s.
 _BACK_M, _STANDS_MPS = 1.0, 0.01
 
 
 @dataclass(frozen=True)
 class BatteryKind:
-    """What a battery is like, in shares of a full one.
+    """Properties of a battery, in shares of a full one.
 
     Attributes:
-        per_m: What a metre that is driven takes.
-        per_sec: What a second takes, driven or not; by default it lasts four hours.
-        share: What is in it at time zero.
-        swap_sec: How long a robot that is back where it has started, or at one of the places, stands there until it has a full one, seconds;
-            None if nobody swaps it.
-        places: Where else it is swapped: x and y in metres, frame `map`.
+        per_m: Consumption per metre driven.
+        per_sec: Consumption per second, driving or not; by default the battery lasts four hours.
+        share: Charge at time zero.
+        swap_sec: How long a robot must stand at its start, or at one of the places, until it has a full battery, seconds;
+                None without a swap.
+        places: Further positions for a swap: x and y in metres, frame `map`.
     """
 
     per_m: float = 0.0
@@ -32,11 +32,11 @@ class Battery:
     """The battery of a robot.
 
     Args:
-        kind: What it is like.
-        start: Where the robot is at time zero, frame `map`.
+        kind: Its properties.
+        start: The robot's pose at time zero, frame `map`.
 
     Attributes:
-        share: What is in it, of 1 for a full one.
+        share: Its charge, 1 for a full battery.
     """
 
     def __init__(self, kind: BatteryKind, start: Pose2D) -> None:
@@ -46,12 +46,12 @@ class Battery:
         self._was_away, self._stood_sec = False, 0.0
 
     def step(self, pose: Pose2D, speed: float, duration: float) -> None:
-        """Take what a step of the robot takes.
+        """Apply the consumption of a step of the robot.
 
         Args:
-            pose: Where the robot is at the end of the step, frame `map`.
-            speed: How fast it drives then, m/s.
-            duration: How long the step took, seconds.
+            pose: The robot's pose at the end of the step, frame `map`.
+            speed: The robot's speed at that time, m/s.
+            duration: The duration of the step, seconds.
         """
         moved = self._at.distance_to(pose)
         self._at = pose

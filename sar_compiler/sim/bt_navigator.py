@@ -1,4 +1,4 @@
-"""The stand-in for Nav2's navigator: `navigate_to_pose` and `navigate_through_poses`, as served by Jazzy's bt_navigator."""
+"""Substitute for Nav2's navigator: `navigate_to_pose` and `navigate_through_poses`, as served by Jazzy's bt_navigator."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -37,29 +37,29 @@ NAVIGATE, THROUGH, FOLLOW = "navigate_to_pose", "navigate_through_poses", "follo
 _MAP = "map"
 # One feedback in this many steps (10 Hz at 0.05 s).
 _FEEDBACK_EVERY = 2
-# Simulated seconds between the first transform to `map` and the navigator's becoming active.
+# Simulated seconds between the first transform to `map` and the activation of the navigator.
 ACTIVATION_SEC = 1.0
-# Nearer than this a pose on the way counts as passed, metres: `RemovePassedGoals` of Nav2's tree.
+# Within this distance a pose on the way is regarded as passed, metres: `RemovePassedGoals` of Nav2's tree.
 _PASSED_M = 0.7
-# Nav2 numbers what a planner says of several poses so much later.
+# Nav2 adds this to a planner's error code for several poses.
 _THROUGH_CODES = 100
-# Its code where there is none.
+# Its code for an empty list of poses.
 _NO_POSES = 309
-# A goal nearer than this to a place is a goal for that place, metres.
+# A goal within this distance of a location is a goal for that location, metres.
 _PLACE_REACH = 0.5
-# A server that is to die does so after this long on the way, simulated seconds; one that is starved sees it then.
+# Delay on the way until a `die` or `starved` fault occurs, simulated seconds.
 _DIES_AFTER_SEC = 1.0
 # Nav2's default of `default_server_timeout`, seconds: a fault that is shorter has no effect.
 _SERVER_TIMEOUT_SEC = 0.02
-# Of rcl_interfaces/msg/Log, where its constants are bytes.
+# From rcl_interfaces/msg/Log, whose constants are bytes.
 _LEVEL = LoggingSeverity.WARN.value
-# The logger of the node by which the navigator calls the other servers, one for each of its actions.
+# Loggers of the nodes through which the navigator calls the other servers, one for each of its actions.
 _CLIENT = "bt_navigator_{}_rclcpp_node"
-# How long a drive goes on without a localisation, simulated seconds.
+# How long a drive continues without a localisation, simulated seconds.
 _LOST_AFTER_SEC = 0.5
 # The reasons for which Nav2 tries to recover.
 _RECOVERABLE = (NavCode.NO_VALID_PATH, NavCode.FAILED_TO_MAKE_PROGRESS)
-# How long results of ended goals are kept for those who ask late, seconds. Nav2 keeps them 900 s.
+# How long results of ended goals are kept for late clients, seconds. Nav2 keeps them 900 s.
 _RESULT_TIMEOUT_SEC = 60
 
 
@@ -70,7 +70,7 @@ def serve_goals(
     on_goal: Callable[[Any], Any],
     on_accepted: Callable[[ServerGoalHandle], None],
 ) -> ActionServer:
-    """Return a server of an action whose goals end as an `AcceptedGoal` does."""
+    """Return an action server whose goals end with the result of an `AcceptedGoal`."""
     return ActionServer(
         node,
         action_type,
@@ -87,9 +87,9 @@ class AcceptedGoal:
     """An accepted goal, from acceptance to its end.
 
     Args:
-        handle: It.
-        began: When it was accepted, simulated seconds.
-        action_type: Of which action it is.
+        handle: Its handle.
+        began: Time of acceptance, simulated seconds.
+        action_type: The type of its action.
     """
 
     def __init__(self, handle: ServerGoalHandle, began: float, action_type: Any = NavigateToPose) -> None:
@@ -116,11 +116,11 @@ class AcceptedGoal:
 
 
 class _Goal(AcceptedGoal):
-    """A goal that is driven to.
+    """A goal that the robot drives to.
 
     Attributes:
-        poses: The poses that are left, the next one first; one, unless the goal leads through several.
-        tree: The file of the behaviour tree that it asks for; empty for the usual one.
+        poses: The remaining poses, the next one first; a single one unless the goal leads through several.
+        tree: The file of the requested behaviour tree; empty for the default.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class _Goal(AcceptedGoal):
         self._looks_back_sec, self._looks_at = manner.looks_back_sec, began
 
     def has_passed(self, here: Pose2D, now: float) -> bool:
-        """Whether poses were behind the robot, and are left out from now on; the last one stays."""
+        """Remove poses that the robot has passed, except for the last one; return whether there were any."""
         if now < self._looks_at or self.handle.is_cancel_requested:
             return False
         self._looks_at = now + self._looks_back_sec
@@ -150,7 +150,7 @@ class _Goal(AcceptedGoal):
         return len(self.poses) < before
 
     def count(self, message: Any) -> Any:
-        """Return a feedback with the number of poses that are left, if the goal leads through several."""
+        """Return feedback with the number of remaining poses, if the goal leads through several."""
         if self.leads_through:
             message.number_of_poses_remaining = len(self.poses)
         return message
@@ -161,18 +161,18 @@ class _Goal(AcceptedGoal):
 
 
 def _refusal(goal: _Goal, under_way: _Goal | None) -> DriveOutcome | None:
-    """Return how a goal ends as soon as it is accepted; None if it is driven to."""
+    """Return the immediate end of an accepted goal; None if the robot drives to it."""
     if under_way is not None and under_way.action_type is not goal.action_type:
         return DriveOutcome(DriveEnd.ABORTED, text="another navigator is processing")
     if not goal.poses:
         return DriveOutcome(DriveEnd.ABORTED, _NO_POSES, "there is no pose to drive through")
     if under_way is not None and goal.tree != under_way.tree:
-        return DriveOutcome(DriveEnd.ABORTED, text="another goal is under way with another behaviour tree")
+        return DriveOutcome(DriveEnd.ABORTED, text="another goal with another behaviour tree is active")
     return None
 
 
 def pre_empted(goal: AcceptedGoal) -> DriveOutcome:
-    """Return how a goal ends that another one takes the place of: canceled if that was asked for before."""
+    """Return the end of a goal that another one replaces: cancelled if that was requested before."""
     if goal.handle.is_cancel_requested:
         return DriveOutcome(DriveEnd.CANCELED)
     return DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal")
@@ -189,12 +189,12 @@ def poses_of(request: Any) -> list[Any]:
 
 @dataclass(frozen=True)
 class NavigationSetup:
-    """The data shared by all robots' stand-ins for Nav2.
+    """The data shared by the Nav2 substitutes of all robots.
 
     Attributes:
         occupancy: The map.
-        planner: Plans the paths on it.
-        places: Positions of places, metres, frame `map`, for faults.
+        planner: Plans the paths on the map.
+        places: Positions of locations, metres, frame `map`, for faults.
         faults: The faults of navigation, the same for each robot.
     """
 
@@ -207,7 +207,7 @@ class NavigationSetup:
 class BtNavigator:
     """Node `bt_navigator`: `navigate_to_pose`, `navigate_through_poses`, `bt_navigator/get_state`.
 
-    So are `compute_path_to_pose` and the topic `plan` of Nav2's planner.
+    It also serves `compute_path_to_pose` and publishes the topic `plan`, as Nav2's planner does.
 
     A new goal pre-empts the current one, which ends aborted with error code 0. A new goal with another
     behaviour tree than the current one, or of the other action, is aborted instead.
@@ -215,10 +215,10 @@ class BtNavigator:
     Args:
         host: Creates the node.
         rosbot: The robot to drive, by its topic `cmd_vel`.
-        navigation: What it shares with others.
+        navigation: The shared data.
         localise: Returns the robot's pose in `map`, or None while there is no such transform.
-        lose_localisation: Makes the localisation disappear, until a simulated time in seconds or for ever (None).
-        manner: How it drives.
+        lose_localisation: Makes the localisation disappear, until a simulated time in seconds or permanently (None).
+        manner: Its manner of driving.
 
     Attributes:
         node_name: The name of the node.
@@ -244,7 +244,7 @@ class BtNavigator:
         self._faults = navigation.faults.for_navigation()
         self._back_at: float | None = None
         self._goal: _Goal | None = None
-        # A drive that goes on after its goal has ended, and until when; and acknowledgements that are due later.
+        # A drive that continues after its goal has ended, with its end time; and delayed acknowledgements.
         self._loose: tuple[Drive, float] | None = None
         self._late: list[tuple[float, Future]] = []
         self._server: ActionServer | None = None
@@ -273,7 +273,7 @@ class BtNavigator:
             self._drive_on(*self._loose)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one, whose client is still to be notified."""
+        """End the current goal; return whether there was one, whose client must still be notified."""
         goal = self._goal
         if goal is not None and goal.handle.is_cancel_requested:
             self._end(DriveOutcome(DriveEnd.CANCELED))
@@ -285,7 +285,7 @@ class BtNavigator:
         """Destroy the server and the node, without notifying clients."""
         self._goal = None
         if self._server is not None:
-            # A server that lives on keeps its node in the graph.
+            # A server that is not destroyed keeps its node in the graph.
             for server in filter(None, (self._server, self._through, self._planner_server)):
                 server.destroy()
             self._server = None
@@ -306,13 +306,13 @@ class BtNavigator:
         )
 
     def _serve(self) -> None:
-        """Serve the actions of the navigator, and say in which state it is."""
+        """Serve the navigator's actions and report its lifecycle state."""
         self._node.create_service(
             GetState,
             f"{self.node_name}/get_state",
             lambda _, response: tell_state(response, active=self.active),
         )
-        # By which others stop what drives without a goal of theirs, as Nav2's controller_server has it.
+        # Lets other nodes stop a drive that has no goal of theirs, as with Nav2's controller_server.
         self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._server = serve_goals(self._node, NavigateToPose, NAVIGATE, self._on_goal, self._on_accepted)
         self._through = serve_goals(
@@ -327,7 +327,7 @@ class BtNavigator:
         """Disappear without notice, like a killed process."""
         self._node.get_logger().warning(f"Fault: {self.node_name} disappears.")
         self._back_at = None if back_sec is None else self._now + back_sec
-        # The goal's coroutine waits for ever: to end it would be to send its result.
+        # The goal's coroutine is never resumed: ending it would send its result.
         self.close()
 
     def _on_stop(self, _: Any, response: Any) -> Any:
@@ -337,7 +337,7 @@ class BtNavigator:
         return response
 
     def _acknowledge(self) -> None:
-        """Let the answers to goals go out that are due."""
+        """Send the acknowledgements that are due."""
         due = [each for each in self._late if self._now >= each[0]]
         self._late = [each for each in self._late if each not in due]
         for _, answer in due:
@@ -345,7 +345,7 @@ class BtNavigator:
 
     async def _on_goal(self, _: Any) -> GoalResponse:
         if self._faults.delay_sec:
-            self._node.get_logger().warning("Fault: a goal is answered late.")
+            self._node.get_logger().warning("Fault: the response to a goal is delayed.")
             answer = Future()
             self._late.append((self._now + self._faults.delay_sec, answer))
             await answer
@@ -394,14 +394,14 @@ class BtNavigator:
             self._end(outcome)
 
     def _kill(self, fault: Fault) -> None:
-        """Let the one disappear that a fault names."""
+        """Make the node named by a fault disappear."""
         if fault.target == LOCALISATION:
             self._lose_localisation(None if fault.back is None else self._now + fault.back)
         else:
             self._die(fault.back)
 
     def _end_by_fault(self, goal: _Goal) -> DriveOutcome | None:
-        """Return the end that a fault has for a goal, if it is due."""
+        """Return the end that a fault causes for a goal, if it is due."""
         fault = goal.fault
         if fault is None or fault.kind == "die":
             return None
@@ -420,7 +420,7 @@ class BtNavigator:
         return DriveOutcome(DriveEnd.ABORTED, code, "fault: the goal is aborted")
 
     def _end_late(self, goal: _Goal, fault: Fault) -> DriveOutcome | None:
-        """Give a goal up, as Nav2 does when `controller_server` takes it too late, and then drives; return the end."""
+        """Abort a goal, as Nav2 does when `controller_server` accepts it too late and then drives; return the end."""
         if fault.seconds <= _SERVER_TIMEOUT_SEC:
             return None
         outcome = self._set_out(goal)
@@ -433,7 +433,7 @@ class BtNavigator:
         return outcome or DriveOutcome(DriveEnd.ABORTED)
 
     def _log_as(self, name: str, text: str) -> None:
-        """Log a line under the name of a logger that is no node here."""
+        """Log a line under the name of another node's logger."""
         if self._lines is None:
             latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             self._lines = self._node.create_publisher(Log, "/rosout", latched)
@@ -442,13 +442,13 @@ class BtNavigator:
         self._node.get_logger().info(f"Fault, as {name}: {text}.")
 
     def _go(self, goal: _Goal) -> DriveOutcome | None:
-        """Drive for a step; return the end, unless it can be recovered from."""
+        """Drive for a step; return the end unless a recovery follows."""
         if goal.drive is None and (refused := self._set_out(goal)) is not None:
             return self._or_recover(goal, refused)
         here = self._localise()
         if goal.drive is None or here is None:
             is_lost = self._now - goal.localised_at > _LOST_AFTER_SEC
-            return DriveOutcome(DriveEnd.ABORTED, text="the robot's pose is not known") if is_lost else None
+            return DriveOutcome(DriveEnd.ABORTED, text="the robot's pose is unknown") if is_lost else None
         goal.localised_at = self._now
         if goal.handle.is_cancel_requested:
             goal.drive.brake()
@@ -464,7 +464,7 @@ class BtNavigator:
         return progress
 
     def _or_recover(self, goal: _Goal, outcome: DriveOutcome) -> DriveOutcome | None:
-        """Return the end of a try, or begin a recovery in its place."""
+        """Start a recovery after a failed attempt; return the end if none is left."""
         if outcome.code not in _RECOVERABLE or not goal.left:
             return outcome
         recovery = goal.left.pop(0)
@@ -474,7 +474,7 @@ class BtNavigator:
         return None
 
     def _recover(self, goal: _Goal) -> DriveOutcome | None:
-        assert goal.recovery is not None  # noqa: S101 - asked by whoever calls
+        assert goal.recovery is not None  # noqa: S101 - the caller checks it
         recovery, until = goal.recovery
         if goal.handle.is_cancel_requested:
             self._rosbot.drive(STAND)
@@ -486,7 +486,7 @@ class BtNavigator:
         return None
 
     def _drive_on(self, drive: Drive, until: float) -> None:
-        """Follow the path of a goal that has ended already."""
+        """Follow the path of a goal that has already ended."""
         here = self._localise()
         if here is not None and self._now < until and self._step(drive, here).outcome is None:
             return
@@ -494,7 +494,7 @@ class BtNavigator:
         self._rosbot.drive(STAND)
 
     def _set_out(self, goal: _Goal) -> DriveOutcome | None:
-        """Plan the path through the poses that are left; or return why there is none."""
+        """Plan the path through the remaining poses; return the end if there is none."""
         if goal.handle.is_cancel_requested:
             return DriveOutcome(DriveEnd.CANCELED)
         targets, here = [from_pose(each.pose) for each in goal.poses], self._localise()
@@ -504,7 +504,7 @@ class BtNavigator:
         known = [each for each in targets if each is not None]
         if strange is not None or here is None or len(known) < len(targets):
             reason = (
-                "a pose is not known" if strange is None else f"the goal's frame is '{strange}', not '{_MAP}'"
+                "a pose is unknown" if strange is None else f"the goal's frame is '{strange}', not '{_MAP}'"
             )
             return DriveOutcome(DriveEnd.ABORTED, text=reason)
         *via, last = known

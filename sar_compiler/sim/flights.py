@@ -1,4 +1,4 @@
-"""Missions in the simulator, flown by processes of which each has a ROS domain of its own."""
+"""Repeated runs of a mission in the simulator, in processes that each use their own ROS domain."""
 
 import json
 import random
@@ -19,26 +19,26 @@ from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
 from sar_compiler.process_end import dependent_environment
 
-# Ports of higher domains are among those that Linux gives to anybody.
+# Ports of higher domains overlap with the range that Linux assigns to any process.
 _DOMAINS = range(1, 102)
-# What was killed, or had company in its domain, is flown again.
+# Runs that were killed, or had other nodes in their domain, are repeated.
 _MOST_ATTEMPTS = 4
-# Part of the message of `sim.isolation` about company.
+# Part of the message of `sim.isolation` about other nodes.
 _COMPANY = "must not mix with another one"
 
-# What a process leaves behind of its flights goes with it, now and then.
+# A process is replaced after this many runs, which also frees whatever they leave behind.
 _MOST_FLIGHTS = 50
 
 _over = threading.Event()
 
 
 class FlightError(SarError):
-    """A mission cannot be flown."""
+    """A mission cannot be run."""
 
 
 @dataclass(frozen=True)
 class Flights:
-    """Flies a mission with the seeds that it is given.
+    """Runs a mission with given seeds.
 
     Attributes:
         program: The command of a process that runs one mission after the other.
@@ -59,11 +59,11 @@ class Flights:
         return [*self.arguments, *faults, "--seed", str(seed), *ros]
 
     def __call__(self, seeds: Sequence[int]) -> list[Played]:
-        """Return what comes of a mission for each seed.
+        """Return the result of a mission for each seed.
 
         Raises:
-            FlightError: If it cannot be flown.
-            CancelledError: If nobody waits for it any more.
+            FlightError: If it cannot be run.
+            CancelledError: If the caller no longer waits for it.
         """
         return [self._outcome(seed) for seed in seeds]
 
@@ -75,7 +75,7 @@ class Flights:
             )
             if _over.is_set() or status == INTERRUPTED:
                 raise CancelledError
-            # A process that ends before it answers may have such a status as well.
+            # A process that ends before it responds may also have such a status.
             if status in (OK, FINDINGS) and output:
                 said = json.loads(output.splitlines()[-1])
                 reason = "" if status == OK else said["reason"] or "failed"
@@ -87,12 +87,12 @@ class Flights:
 
 
 class Flown(NamedTuple):
-    """A mission that was flown.
+    """A mission that was run.
 
     Attributes:
-        status: The exit status of `sar-run`; what the process has ended with, if it did not get so far.
-        output: What it has printed.
-        words: Its last words on standard error.
+        status: The exit status of `sar-run`; that of the process if it ended before.
+        output: Its standard output.
+        words: The end of its standard error.
     """
 
     status: int
@@ -101,7 +101,7 @@ class Flown(NamedTuple):
 
 
 class Pilot:
-    """A process that flies missions one after the other, in a domain that no other sweep has as long as it lives.
+    """A process that runs missions one after the other, in a domain that no other sweep uses during its lifetime.
 
     Args:
         program: Its command.
@@ -122,11 +122,11 @@ class Pilot:
 
     @property
     def is_fit(self) -> bool:
-        """Whether it can fly another mission."""
+        """Whether it can run another mission."""
         return self._left > 0 and self._process.poll() is None
 
     def fly(self, arguments: Sequence[str]) -> Flown:
-        """Fly a mission."""
+        """Run a mission."""
         self._left -= 1
         asked, answers = self._process.stdin, self._process.stdout
         assert asked is not None  # noqa: S101 - they are pipes
@@ -144,11 +144,11 @@ class Pilot:
         return flown
 
     def stop(self) -> None:
-        """Stop the mission that it flies, in order."""
+        """Stop the running mission gracefully."""
         self._process.terminate()
 
     def close(self) -> None:
-        """End the process, which flies nothing."""
+        """End the idle process."""
         with suppress(BrokenPipeError):
             self._process.communicate()
 
@@ -158,7 +158,7 @@ _waiting: list[Pilot] = []
 
 
 def _fly(program: Sequence[str], arguments: Sequence[str]) -> Flown:
-    """Fly a mission, by a process that has flown others if there is one."""
+    """Run a mission in an existing process if possible."""
     pilot = _fit_pilot(program)
     _flying.add(pilot)
     try:
@@ -182,7 +182,7 @@ def _fit_pilot(program: Sequence[str]) -> Pilot:
 
 @contextmanager
 def _free_domain() -> Iterator[tuple[int, IO[str]]]:
-    """Take a ROS domain that no other sweep of this machine uses."""
+    """Reserve a ROS domain that no other sweep of this machine uses."""
     import fcntl
 
     for domain in random.sample(_DOMAINS, len(_DOMAINS)):
@@ -192,13 +192,13 @@ def _free_domain() -> Iterator[tuple[int, IO[str]]]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 yield domain, lock
                 return
-        except OSError:  # taken, or somebody else's file
+        except OSError:  # reserved, or another user's file
             continue
-    raise FlightError("all ROS domains of this machine are taken by other sweeps")
+    raise FlightError("all ROS domains of this machine are used by other sweeps: wait until one ends")
 
 
 def fewest_faults(flights: Flights, seed: int) -> Flights:
-    """Return the flights with those faults alone without which the mission of a seed does not fail."""
+    """Return the runs with a minimal set of faults that still makes the mission of a seed fail."""
     for fault in flights.faults:
         fewer = replace(flights, faults=tuple(each for each in flights.faults if each != fault))
         if fewer([seed])[0].failure:
@@ -207,7 +207,7 @@ def fewest_faults(flights: Flights, seed: int) -> Flights:
 
 
 def in_threads(count: int) -> Workers:
-    """Return workers that each wait for a mission; what still flies in the end is stopped."""
+    """Return workers that each wait for a mission; missions still running at the end are stopped."""
     _over.clear()
 
     def stop(executor: Executor) -> None:

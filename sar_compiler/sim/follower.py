@@ -12,7 +12,7 @@ from sar_compiler.sim.geometry import Pose2D, normalise_angle
 from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 from sar_compiler.sim.world import Floats
 
-# How far ahead on the path, in metres, the robot may have got between two looks.
+# Largest distance along the path, in metres, that the robot can drive between two updates.
 _WINDOW = 1.0
 
 
@@ -120,7 +120,7 @@ class Follower:
         """Return the next velocity command."""
         self._index = self._path.nearest(state.pose, self._index)
         away = state.pose.distance_to(self._goal)
-        # A path may pass its own goal on the way: it counts only where the path ends.
+        # A path may pass close to its own goal on the way; only its end is the goal.
         ending = self._path.to_go[self._index] < self._settings.look_ahead
         near = ending and away < self._settings.position_tolerance
         if near and self._phase in {_Phase.TURN, _Phase.DRIVE}:

@@ -1,4 +1,4 @@
-"""Poses, and the two shapes that obstacles have, in the plane."""
+"""Poses and obstacle shapes in the plane."""
 
 import math
 from dataclasses import dataclass

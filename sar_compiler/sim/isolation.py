@@ -16,17 +16,16 @@ from sar_compiler.ros.graph_queries import UNKNOWN_NODE, services_by_node
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _CLOCK = "/clock"
 _ACTION = "navigate_to_pose"
-# By this service of it an action server can be seen in the graph.
+# The service by which an action server is found in the graph.
 _GOALS = "/_action/send_goal"
-# How long to look around before concluding that no other node is there, seconds. Half of the participants on one
-# machine see each other within 0.3 s; where the first announcements get lost, they meet with the next
-# periodic one, which Fast DDS sends every 3 s (up to 3.1 s were seen). Where no other process can be heard at all, there
-# is nothing to wait for.
+# How long to wait before concluding that no other node exists, seconds. Half of the participants on one machine discover each other within
+# 0.3 s. If the first announcements are lost, they meet with the next periodic one, which Fast DDS sends every 3 s (at most 3.1 s were seen).
+# The wait is skipped if no other process can be heard at all.
 LOOK_AROUND_SEC = 4.0
 _LOOK_EVERY_SEC = 0.02
 
-LOOKING_AROUND = f"Looking whether another simulation or robot is on this machine ({LOOK_AROUND_SEC:g} s)..."
-"""The message of a command before it looks for other nodes."""
+LOOKING_AROUND = f"Checking for other simulations or robots on this machine ({LOOK_AROUND_SEC:g} s)..."
+"""The message of a command at the start of the search for other nodes."""
 _ANOTHER = "another node"
 
 
@@ -42,7 +41,7 @@ class IsolationError(SarError):
         self.node, self.what = node, what
         super().__init__(
             f"{node} already provides {what} here: a simulated robot must not mix with another one. "
-            f"Stop it, or choose another ROS_DOMAIN_ID."
+            f"Stop it, or set another ROS_DOMAIN_ID."
         )
 
 
@@ -66,19 +65,19 @@ def refuse_company(
         context: An initialised context; the default context if None.
         namespace: Namespace of relative names; that of the command line if None.
         actions: Names of the navigation actions of all robots.
-        look_around_sec: How long to look, seconds; ends at once when another node is found, or where there can be none.
-        on_waiting: Called before it waits for others.
-        should_stop: Returns whether to stop looking; the function then just returns.
+        look_around_sec: How long to search, seconds; ends early when another node is found, or if none can exist.
+        on_waiting: Called before the wait for other nodes.
+        should_stop: Returns whether to stop searching; the function then returns.
 
     Raises:
         IsolationError: If another node does; names the node.
     """
     node = Node("look_around", context=context, namespace=namespace, start_parameter_services=False)
     try:
-        # What this process has itself is in the graph already.
+        # This process's own entities are already in the graph.
         if _company(node, actions) is None and _is_alone(node.context.get_domain_id()):
             return
-        # Absence among others can only be concluded from waiting: discovery has no end that could be waited for.
+        # Only waiting can show that no other node exists: discovery has no end to wait for.
         on_waiting()
         deadline = time.monotonic() + look_around_sec
         while time.monotonic() < deadline and not should_stop():
@@ -93,7 +92,7 @@ def refuse_company(
         node.destroy_node()
 
 
-# What has DDS meet by other ways than those that `_is_alone` looks at, in this process or in all of its environment.
+# Environment settings that make DDS use other ways of discovery than those checked by `_is_alone`.
 _OTHER_WAYS = (
     "CYCLONEDDS_URI",
     "FASTDDS_BUILTIN_TRANSPORTS",
@@ -104,15 +103,15 @@ _OTHER_WAYS = (
 )
 _PROFILES = Path("DEFAULT_FASTRTPS_PROFILES.xml")  # in the current folder
 _SOCKETS = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
-# The ports of a domain, by the standard (DDSI-RTPS, 9.6.1.1): of each participant there are two of its own among them.
+# The ports of a domain, by the standard (DDSI-RTPS, 9.6.1.1); each participant has two of its own among them.
 _FIRST_PORT, _PORTS_OF_A_DOMAIN = 7400, 250
 _PORTS_OF_A_PARTICIPANT = 2
 
 
 def _is_alone(domain: int) -> bool:
-    """Return whether this process has the only participant in a ROS domain that it could hear; False where that is not known.
+    """Return whether no other participant in a ROS domain can be heard from this process; False if unknown.
 
-    One that is heard on this machine alone hears who listens at the domain's ports here: every participant of DDS does.
+    With discovery limited to this machine, every participant listens at the domain's ports here, as the standard requires.
     """
     here_only = os.environ.get(_RANGE) == "LOCALHOST" and not any(map(os.environ.get, _OTHER_WAYS))
     by_dds = get_rmw_implementation_identifier().startswith(("rmw_fastrtps", "rmw_cyclonedds"))
@@ -138,7 +137,7 @@ def _sockets_of(domain: int) -> Iterator[str]:
 def _own_sockets() -> Iterator[str]:
     """Yield the numbers of the sockets of this process."""
     for descriptor in Path("/proc/self/fd").iterdir():
-        with suppress(FileNotFoundError):  # that of this loop
+        with suppress(FileNotFoundError):  # the socket of this loop
             yield str(descriptor.readlink()).removeprefix("socket:[").removesuffix("]")
 
 
@@ -167,7 +166,7 @@ def _company(node: Node, actions: Sequence[str]) -> IsolationError | None:
 
 def _server(node: Node, goals: str) -> IsolationError | None:
     """Return a description of the server of the service *goals*, if there is one."""
-    # The name of a mere client is in the graph, too.
+    # The name of a mere client is also in the graph.
     if not node.count_services(goals):
         return None
     what = _title(goals)

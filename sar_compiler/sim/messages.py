@@ -18,9 +18,9 @@ from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 NANOSECONDS = 1_000_000_000
 # A quaternion whose length is off by more than this is no rotation.
 _UNIT_TOLERANCE = 0.1
-# A quaternion whose imaginary parts are below this turns by a degree at most.
+# A quaternion whose imaginary parts are below this turns by at most a degree.
 _STRAIGHT = 0.01
-# Of a map that is published, in percent, by nav2_map_server's thresholds.
+# Thresholds of a published map, in percent, as in nav2_map_server.
 _FREE_BELOW, _OCCUPIED_ABOVE = 20, 65
 
 
@@ -30,7 +30,7 @@ def to_stamp(now_ns: int) -> Time:
 
 
 def tell_state(response: Any, *, active: bool) -> Any:
-    """Fill in the answer of a lifecycle node that is active or inactive."""
+    """Fill in the response of a lifecycle node that is active or inactive."""
     number = State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
     response.current_state = State(id=number, label="active" if active else "inactive")
     return response
@@ -81,7 +81,7 @@ def to_grid(occupancy: OccupancyMap) -> OccupancyGrid:
 
 
 def to_path(path: Path2D, stamp: Time) -> Path:
-    """Return a path as a message; its poses have no direction of their own."""
+    """Return a path as a message; its poses have no direction."""
     message = Path()
     message.header.frame_id, message.header.stamp = "map", stamp
     for x, y in path.points.tolist():
@@ -90,9 +90,9 @@ def to_path(path: Path2D, stamp: Time) -> Path:
 
 
 def from_grid(message: OccupancyGrid) -> OccupancyMap | None:
-    """Return a map message as an occupancy map; None if it is empty, turned, or not what it says.
+    """Return a map message as an occupancy map; None if it is empty, rotated, or inconsistent.
 
-    Cells between free and occupied count as unknown.
+    Cells between free and occupied are regarded as unknown.
     """
     info, turn = message.info, message.info.origin.orientation
     cells = np.array(message.data, dtype=np.int8)

@@ -1,4 +1,4 @@
-"""The execution of one goal like Nav2's, without ROS: plan, drive, check the progress, brake; and in which manner."""
+"""The execution of one goal like Nav2's, without ROS: planning, driving, progress checks and braking, with adjustable manners."""
 
 import math
 from collections.abc import Sequence
@@ -21,12 +21,12 @@ from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 
 @dataclass(frozen=True)
 class Recovery:
-    """What is done before a goal is tried again.
+    """An action before a goal is attempted again.
 
     Attributes:
-        name: What the robot does.
+        name: The robot's action, in words.
         command: The velocity meanwhile.
-        duration_sec: How long it takes, simulated seconds.
+        duration_sec: Its duration, simulated seconds.
     """
 
     name: str
@@ -36,17 +36,17 @@ class Recovery:
 
 @dataclass(frozen=True)
 class Manner:
-    """How the stand-in drives.
+    """The manner of driving of the Nav2 substitute.
 
     Attributes:
         speed: The highest speed of a drive, m/s.
-        turn: The same of a turn, rad/s.
+        turn: The highest speed of a turn, rad/s.
         follower: The parameters of path following.
-        tolerance: How far from its goal a path may end where the goal itself is occupied, metres.
-        recoveries: What is done one after the other, with a try after each, before a goal is given up.
-        knows_distance_at_once: Whether the first feedback has the distance; else it has 0.
-        server_timeout_sec: How long whoever drives may take to take a goal, where it is a process of its own; seconds.
-        looks_back_sec: How often it looks which poses of a goal through several are behind it, simulated seconds.
+        tolerance: Distance from an occupied goal at which a path may end, metres.
+        recoveries: The recoveries in order; each is followed by a new attempt before the goal is aborted.
+        knows_distance_at_once: Whether the first feedback has the distance; otherwise it has 0.
+        server_timeout_sec: How long the controller, as a separate process, may take to accept a goal; seconds.
+        looks_back_sec: Interval of checks for passed poses of a goal through several, simulated seconds.
     """
 
     speed: float = math.inf
@@ -59,35 +59,35 @@ class Manner:
     looks_back_sec: float = 0.0
 
     def limits(self, limits: Limits) -> Limits:
-        """Return a drive's limits where the robot has these."""
+        """Return a drive's limits for a robot with the given ones."""
         return replace(limits, speed=min(limits.speed, self.speed), turn=min(limits.turn, self.turn))
 
 
 QUICK = Manner()
-"""To the point, and giving up at once: what rehearsals and tests want."""
+"""Accurate, and without recoveries, as required in rehearsals and tests."""
 
 _CLEAR = Recovery("clears its costmaps", STAND, 1.0)
 _SPIN = Recovery("spins", Twist2D(0.0, 1.0), math.pi / 2)
 _WAIT = Recovery("waits", STAND, 5.0)
 _BACK_UP = Recovery("backs up", Twist2D(-0.15, 0.0), 2.0)
 
-# What navigate_to_pose_w_replanning_and_recovery.xml of 1.3.13 does; seen in flight.
+# The recoveries of navigate_to_pose_w_replanning_and_recovery.xml of 1.3.13, as observed in a run.
 _RECOVERIES = (_CLEAR, _SPIN, _WAIT, _BACK_UP, _CLEAR, _SPIN)
-# How often navigate_through_poses_w_replanning_and_recovery.xml removes poses that were passed, and plans anew, seconds.
+# Interval at which navigate_through_poses_w_replanning_and_recovery.xml removes passed poses and plans again, seconds.
 _REPLANS_SEC = 3.0
 
 
 @cache
 def manner(name: str) -> Manner:
-    """Return the manner of a name, one of `placement.MANNER_NAMES`."""
+    """Return the manner with a name, one of `placement.MANNER_NAMES`."""
     return like_nav2(resources.shipped("config", "nav2_params.yaml")) if name == NAV2_NAME else QUICK
 
 
 def like_nav2(parameters: Path) -> Manner:
-    """Return how Nav2 drives with a parameter file; what it does not say is as Nav2 has it by default.
+    """Return Nav2's manner of driving with a parameter file; missing parameters have Nav2's defaults.
 
     Raises:
-        ParameterFileError: If the file has mistakes.
+        ParameterFileError: If the file has errors.
     """
     nodes = ("controller_server", "planner_server", "bt_navigator")
     controller, planner, navigator = (read_parameter_file(parameters, f"/{node}") for node in nodes)
@@ -121,9 +121,9 @@ def _number(parameters: dict[str, object], name: str, default: float) -> float:
     return float(value) if isinstance(value, (int, float)) else default
 
 
-# Without this much movement in this much simulated time the robot counts as stuck.
+# Without this much movement in this much simulated time the robot is regarded as stuck.
 _MOVE, _TURN, _PATIENCE_SEC = 0.2, 0.4, 10.0
-# The speed that time estimates assume while the robot has none, m/s.
+# The speed that time estimates assume for a standing robot, m/s.
 _CRUISE = 0.4
 
 
@@ -141,7 +141,7 @@ class DriveOutcome:
 
     Attributes:
         ending: The kind of end.
-        code: Nav2's error code, one of `NavCode` unless a fault says another.
+        code: Nav2's error code, one of `NavCode` unless a fault sets another.
         text: The reason in words, or "".
     """
 
@@ -177,7 +177,7 @@ class Drive:
         start: The robot's pose, frame `map`.
         now: Simulated time, seconds.
         manner: How it is driven.
-        via: Through which positions the path leads, frame `map`.
+        via: Positions that the path leads through, frame `map`.
 
     Raises:
         PlanningError: If there is no path.
@@ -224,7 +224,7 @@ class Drive:
         if state.pose.distance_to(self._mark) > _MOVE or turned > _TURN:
             self._mark, self._mark_time = state.pose, now
         if now - self._mark_time > _PATIENCE_SEC:
-            reason = ": something that is not on the map is in its way" if state.touching else ""
+            reason = ": an obstacle that is not on the map blocks it" if state.touching else ""
             text = f"the robot has not moved for {_PATIENCE_SEC:g} s{reason}"
             return DriveOutcome(DriveEnd.ABORTED, NavCode.FAILED_TO_MAKE_PROGRESS, text)
         return None

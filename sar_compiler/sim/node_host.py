@@ -1,4 +1,4 @@
-"""What serves all nodes of a simulation, in a single thread, and their creation and destruction."""
+"""Executors that serve all nodes of a simulation in a single thread, and the creation and destruction of nodes."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -15,18 +15,18 @@ from rclpy.executors import (
 )
 from rclpy.node import Node
 
-# QoS events, which only warn, are half of all entities in the wait set: checked only once in this many rounds.
+# QoS events, which only cause warnings, are half of all entities in the wait set: checked only once in this many rounds.
 _ROUNDS_PER_EVENT = 20
-# How many messages may follow one another between two steps: an answer comes one step after its question.
+# Largest number of messages in a chain between two steps: a response comes one step after its request.
 _HOPS = 2
 
 
 class PacedExecutor(SingleThreadedExecutor):
     """An executor that serves callbacks until a time of the monotonic clock.
 
-    `spin_once` with a time-out that differs from call to call starts a new round each time, and a waiting
-    coroutine (an action goal being executed) comes first in it: nothing else would ever be served. The same
-    time-out object, changed in place, continues the round.
+    `spin_once` with a time-out that differs from call to call starts a new round each time. A waiting coroutine (an action goal
+    being executed) comes first in each round, so that nothing else would ever be served. The same time-out object, changed in
+    place, continues the round.
     """
 
     def __init__(self, *, context: Context, interrupted: Callable[[], bool]) -> None:
@@ -49,7 +49,7 @@ class PacedExecutor(SingleThreadedExecutor):
 
         Args:
             deadline: On the clock of `time.monotonic()`, seconds.
-            enough: Returns whether to stop earlier; asked after each callback and whenever somebody calls `wake`.
+            enough: Returns whether to stop earlier; checked after each callback and on each call of `wake`.
             to_the_end: Whether to continue despite an interruption.
         """
         self._rounds += 1
@@ -60,7 +60,7 @@ class PacedExecutor(SingleThreadedExecutor):
             try:
                 handler, _, _ = self.wait_for_ready_callbacks(self._remaining, None, self._is_over)
             except TimeoutException:
-                # A round that was broken off has its time-out from then.
+                # The time-out of an interrupted round dates from then.
                 if time.monotonic() >= deadline:
                     return
             except (ConditionReachedException, ShutdownException):
@@ -70,7 +70,7 @@ class PacedExecutor(SingleThreadedExecutor):
                 handler.result()
 
     def _is_over(self) -> bool:
-        # One object for every call: a condition that differs starts a new round, as a time-out does.
+        # The same object for every call: a different condition starts a new round, as a different time-out does.
         return self._over()
 
 
@@ -79,10 +79,10 @@ def _never() -> bool:
 
 
 class SteppedExecutor:
-    """Serves a mission and the simulation that it is flown in, in one thread: all that is to be done is done between two steps.
+    """Serves a mission and its simulation in one thread: all pending work is completed between two steps.
 
-    It is rclpy's `EventsExecutor`, in which callbacks come in the order of what they answer to. Within a process, a message
-    is with its subscribers when it is published.
+    It is based on rclpy's `EventsExecutor`, which calls callbacks in the order of their causes. Within a process, a message
+    reaches its subscribers when it is published.
 
     Args:
         context: The nodes' context.
@@ -104,17 +104,17 @@ class SteppedExecutor:
         self.add_node, self.remove_node = self._events.add_node, self._events.remove_node
 
     def serve_apart(self, node: Node) -> None:
-        """Serve a node by an executor with a wait set, for what the other one cannot serve."""
+        """Serve a node with a wait-set executor, for entities that the events executor cannot serve."""
         self.remove_node(node)
         self._apart.add_node(node)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Make a step, and call all that is to be called then; there is always something, so that the time-out is of no account."""
+        """Make a step and call all pending callbacks; the time-out is ignored, because there is always work."""
         if self.step is not None:
             self.step()
         for _ in range(_HOPS):
             served: list[str] = []
-            # Behind all that is to be called by now.
+            # After all callbacks that are pending by now.
             self._events.create_task(served.append, "all")
             while not served:
                 self._events.spin_once(timeout_sec=timeout_sec)
@@ -122,11 +122,11 @@ class SteppedExecutor:
                 self._apart.serve_until(time.monotonic())
 
     def spin_until_future_complete(self, _: Any, timeout_sec: float | None = None) -> None:
-        """Do as `spin_once`: whoever waits for a future asks for it after each step."""
+        """Do the same as `spin_once`: callers check their future after each step."""
         self.spin_once(timeout_sec)
 
     def shutdown(self) -> None:
-        """Serve nothing any more."""
+        """Stop serving."""
         self._apart.shutdown()
         self._events.shutdown()
 
@@ -154,7 +154,7 @@ class NodeHost:
 
     def create(self, name: str) -> Node:
         """Return a new node."""
-        # Parameters of these nodes are never set; their services would be waited for in every round.
+        # Parameters of these nodes are never set, and their services would slow down every round.
         node = Node(
             name,
             context=self._context,

@@ -16,14 +16,14 @@ from sar_compiler.errors import SarError
 from sar_compiler.opener import IMAGE, MAP, read_file
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
-# The grey values that map_saver writes for the three.
+# The grey values that map_saver writes for the three states.
 _PIXELS = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 _OCCUPIED_THRESH = 0.65
-# Below the darkness of 205 (50/255 = 0.19608): with map_saver's own 0.25 map_server reads unknown cells as free.
+# Below the darkness of 205 (50/255 = 0.19608): with map_saver's own 0.25, map_server reads unknown cells as free.
 _FREE_THRESH = 0.196
-# 70 m x 70 m with cells of 5 cm: about as much as the planner takes in within a gigabyte.
+# 70 m x 70 m with cells of 5 cm: about the limit of the planner within a gigabyte.
 _MAX_CELLS = 2_000_000
-# What map_saver writes and everybody draws. Others of Pillow's decoders start programs, or have seen less use.
+# The formats that map_saver and drawing programs write. Other decoders of Pillow start programs, or are less tested.
 _FORMATS = ("BMP", "JPEG", "PNG", "PPM")
 
 
@@ -72,21 +72,21 @@ def read_map(path: Path) -> OccupancyMap:
 
     Raises:
         UnreadableFileError: If the description or its image does not exist or cannot be read.
-        TreeError: If the description has mistakes, or requires unsupported features, or its image is none, damaged, too
-            large, or outside the repository; carries all findings.
+        TreeError: If the description has errors, or requires unsupported features, or its image is invalid, damaged, too
+                large, or outside the repository; carries all findings.
     """
-    document = read_yaml(path, MAP, "write what nav2_map_server reads: image, resolution, origin, ...")
+    document = read_yaml(path, MAP, "write the keys of nav2_map_server: image, resolution, origin, ...")
     said = document.validate("map").data
     named = document.root.mapping.get("image")
     image = path_inside(document, path.parent, named, "image") if named and "image" in said else None
     document.raise_findings()
-    assert named is not None and image is not None  # noqa: S101, PT018 - else there are findings
+    assert named is not None and image is not None  # noqa: S101, PT018 - otherwise there are findings
     try:
         sums, most = _brightness(image)
     except _ImageError as error:
         document.report("wrong-value", f"{image}: {error}", named)
         document.raise_findings()
-    # One of few values for each pixel, so that not even a large image takes much memory.
+    # Pixels have one of few values, so that even a large image takes little memory.
     shade = np.arange(most + 1) / most
     dark = shade if said["negate"] else 1.0 - shade
     cell_of = np.full(most + 1, UNKNOWN, dtype=np.int8)
@@ -120,19 +120,19 @@ def map_files(occupancy: OccupancyMap, prefix: Path) -> dict[Path, bytes]:
 
 
 def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
-    """Return the sums of the bands of an image's pixels, top row first, and what they are for white.
+    """Return the sums of the bands of an image's pixels, top row first, and the sum for white.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        _ImageError: If it is no image of these formats, is damaged, or too large.
+        _ImageError: If it is not an image of these formats, is damaged, or too large.
     """
     data = read_file(path, IMAGE).data
     if len(data) > IMAGE.limit:
-        raise _ImageError(f"the image has more than {IMAGE.limit // 2**20} MiB")
+        raise _ImageError(f"the image is larger than {IMAGE.limit // 2**20} MiB")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # judged below
-            # Only now is known how large it is, and it is not decoded yet.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # checked below
+            # The size is known at this point, before the image is decoded.
             with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
                 _require_size(*image.size)
                 bands = np.asarray(image.convert("RGBA" if "A" in image.getbands() else "RGB"))
@@ -140,11 +140,11 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
         raise
     except Exception as error:
         # A decoder of damaged data may raise anything: ValueError, SyntaxError, struct.error, ...
-        raise _ImageError(f"it is not an image that can be read ({error})") from error
+        raise _ImageError(f"it is not a readable image ({error})") from error
     return bands.sum(axis=2, dtype=np.uint16), 255 * bands.shape[2]
 
 
 def _require_size(width: int, height: int) -> None:
     if not 0 < width * height <= _MAX_CELLS:
-        message = f"the image has {width} x {height} pixels, and {_MAX_CELLS:,} are the most that are read"
+        message = f"the image has {width} x {height} pixels: reduce it to {_MAX_CELLS:,} at most"
         raise _ImageError(message)

@@ -1,4 +1,4 @@
-"""The robots of a world and their start poses: as given on the command line, or kept in a file from the last simulation."""
+"""The robots of a world and their start poses, from the command line or from a file that an earlier simulation wrote."""
 
 import json
 import math
@@ -13,12 +13,12 @@ from sar_compiler.opener import POSES, MissingFileError, UnreadableFileError, re
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 
 _FORM = "NAME, NAME:X,Y or NAME:X,Y,YAW (metres and radians, frame map)"
-# The valid parts of a ROS namespace; rmw allows some 240 characters for all of it.
+# The valid parts of a ROS namespace; rmw allows about 240 characters for all of it.
 _NAME = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,99}")
 
 QUICK_NAME, NAV2_NAME = "quick", "nav2"
 MANNER_NAMES = (QUICK_NAME, NAV2_NAME)
-"""The ways in which the stand-in for Nav2 can drive (`sim.navigator`)."""
+"""The manners of driving of the Nav2 substitute (`sim.navigator`)."""
 
 
 class PlacementError(SarError):
@@ -43,8 +43,8 @@ class Placement:
             namespace of the simulation, with the global `/tf`.
         start: Its pose at time zero, frame `map`; the world's start if None.
         odometry: Its pose at time zero by its odometry.
-        localised: Whether its localisation knows where it is without being told.
-        like: How its stand-in for Nav2 drives, one of `MANNER_NAMES`.
+        localised: Whether its localisation knows its pose without an initial pose.
+        like: The manner of driving of its Nav2 substitute, one of `MANNER_NAMES`.
     """
 
     name: str
@@ -70,14 +70,14 @@ def parse_placement(text: str) -> Placement:
     """Read `NAME[:X,Y[,YAW]]`.
 
     Raises:
-        PlacementError: If the form is wrong, ROS refuses the name, or a number is not finite.
+        PlacementError: If the form is wrong, ROS rejects the name, or a number is not finite.
     """
     name, colon, pose = text.partition(":")
     if not name:
         raise PlacementError(text, f"has no name; expected {_FORM}")
     if not _NAME.fullmatch(name):
         problem = (
-            f"'{name}' cannot be a namespace: that takes letters, digits and single underscores, at most 100 and no "
+            f"'{name}' is no valid namespace: use letters, digits and single underscores, at most 100 and no "
             f"digit first; expected {_FORM}"
         )
         raise PlacementError(text, problem)
@@ -101,11 +101,11 @@ def _number(text: str, part: str) -> float:
 
 
 RobotPlaces = Mapping[str, tuple[Pose2D, Pose2D]]
-"""Of each robot, by its name: its pose in `map`, and that by its odometry."""
+"""The pose in `map` and the odometry pose of each robot, by its name."""
 
 
 class KeptPlacesError(SarError):
-    """The file cannot be read or written, or is for something else.
+    """The file cannot be read or written, or has another purpose.
 
     Attributes:
         path: The file.
@@ -117,7 +117,7 @@ class KeptPlacesError(SarError):
 
 
 class KeptPlaces:
-    """The places of the robots of one world in a file.
+    """The poses of the robots of one world in a file.
 
     Args:
         path: The file; it need not exist.
@@ -128,10 +128,10 @@ class KeptPlaces:
         self._path, self._world = path, world
 
     def read(self) -> RobotPlaces:
-        """Return what was written last; empty if there is no file.
+        """Return the poses written last; empty if there is no file.
 
         Raises:
-            KeptPlacesError: If it is no such file, or for another world.
+            KeptPlacesError: If the file is invalid, or for another world.
         """
         try:
             said: Any = json.loads(read_file(self._path, POSES).text())
@@ -145,17 +145,17 @@ class KeptPlaces:
         except UnreadableFileError as error:
             raise KeptPlacesError(self._path, f"cannot be read: {error.reason}") from error
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            raise KeptPlacesError(self._path, "holds no places of robots; name another file") from error
+            raise KeptPlacesError(self._path, "has no poses of robots: name another file") from error
         if world != self._world:
             raise KeptPlacesError(
-                self._path, f"holds places in another world, {world!r}; delete it, or name another file"
+                self._path, f"has poses of another world, {world!r}: delete it, or name another file"
             )
         if not all(pose.is_finite for pair in places.values() for pose in pair):
-            raise KeptPlacesError(self._path, "holds a pose that is not finite; delete it")
+            raise KeptPlacesError(self._path, "has a pose that is not finite: delete it")
         return places
 
     def restore(self, robots: Sequence[Placement]) -> list[Placement]:
-        """Return the robots where they stood when they were written last; others at their starts.
+        """Return the robots at their last written poses; other robots at their starts.
 
         Raises:
             KeptPlacesError: As `read`.
@@ -164,7 +164,7 @@ class KeptPlaces:
         return [Placement(each.name, *places.get(each.name, (each.start,))) for each in robots]
 
     def write(self, places: RobotPlaces) -> None:
-        """Replace the file: whenever the process ends, there is a whole one.
+        """Replace the file atomically, so that it is complete whenever the process ends.
 
         Raises:
             KeptPlacesError: If it cannot be written.

@@ -1,4 +1,4 @@
-"""Planning on the occupancy map: inflation, a grid graph, scipy's Dijkstra, smoothing; and a whole way, before the flight."""
+"""Planning on the occupancy map: inflation, a grid graph, scipy's Dijkstra and smoothing; also whole routes."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,20 +19,20 @@ from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OccupancyMap
 from sar_compiler.sim.world import Floats
 
-# A cell where the body just fits costs this many times more than open ground …
+# A cell into which the body just fits costs this many times more than open ground …
 _NEAR_COST = 8.0
 # … and the surcharge falls to 1/e over this many metres.
 _FALL_OFF = 0.25
-# How far a start may be from ground where the body fits, metres: a robot that leans on a wall may leave it.
+# Largest distance of a start from ground where the body fits, metres: a robot that touches a wall can drive away from it.
 _START_SLACK = 0.15
-# Metres of path that are averaged to round its corners.
+# Length of path that is averaged to round its corners, metres.
 _SMOOTHING = 0.45
-# To so many places the ways from everywhere are kept.
+# Number of goals for which the paths from everywhere are cached.
 _PLACES_KEPT = 32
-# What of an area is smaller, and no way leads there, is the corner of a room or behind a chair.
+# Unreachable parts of an area below this size are room corners or ground behind furniture.
 _LEAST_TOLD_M2 = 0.25
 _TOUCHING = np.ones((3, 3), dtype=int)
-# What scipy has in place of a node where no way leads.
+# scipy's value for a node without a path.
 _NO_WAY = -9999
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -76,32 +76,32 @@ class Planner:
         self.occupancy = occupancy
         self._radius = robot_radius
         self.clearance = clearance(occupancy)
-        # Half a cell: the clearance is counted to the middle of the blocked cell.
+        # Half a cell, because the clearance is measured to the centre of the blocked cell.
         self.fits = self.clearance >= robot_radius + occupancy.resolution / 2
         near = np.exp(-(self.clearance - robot_radius) / _FALL_OFF)
         self._graph, self._node_of = _grid_graph(self.fits, 1.0 + (_NEAR_COST - 1.0) * near)
         self._cells = np.argwhere(self.fits)
-        # Who compares places asks for many ways to each.
+        # Comparing locations requires many paths to each of them.
         self._ways_to = lru_cache(_PLACES_KEPT)(partial(_ways, self._graph))
 
     def plan(self, start: Pose2D, goal: Pose2D, tolerance: float = 0.0) -> Path2D:
         """Return a path between two positions, frame `map`.
 
         Args:
-            start: Where it begins.
-            goal: Where it ends.
-            tolerance: How far from the goal it may end where the robot does not fit at the goal, metres. As with Nav2's planner
-                the robot is then told that no path leads there, not that the goal is occupied.
+            start: The start.
+            goal: The goal.
+            tolerance: Distance from an occupied goal at which the path may end, metres. If there is no such position, the error is
+                    `NO_VALID_PATH` instead of an occupied goal, as with Nav2's planner.
 
         Raises:
-            PlanningError: If there is none; its code is the reason.
+            PlanningError: If there is no path; its code is the reason.
         """
         goal = self._near(goal, tolerance) if tolerance else goal
         goal_node = self._goal_node(goal)
         start_node = self._start_node(start)
         next_to_goal = self._ways_to(goal_node)
         if start_node != goal_node and next_to_goal[start_node] == _NO_WAY:
-            message = f"no way leads from ({start.x:.2f}, {start.y:.2f}) to ({goal.x:.2f}, {goal.y:.2f})"
+            message = f"no path leads from ({start.x:.2f}, {start.y:.2f}) to ({goal.x:.2f}, {goal.y:.2f})"
             raise PlanningError(NavCode.NO_VALID_PATH, message)
         nodes = [start_node]
         while nodes[-1] != goal_node:
@@ -110,25 +110,25 @@ class Planner:
         return Path2D(self._smooth(self.occupancy.centre_of(cells[:, 0], cells[:, 1]), goal))
 
     def ground_from(self, start: Pose2D) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which cells of the map are free, and which the robot's body can cover, wherever it drives to from a position.
+        """Return which cells of the map are free, and which of them the robot's body can cover after driving from a position.
 
         Raises:
-            PlanningError: If the robot cannot begin there.
+            PlanningError: If the robot cannot start there.
         """
         parts, _ = label(self.fits, structure=_TOUCHING)
         reached = parts == parts[tuple(self._cells[self._start_node(start)])]
-        # A cell more: bodies are not made of cells.
+        # One cell more: a body is not made of cells.
         near = distance_transform_edt(~reached) * self.occupancy.resolution
         return self.occupancy.cells == FREE, near <= self._radius + self.occupancy.resolution
 
     def _near(self, goal: Pose2D, tolerance: float) -> Pose2D:
-        """Return the place nearest to a goal at which the robot fits: the goal, if it does there or is off the map."""
+        """Return the nearest position to a goal at which the robot fits; the goal itself if it fits there or is off the map."""
         cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:
             return goal
         node = self._nearest_node(goal, tolerance)
         if node is None:
-            message = f"no place within {tolerance:g} m of the goal ({goal.x:.2f}, {goal.y:.2f}) is free"
+            message = f"no position within {tolerance:g} m of the goal ({goal.x:.2f}, {goal.y:.2f}) is free"
             raise PlanningError(NavCode.NO_VALID_PATH, message)
         ((x, y),) = self.occupancy.centre_of(*self._cells[[node]].T)
         return Pose2D(float(x), float(y), goal.yaw)
@@ -152,18 +152,18 @@ class Planner:
             return int(self._node_of[cell])
         node = self._nearest_node(start, _START_SLACK)
         if node is None:
-            message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), is not on ground where it fits"
+            message = f"the robot, at ({start.x:.2f}, {start.y:.2f}), does not fit on the ground there"
             raise PlanningError(NavCode.START_OCCUPIED, message)
         return node
 
     def _nearest_node(self, place: Pose2D, within: float) -> int | None:
-        """Return the node of the cell nearest to a place at which the robot fits; None if it is farther than so many metres."""
+        """Return the node of the nearest cell at which the robot fits; None if it is farther away than `within` metres."""
         centres = self.occupancy.centre_of(self._cells[:, 0], self._cells[:, 1])
         distance = np.hypot(centres[:, 0] - place.x, centres[:, 1] - place.y)
         return None if np.min(distance, initial=math.inf) > within else int(np.argmin(distance))
 
     def _smooth(self, points: Floats, goal: Pose2D) -> Floats:
-        """Return the path with rounded corners, where the clearance allows it, ending exactly at the goal."""
+        """Return the path with rounded corners if the clearance allows it; it ends exactly at the goal."""
         width = 2 * round(_SMOOTHING / self.occupancy.resolution / 2) + 1
         smooth = uniform_filter1d(points, width, axis=0, mode="nearest")
         cells = [self.occupancy.cell_at(float(x), float(y)) for x, y in smooth]
@@ -176,7 +176,7 @@ class Planner:
 def clearance(occupancy: OccupancyMap) -> Floats:
     """Return the distance in metres from each cell's centre to the nearest cell not known to be free.
 
-    The area outside the map counts as unknown. The shape is that of the map's cells.
+    The area outside the map is regarded as unknown. The shape is that of the map's cells.
     """
     free = np.pad(occupancy.cells == FREE, 1)
     distance: Floats = distance_transform_edt(free)[1:-1, 1:-1] * occupancy.resolution
@@ -184,8 +184,8 @@ def clearance(occupancy: OccupancyMap) -> Floats:
 
 
 def _ways(graph: csr_array, goal: int) -> NDArray[np.int32]:
-    """Return the next node on the way to a goal from each node; `_NO_WAY` where there is none, and at the goal."""
-    # What the ways cost is not kept: it takes twice as much memory.
+    """Return the next node on the path to a goal from each node; `_NO_WAY` if there is none, and at the goal."""
+    # Path costs are not stored: they would take twice as much memory.
     following: NDArray[np.int32] = dijkstra(graph, indices=goal, return_predecessors=True)[1]
     return following
 
@@ -222,19 +222,19 @@ _WORDS = {
     NavCode.START_OCCUPIED: "the robot does not fit on free ground at its start",
     NavCode.GOAL_OUTSIDE_MAP: "it is outside the map",
     NavCode.GOAL_OCCUPIED: "the robot does not fit on free ground there",
-    NavCode.NO_VALID_PATH: "no way leads there",
+    NavCode.NO_VALID_PATH: "no path leads there",
 }
 
 
 class Leg(NamedTuple):
-    """The way to one place.
+    """The path to one stop.
 
     Attributes:
-        name: The place.
+        name: The stop.
         x: Its position in the frame `map`, metres.
         y: The same.
-        distance: Metres along the path from the place before it that can be reached; None if it cannot.
-        trouble: What is wrong with it; empty if nothing is.
+        distance: Metres along the path from the previous reachable stop; None if it is unreachable.
+        trouble: The problem with the path; empty if there is none.
     """
 
     name: str
@@ -245,14 +245,14 @@ class Leg(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """How much of an area a robot can drive to.
+    """The reachable part of an area.
 
     Attributes:
         area_m2: The size of the area, square metres.
-        reached_m2: How much of it the robot can come to: free ground that its body covers somewhere on its ways.
-        cut_off_m2: How much of it is free, and no way leads there, in parts that are worth telling of.
-        cut_off_at: A place in the middle of the largest such part: x and y in metres, frame `map`; None if there is none.
-        off_map_m2: How much of it lies beyond the map.
+        reached_m2: The reachable part: free ground that the robot's body covers somewhere on its paths.
+        cut_off_m2: The free but unreachable part, without negligible pieces.
+        cut_off_at: A position inside the largest unreachable piece: x and y in metres, frame `map`; None if there is none.
+        off_map_m2: The part beyond the map.
     """
 
     area_m2: float
@@ -265,16 +265,16 @@ class Reach(NamedTuple):
 def reach_of(
     planner: Planner, start: tuple[float, float], outlines: Sequence[Sequence[tuple[float, float]]]
 ) -> list[Reach]:
-    """Return how much of each area a robot can drive to.
+    """Return the reachable part of each area.
 
     Args:
         planner: The planner, with the map and the robot's size.
-        start: Where the robot begins: x and y in metres, frame `map`.
+        start: The robot's start: x and y in metres, frame `map`.
         outlines: The corners of each area, metres, frame `map`.
 
     Raises:
         ImportError: If shapely is not installed.
-        PlanningError: If the robot cannot begin there.
+        PlanningError: If the robot cannot start there.
     """
     import shapely
 
@@ -302,7 +302,7 @@ def reach_of(
 
 
 def _middle_of(part: NDArray[np.bool_], occupancy: OccupancyMap) -> tuple[float, float]:
-    """Return the place of a part that is farthest from its edge: x and y in metres, frame `map`."""
+    """Return the position in a part that is farthest from its edge: x and y in metres, frame `map`."""
     depth = distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(depth.argmax()), depth.shape)
     ((x, y),) = occupancy.centre_of(np.array([row]), np.array([column]))
@@ -316,14 +316,14 @@ def plan_route(
     allowed: Callable[[float, float], bool] = lambda _x, _y: True,
     budget: Budget | None = None,
 ) -> list[Leg]:
-    """Plan the way from place to place, as far as a budget goes; one that cannot be reached is passed over.
+    """Plan the path from stop to stop within a budget; an unreachable stop is skipped.
 
     Args:
         planner: The planner, with the map and the robot's size.
-        start: Where the robot begins: x and y in metres, frame `map`.
-        stops: The names and positions of the places, in the order of their visit.
+        start: The robot's start: x and y in metres, frame `map`.
+        stops: The names and positions of the stops, in order.
         allowed: Whether the robot may be at a position.
-        budget: What all of it may take.
+        budget: The budget for the whole route.
     """
     here, legs, budget = Pose2D(*start), [], budget or Budget()
     for name, x, y in stops:
@@ -345,6 +345,6 @@ def plan_route(
 
 
 def _outside(points: Floats, allowed: Callable[[float, float], bool]) -> str:
-    """Return that a path is not allowed somewhere; empty if it is everywhere."""
+    """Return an error if a path leaves the allowed area; otherwise an empty string."""
     inside = all(allowed(float(x), float(y)) for x, y in points)
-    return "" if inside else "the way there leaves the geofence"
+    return "" if inside else "the path there leaves the geofence"

@@ -1,4 +1,4 @@
-"""The stand-in for Nav2's planner: the action `compute_path_to_pose`, as served by Jazzy's planner_server."""
+"""Substitute for Nav2's planner: the action `compute_path_to_pose`, as served by Jazzy's planner_server."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,21 +17,21 @@ PLAN = "compute_path_to_pose"
 """The action of Nav2's planner."""
 
 _MAP = "map"
-# So many points of a path for one that is told.
+# One of this many points of a path is published.
 _EVERY = 4
-# How long results are kept for those who ask late, seconds.
+# How long results are kept for late clients, seconds.
 _RESULT_TIMEOUT_SEC = 60
 
 
 class PlannerServer:
-    """Serves ways on the map; nothing moves for them.
+    """Serves paths on the map without moving the robot.
 
     Args:
         node: The node that serves them.
         planner: Plans them.
-        localise: Returns the robot's pose in `map`, where a way begins that names no start; None while it is not known.
-        is_active: Returns whether goals are taken.
-        tolerance: How far from its goal a way may end where the goal itself is occupied, metres.
+        localise: Returns the robot's pose in `map`, the default start of a path; None while it is unknown.
+        is_active: Returns whether goals are accepted.
+        tolerance: Distance from an occupied goal at which a path may end, metres.
     """
 
     def __init__(
@@ -70,9 +70,9 @@ class PlannerServer:
     def _plan(self, request: Any) -> Path2D:
         start = self._pose(request.start, "start") if request.use_start else self._localise()
         if start is None:
-            raise PlanningError(NavCode.TF_ERROR, "the robot's pose is not known")
+            raise PlanningError(NavCode.TF_ERROR, "the robot's pose is unknown")
         way = self._planner.plan(start, self._pose(request.goal, "goal"), self._tolerance)
-        # To write each of a cell's length takes Python longer than to plan; the last one is the goal.
+        # Writing a point for each cell takes Python longer than planning; the last point is the goal.
         return Path2D(way.points[::-1][::_EVERY][::-1])
 
     def _pose(self, message: Any, what: str) -> Pose2D:

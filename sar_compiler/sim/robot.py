@@ -11,7 +11,7 @@ from sar_compiler.sim.world import Solid, World
 
 # Standard deviation of each step's odometry, as a fraction of the distance driven.
 _ODOMETRY_NOISE = 0.01
-# Slower than this counts as standing: m/s and rad/s.
+# Below this speed the robot is regarded as standing: m/s and rad/s.
 _STILL = 0.02
 
 
@@ -46,7 +46,7 @@ class Twist2D:
 
     @property
     def is_still(self) -> bool:
-        """Whether it is so slow that it counts as standing."""
+        """Whether it is so slow that it is regarded as standing."""
         return abs(self.v) < _STILL and abs(self.w) < _STILL
 
 
@@ -106,7 +106,7 @@ class Robot:
         self._others = tuple(others)
 
     def surroundings(self) -> Solid:
-        """Return all that this robot can touch and see: the world's obstacles, and the other robots."""
+        """Return all objects that this robot can touch and see: the world's obstacles, and the other robots."""
         if not self._others:
             return self._world.solid
         poses = (other.state.pose for other in self._others)
@@ -115,7 +115,7 @@ class Robot:
         )
 
     def command(self, twist: Twist2D) -> None:
-        """Set the commanded velocity; values that are not finite count as zero, too large ones are clipped."""
+        """Set the commanded velocity; values that are not finite are replaced by zero, too large ones are clipped."""
         self._command = Twist2D(_clip(twist.v, self.limits.speed), _clip(twist.w, self.limits.turn))
         self._command_age = 0.0
 

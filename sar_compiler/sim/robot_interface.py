@@ -23,7 +23,7 @@ _SCAN_EVERY = 4
 # One state of the battery in this many steps (1 Hz).
 _BATTERY_EVERY = 20
 _ODOM, _BASE = "odom", "base_link"
-# So many of its own commands can be on their way back to it.
+# Largest number of its own commands that are on their way back to it.
 _OWN_COMMANDS = 100
 _CommandKey = tuple[str, int, int]
 
@@ -31,8 +31,8 @@ _CommandKey = tuple[str, int, int]
 class RobotInterface:
     """Connects a robot to its topics: `cmd_vel` in; `odometry/filtered`, `scan`, `battery_state` and `/tf` out.
 
-    Its own navigation drives it by `drive`, which takes effect in the step in which it is said, and is on `cmd_vel` for
-    whoever listens.
+    Its own navigation drives it by `drive`, which takes effect in the same step and also publishes on `cmd_vel` for other
+    subscribers.
 
     Args:
         host: Creates the node.
@@ -52,7 +52,7 @@ class RobotInterface:
         self._odometry = self._node.create_publisher(Odometry, "odometry/filtered", 10)
         self._scan = self._node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         self._battery_state = self._node.create_publisher(BatteryState, "battery_state", 10)
-        # Absolute, as tf2 has it; in a namespace it is remapped, as Nav2 does.
+        # Absolute, as in tf2; a namespace remaps it, as Nav2 does.
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(TwistStamped, "cmd_vel", self._on_command, 10)
         self._commands = self._node.create_publisher(TwistStamped, "cmd_vel", 10)
@@ -96,7 +96,7 @@ class RobotInterface:
             self._scan.publish(self._scan_message)
 
     def drive(self, twist: Twist2D) -> None:
-        """Command the robot, and say so on `cmd_vel` if anybody else listens."""
+        """Command the robot, and publish the command on `cmd_vel` if there are other subscribers."""
         self._robot.command(twist)
         if self._commands.get_subscription_count() == 1:
             return
@@ -106,7 +106,7 @@ class RobotInterface:
 
     def _on_command(self, message: Any) -> None:
         if _key_of(message) in self._own_commands:
-            return  # obeyed before it was on its way
+            return  # already executed before it was published
         self._robot.command(Twist2D(message.twist.linear.x, message.twist.angular.z))
 
     def _empty_scan(self) -> LaserScan:

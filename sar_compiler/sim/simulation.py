@@ -1,4 +1,4 @@
-"""The whole simulator on ROS 2: the world, its robots with their stand-ins for Nav2, and the clock."""
+"""The whole simulator on ROS 2: the world, its robots with their Nav2 substitutes, and the clock."""
 
 import itertools
 import logging
@@ -50,7 +50,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
     """
     for name, count in Counter(placement.name for placement in placements).items():
         if count > 1:
-            problem = f"{count} robots have this name; each needs one of its own, as its namespace"
+            problem = f"{count} robots have this name: give each its own name, which is also its namespace"
             raise PlacementError(name, problem)
     radius = world.robot_radius
     starts = [(placement.name, placement.start or world.start) for placement in placements]
@@ -61,7 +61,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
                 f"its centre needs more than {radius:g} m around it"
             )
             raise PlacementError(name, problem)
-        # The localisation would refuse it.
+        # The localisation would reject it.
         if world.map_path is not None and read_map(world.map_path).cell_at(start.x, start.y) is None:
             problem = (
                 f"would start at {_place_text(start)}, which is outside the world's map (metres, frame map)"
@@ -71,7 +71,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
         if not here.distance_to(there) > 2 * radius:
             problem = (
                 f"would start at {_place_text(there)}, touching robot '{one}' at {_place_text(here)}; their centres "
-                f"need more than {2 * radius:g} m between them (give a start: {other}:X,Y)"
+                f"need more than {2 * radius:g} m between them: write a start, {other}:X,Y"
             )
             raise PlacementError(other, problem)
 
@@ -109,10 +109,10 @@ class SimulatedRobot:
     Args:
         host: Creates the nodes, in the robot's namespace.
         robot: The robot.
-        battery: What its battery is like.
+        battery: The properties of its battery.
         seed: Seed of its scanner's noise.
-        navigation: The data of its stand-in for Nav2; None for no navigation.
-        placement: What is said of its localisation and its drives.
+        navigation: The data of its Nav2 substitute; None for no navigation.
+        placement: Its localisation and manner of driving.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class SimulatedRobot:
 
     @property
     def place(self) -> tuple[Pose2D, Pose2D]:
-        """The true pose, frame `map`, and that by the odometry."""
+        """The true pose, frame `map`, and the odometry pose."""
         return self._robot.state.pose, self._robot.state.odometry
 
     def move(self, duration: float) -> None:
@@ -167,7 +167,7 @@ class SimulatedRobot:
             self._navigator.step(step, now_ns)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one, whose client is still to be notified."""
+        """End the current goal; return whether there was one, whose client must still be notified."""
         return self._navigator is not None and self._navigator.stop()
 
     def _lose_localisation(self, until: float | None) -> None:
@@ -185,20 +185,20 @@ class SimulatedRobot:
 
 STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
-# The longest delay of the machine that is caught up with, seconds of wall time.
+# Longest delay of the machine that the simulation catches up with, seconds of wall time.
 _CATCH_UP_SEC = 0.05
-# In so many rounds of the executor, each of so many seconds of wall time at least, the end of a goal reaches its client
-# when the simulation stops.
+# Number of executor rounds, and their minimum duration in seconds of wall time, in which the end of a goal reaches its client when the
+# simulation stops.
 _FAREWELL_ROUNDS = 5
 _FAREWELL_SEC = 0.01
-# How long the thread may take for a step when it is asked to stop, seconds of wall time: on a busy machine much more
-# than usual, and whoever has sent a goal waits for its end.
+# How long the thread may take for its step after a stop request, seconds of wall time: a busy machine needs much more than usual, and
+# clients wait for the end of their goals.
 _JOIN_SEC = 30.0
-# How many steps whoever is waited for may be behind: with none, the two threads would work in turns only.
+# Largest lag of the listener in steps: without any, the two threads would only work in turns.
 _LEAD_STEPS = 2
-# The robots' places are written in one of so many steps.
+# The robots' poses are written in one of this many steps.
 _KEEP_EVERY = 4
-# How often to look whether this is still the only simulation, seconds of wall time.
+# Interval of checks that this is still the only simulation, seconds of wall time.
 _LOOK_EVERY_SEC = 1.0
 
 _log = logging.getLogger(__name__)
@@ -209,19 +209,19 @@ class SimulationError(SarError):
 
 
 class Simulation:
-    """Runs a world in a thread of its own, or in that of an executor which steps it, until stopped.
+    """Runs a world in its own thread, or in that of an executor which steps it, until stopped.
 
     Simulated time advances in steps of 0.05 s, none of which is ever skipped: *speed* is an upper bound, and
     simulated time slows down if the machine cannot keep up.
 
     Args:
-        world: The world. If it names no map there is no stand-in for Nav2, only the robots' own topics.
+        world: The world. If it names no map, there is no Nav2 substitute, only the robots' own topics.
         robots: The robots in it, in the order of their steps, each in the namespace of its name, including `/tf`
             and `/tf_static`. By default one without a name at the world's start.
         speed: Simulated seconds per second.
         faults: The faults of navigation, the same for every robot; each robot consumes its own copy.
         seed: Seed of all noise. The same seed and commands give the same states, bit for bit.
-        context: The nodes' context, which is initialised already; the default context if None.
+        context: The nodes' context, already initialised; the default context if None.
         namespace: The namespace of the other nodes; that of the command line if None. `/clock` stays global.
         extra_nodes: Nodes of the caller that the same thread serves; the caller destroys them.
         executor: Serves the nodes and steps the world; by default a thread does.
@@ -250,7 +250,7 @@ class Simulation:
         executor: SteppedExecutor | None = None,
     ) -> None:
         if not speed > 0.0:
-            raise SimulationError(f"the speed must be a number above 0, not {speed:g}")
+            raise SimulationError(f"the speed is {speed:g}: write a number above 0")
         self.failure: BaseException | None = None
         self._period = STEP_SEC / speed
         self._kept: KeptPlaces | None = None
@@ -269,7 +269,7 @@ class Simulation:
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
         self._listener: ROSClock | None = None
         self._jumps: JumpHandle | None = None
-        # Without a map somebody else drives, in whose place a new server may come while the graph still has the dead one.
+        # Without a map another process drives; its server may restart while the graph still has the old one.
         self._actions = [robot.action for robot in robots if navigation is not None]
         self._robots: dict[str, SimulatedRobot] = {}
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):
@@ -290,13 +290,13 @@ class Simulation:
         return self._robots[name].place[0]
 
     def keep_places(self, kept: KeptPlaces) -> None:
-        """Keep the robots' places from the start on; what cannot be written ends the simulation."""
+        """Write the robots' poses from the start on; a write error ends the simulation."""
         self._kept = kept
 
     def wait_for(self, listener: ROSClock) -> None:
-        """Go faster than real time only as far as a clock of another thread's node, in simulated time, follows.
+        """Limit the speed so that a clock of another thread's node, in simulated time, can follow.
 
-        Time limits in simulated seconds would run out otherwise where the machine, or a leaf, is slower than asked for.
+        Otherwise time limits in simulated seconds would expire when the machine, or a leaf, is slower than requested.
         """
         every = JumpThreshold(min_forward=Duration(nanoseconds=1), min_backward=None)
         self._listener = listener
@@ -319,7 +319,7 @@ class Simulation:
         if self._thread.ident is not None:
             self._thread.join(_JOIN_SEC)
         if self._thread.is_alive():
-            _log.error("the simulation's thread does not end")
+            _log.error("the simulation's thread does not end: kill the process")
             return
         if self._stepped is not None:
             self._stepped.step = None
@@ -360,16 +360,16 @@ class Simulation:
 
     @contextmanager
     def _ending(self) -> Iterator[None]:
-        """Keep what ends the simulation."""
+        """Store the exception that ends the simulation."""
         try:
             yield
         except ExternalShutdownException:
-            pass  # the context was shut down, in order to end this thread
-        except Exception as error:  # noqa: BLE001 - told to whoever asks for `failure`
+            pass  # the context was shut down to end this thread
+        except Exception as error:  # noqa: BLE001 - reported by `failure`
             self.failure = error
 
     def _make_step(self) -> None:
-        """Make a step, and say when the next one is due."""
+        """Make a step and compute the time of the next one."""
         self._step()
         now = time.monotonic()
         self._due = max(self._due + self._period, now - _CATCH_UP_SEC)
@@ -381,7 +381,7 @@ class Simulation:
         self._step_count += 1
         now_ns = self._step_count * STEP_NS
         robots = self._robots.values()
-        # All have moved before the first of them looks around.
+        # All robots have moved before the first of them scans.
         for robot in robots:
             robot.move(STEP_SEC)
         for robot in robots:
@@ -393,25 +393,25 @@ class Simulation:
             self._kept.write({name: robot.place for name, robot in self._robots.items()})
 
     def _is_followed(self) -> bool:
-        """Return whether the listener has come near the time of this step, or has no use for it."""
+        """Return whether the listener has almost reached the time of this step, or does not need to."""
         listener = self._listener
         if listener is None or not listener.ros_time_is_active:
             return True
         return bool(listener.now().nanoseconds >= (self._step_count - _LEAD_STEPS) * STEP_NS)
 
     def _farewell(self) -> None:
-        """Notify the clients of current goals that these have ended."""
+        """Notify the clients of current goals of the end."""
         if self._stop_robots():
             for _ in range(_FAREWELL_ROUNDS):
                 self._own.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
     def _stop_robots(self) -> bool:
-        """End all goals; return whether there was one, whose client is still to be notified."""
+        """End all goals; return whether there was one, whose client must still be notified."""
         return any([robot.stop() for robot in self._robots.values()])  # noqa: C419 - all have to stop
 
 
 def navigation_in(world: World, faults: FaultPlan) -> NavigationSetup | None:
-    """Return the data of the stand-ins for Nav2, or None if the world has no map."""
+    """Return the data of the Nav2 substitutes, or None if the world has no map."""
     places = world.places if faults.places is None else faults.places
     faults.for_navigation().check_places(places)
     if world.map_path is None:

@@ -18,7 +18,7 @@ from sar_compiler.sim.world import Floats, Lidar, World
 
 # The change of a cell's log-odds by a ray that ends in it, or passes through it.
 _HIT, _MISS = 0.85, -0.4
-# Bounds, so that a cell can still change its mind.
+# Bounds, so that a cell can still change its state.
 _LEAST, _MOST = -4.0, 4.0
 # Log-odds of 65 % and 25 %: the thresholds of map_saver for occupied and free.
 _SURELY_OCCUPIED, _SURELY_FREE = math.log(0.65 / 0.35), math.log(0.25 / 0.75)
@@ -41,7 +41,7 @@ class Mapper:
 
     def __init__(self, lidar: Lidar, centre: Pose2D) -> None:
         self._lidar = lidar
-        # The corner lies on a multiple of the resolution, so that the map's origin is a round number.
+        # The corner is a multiple of the resolution, so that the map's origin is a round number.
         self._corner = (
             _RESOLUTION * math.floor((centre.x - _REACH) / _RESOLUTION),
             _RESOLUTION * math.floor((centre.y - _REACH) / _RESOLUTION),
@@ -102,7 +102,7 @@ class Mapper:
 STEP_SEC = 0.05
 # One scan in this many steps goes into the map.
 _SCAN_EVERY = 8
-# A survey slower than this on average has got stuck, m/s.
+# A survey slower than this on average is stuck, m/s.
 _SLOWEST = 0.1
 
 
@@ -118,17 +118,17 @@ def survey(
     Args:
         world: The world.
         seed: The seed of the noise.
-        on_progress: Is told now and then which part of the route is driven, from 0 to 1.
+        on_progress: Called now and then with the driven part of the route, from 0 to 1.
 
     Raises:
         SurveyError: If the world has no survey route, or the robot gets stuck on it.
     """
     if not world.survey:
-        raise SurveyError(f"world '{world.name}' has no 'survey' way to drive for a map")
+        raise SurveyError(f"world '{world.name}' has no 'survey' route to map it: add one to its file")
     for number, (x, y) in enumerate(world.survey, 1):
         if max(abs(x - world.start.x), abs(y - world.start.y)) > _REACH:
             raise SurveyError(
-                f"point {number} of the survey of world '{world.name}', ({x:g}, {y:g}), is beyond what can be mapped: "
+                f"point {number} of the survey of world '{world.name}', ({x:g}, {y:g}), is outside the mapped area: "
                 f"write one at most {_REACH:g} m from the robot's start in x and in y"
             )
     lidar = Lidar()

@@ -1,4 +1,4 @@
-"""The true world: its file, its obstacles, and how far a disc can move before it touches one."""
+"""The true world: its file, its obstacles, and the distance that a disc can move before it touches one."""
 
 import copy
 import functools
@@ -23,10 +23,10 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 Floats = NDArray[np.float64]
 
-# Closer than this a moving disc counts as touching, metres. Far below what matters, far above rounding.
+# Closer than this a moving disc is in contact, metres. Far below relevant distances, far above rounding.
 _TOUCH = 1e-6
 _GRAIN = 1e-12
-# The march below converges like Newton's method, in a few passes; more of them count as contact.
+# The march below converges like Newton's method, in a few passes; more passes are regarded as contact.
 _MAX_MARCH = 64
 
 
@@ -40,11 +40,11 @@ class World:
         robot_radius: Radius of the robot's body.
         boxes: Walls and debris.
         cylinders: Round debris.
-        places: Markers of places, id to position; nothing collides with them.
+        places: Markers of locations, ID to position; nothing collides with them.
         survey: Way-points of the route for mapping the world; empty if it is not mapped.
-        battery: What the batteries of its robots are like.
+        battery: The properties of its robots' batteries.
         map_path: The description (`.yaml`) of the world's occupancy map, or None if it has none.
-        warnings: Findings about its file with which it can be used.
+        warnings: Findings about its file that do not prevent its use.
     """
 
     name: str
@@ -109,11 +109,10 @@ class Solid:
         return float(np.min(self.offsets(x, y)[1], initial=math.inf))
 
     def free_travel(self, start: tuple[float, float], heading: float, length: float, radius: float) -> float:
-        """Return how far a disc can move along a straight line before it touches an obstacle.
+        """Return the distance that a disc can move along a straight line before it touches an obstacle.
 
-        The distance to a convex shape is a convex function of the position on a line, so it never falls
-        faster than at the beginning. It is always safe to move until the nearest obstacle would be
-        reached at that rate, however long the line is: no obstacle can be stepped over.
+        The distance to a convex shape is a convex function of the position on a line, so it never falls faster than at the beginning. It is always
+        safe to move until the nearest obstacle would be reached at that rate, however long the line is: no obstacle can be skipped.
 
         Args:
             start: The disc's centre, metres; the disc is free there.
@@ -130,7 +129,7 @@ class Solid:
             normal, distance = self.offsets(start[0] + gone * along_x, start[1] + gone * along_y)
             nearing = -(normal[:, 0] * along_x + normal[:, 1] * along_y)
             gap = distance - radius
-            # Rounding makes a slide along a wall a very flat approach: a grain of the gap is given up for it.
+            # Rounding makes a slide along a wall a very flat approach; a tiny part of the gap is sacrificed for it.
             spare = np.where(gap > _TOUCH / 2, np.maximum(gap - _TOUCH, _GRAIN), 0.0)
             ahead = nearing > 0.0
             with np.errstate(over="ignore"):
@@ -162,7 +161,7 @@ _EMPTY_HINT = "for example robot: {x: 0, y: 0, radius: 0.22}, and walls: with a 
 
 
 class WorldError(SarError):
-    """There is no such world."""
+    """The world does not exist."""
 
 
 def find_world(name: str) -> World:

@@ -383,7 +383,7 @@ def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("/**: {ros__parameters: {x: [1, a]}}", "params.yaml:1:32: 'x' mixes a whole number with text"),
+        ("/**: {ros__parameters: {x: [1, a]}}", "params.yaml:1:32: 'x' mixes an integer with text"),
         ("/**: {ros__parameters: {patience: long}}", "params.yaml:1:25: parameter zone_order: is missing"),
         (PARAMS.replace("b]", "c]"), "params.yaml:3:21: parameter zone_order: names 'c', which has no pose"),
         (PARAMS.replace("y: 0", "z: 0"), "\n  {path}:6:17: zones.a.y: is missing"),
@@ -410,5 +410,5 @@ def test_a_parameter_of_another_type_than_the_tree_takes_has_status_1(capsys, pa
 def test_a_parameter_that_is_nearly_what_a_run_takes_is_told_where_it_stands(capsys, patient, scenario):
     path = scenario(PARAMS.replace("tick_rate_hz", "tick_rate"), "params.yaml")
     assert run(capsys, *patient)[2] == (
-        f"note: {path}:3:41: parameter 'tick_rate' is not read; did you mean 'tick_rate_hz'?\n"
+        f"note: {path}:3:41: parameter 'tick_rate' is not used: did you mean 'tick_rate_hz'?\n"
     )

@@ -205,11 +205,11 @@ def test_a_tree_without_a_mission_takes_parameters_as_keys(run):
     status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params)
     assert status == 0
     assert err.endswith(
-        "params.yaml:1:38: parameter 'tick_rat_hz' is not read; did you mean 'tick_rate_hz'?\n"
+        "params.yaml:1:38: parameter 'tick_rat_hz' is not used: did you mean 'tick_rate_hz'?\n"
     )
     status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params.replace("sar_run", "other"))
-    elsewhere = "the file's sections are for /other; this node is /sar_run; write '/**:' above the section"
-    assert f"no parameter of the file is read: {elsewhere}\n" in err
+    elsewhere = "the file's sections are for /other; this node is /sar_run. Write '/**:' above the section"
+    assert f"no parameter of the file is used: {elsewhere}\n" in err
 
 
 def test_the_command_line_wins_over_the_file(run):

@@ -120,10 +120,10 @@ FURTHER = [
         "'zone_order' mixes text with a whole number: a list must be all of one type",
     ),
     ("attic: {x: 3.5, y: .nan, yaw: 1.57}", "parameter zones.attic.y: must be a finite number, is nan"),
-    ("attic: {x: 3.5, y: 3.0}", "parameter zones.attic.yaw: is missing: give a number"),
+    ("attic: {x: 3.5, y: 3.0}", "parameter zones.attic.yaw: is missing: write a number"),
     (
         "attic: {x: 3.5, y: 3.0, yaw: 1.57, z: 0.0}",
-        "parameter zones.attic.z: is not known there; there may be x, y, yaw, poa, pod, look_sec",
+        "parameter zones.attic.z: is unknown; expected one of x, y, yaw, poa, pod, look_sec",
     ),
     ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, is the text 'fast'"),
     ("set_initial_pose: 3", "parameter set_initial_pose: must be true or false, is the number 3"),

@@ -42,7 +42,7 @@ TYPED = {
     "…: the mission has no parameter '…'": "sar-run examples/drive_to_goal/drive_to_goal.xml "
     "--nodes examples.drive_to_goal.leaves",
     "parameter …": "sar-run --ros-args -p tick_rate_hz:=0",
-    "… mistakes in the parameters:…": "sar-run --ros-args -p tick_rate_hz:=0 -p zone_order:=[moon]",
+    "… errors in the parameters:…": "sar-run --ros-args -p tick_rate_hz:=0 -p zone_order:=[moon]",
     "sections are for …; this node is …": "sar-run --params {folder}/section.yaml",
     "did you mean 'ros__parameters' (two underscores)?": "sar-run --params {folder}/misspelt.yaml",
     "not a ROS argument: …": "sar-run --ros-args tick_rate_hz:=2.0",

@@ -115,8 +115,8 @@ def test_the_calls_that_led_to_a_failure_are_shown_where_they_are_asked_for(fly)
 @pytest.mark.parametrize(
     ("given", "note"),
     [
-        ("goalx:=5.0", "parameter 'goalx' is not read; did you mean 'goal_x'?"),
-        ("time_limit:=5.0", "parameter 'time_limit' is not read; did you mean 'time_limit_sec'?"),
+        ("goalx:=5.0", "parameter 'goalx' is not used: did you mean 'goal_x'?"),
+        ("time_limit:=5.0", "parameter 'time_limit' is not used: did you mean 'time_limit_sec'?"),
     ],
 )
 @pytest.mark.parametrize("is_in_file", [False, True])

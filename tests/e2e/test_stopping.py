@@ -87,7 +87,7 @@ def test_a_leaf_that_raises_ends_the_run_and_is_named(start, tmp_path):
 @pytest.mark.ros
 def test_a_signal_during_the_look_around_ends_the_run_before_anything_is_started(start, witness):
     witness()
-    run = start("sar-run", "--sim").wait_for("Looking whether another simulation")
+    run = start("sar-run", "--sim").wait_for("Checking for other simulations")
     run.send(signal.SIGINT)
     assert run.end() == 130, run.output
     assert "ready" not in run.output

@@ -82,11 +82,11 @@ def test_a_camera_that_nobody_brings_is_named(start, installed):
         (["--sim", "--fault", "report_survivor:drop=1"], "(known: take_photo, navigate_to_pose, amcl)"),
         (
             ["--ros-args", "-p", "point_order:=[yrd]"],
-            "which has no pose: give points.yrd.x, .y and .yaw; did you mean",
+            "which has no pose: add points.yrd.x, .y and .yaw; did you mean",
         ),
         (
             ["--ros-args", "-p", "point_order:=[yard, yard]", "-p", "tick_rate_hz:=0"],
-            "2 mistakes in the parameters:",
+            "2 errors in the parameters:",
         ),
     ],
 )
@@ -103,7 +103,7 @@ def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed,
     both = start("sar-run", tree, env=installed)
     assert both.end() == 2
     assert (
-        "both.xml:3:28: error[several-missions]: the leaves of this tree are of several missions"
+        "both.xml:3:28: error[several-missions]: the leaves of this tree belong to several missions"
         in both.output
     )
     one = start("sar-run", tree, "--mission", "photo_patrol", env=installed)

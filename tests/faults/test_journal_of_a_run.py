@@ -121,7 +121,7 @@ def test_other_zones_are_refused_by_the_names_of_the_parameters(begin, start, tr
     killed(begin())
     more = ("--resume", "--ros-args", "-p", "zone_order:=[zone_b]", "-p", "base_station.x:=1.0")
     words = refused(start, tree, state, *more)
-    assert "2 mistakes in the parameters" in words
+    assert "2 errors in the parameters" in words
     assert "zones: is [{'id': 'zone_b'" in words
     assert "base_station: is {'x': 1.0" in words
 

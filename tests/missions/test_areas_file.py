@@ -107,7 +107,7 @@ def test_no_parameter_file_leads_to_areas_outside_its_folder(tmp_path: Path, pat
     (tmp_path / "secret").write_text("never shown", encoding="utf-8")
     (folder / "link").symlink_to(tmp_path / "secret")
     [problem] = problems_of(folder, path.format(above=tmp_path))
-    assert f"cannot be read: it lies outside {folder}; put it beside " in problem
+    assert f"cannot be read: it lies outside {folder}; move it next to " in problem
     assert problem.endswith("or name it on the command line: -p areas_file:=PATH")
 
 
@@ -146,7 +146,7 @@ def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_pat
     given["areas_file"] = str(tmp_path / "areas.geojson")
     binding = load("search_and_rescue").binding()
     assert begin_run(MISSION, ParameterReader(given), binding).notes == ()
-    with pytest.raises(TypeError, match="reads the file of areas_file: list it in path_parameters"):
+    with pytest.raises(TypeError, match="reads the file of areas_file: add it to path_parameters"):
         begin_run(Unlisted(), ParameterReader(given), binding)
 
 

@@ -97,10 +97,10 @@ def test_leaves_of_two_missions_are_a_finding_that_names_them_with_its_place(ins
     [finding] = caught.value.findings
     assert finding.code == "several-missions"
     assert finding.message == (
-        "the leaves of this tree are of several missions: <AdvanceZone> of 'search_and_rescue', "
+        "the leaves of this tree belong to several missions: <AdvanceZone> of 'search_and_rescue', "
         "<Water> of 'farming'"
     )
-    assert finding.hint == "say which one counts: --mission NAME"
+    assert finding.hint == "choose one with --mission NAME"
     assert (finding.span.line, finding.span.column) == (3, 25)
 
 
@@ -119,7 +119,7 @@ def test_a_name_that_there_is_not_is_answered_with_the_one_that_was_meant():
 
 def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passed_over(install, tmp_path):
     install("farm_f", "farm_f:FARM")
-    with pytest.raises(MissionError, match=f"the missions of {re.escape(str(tmp_path))} are passed over"):
+    with pytest.raises(MissionError, match=f"missions of {re.escape(str(tmp_path))} are ignored"):
         find_mission("farming", tmp_path)
 
 
@@ -131,9 +131,15 @@ def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passe
             "'nowhere_at_all:X' (entry point 'entry0') cannot be imported: ModuleNotFoundError",
         ),
         (["farm_d:NOT_THERE"], "cannot be imported: AttributeError"),
-        (["farm_d:Crop"], "'farm_d:Crop' (entry point 'entry0') is no Mission, but <class 'farm_d.Crop'>"),
-        (["farm_d:UNNAMED"], "needs a name that a node can have, such as 'patrol'; it is 'my farm'"),
-        (["farm_d:LOOSE"], "as context_types, in brackets; they are <class 'farm_d.Crop'>"),
+        (
+            ["farm_d:Crop"],
+            "'farm_d:Crop' (entry point 'entry0') must name a Mission, but names <class 'farm_d.Crop'>",
+        ),
+        (["farm_d:UNNAMED"], "needs a name that is valid for a node, such as 'patrol', but has 'my farm'"),
+        (
+            ["farm_d:LOOSE"],
+            "context_types, a collection of its context objects' classes, but has <class 'farm_d.Crop'>",
+        ),
         (
             ["farm_d:FARM", "farm_d:OTHER"],
             "two missions are installed as 'farming'; the mission 'farm_d:OTHER'",

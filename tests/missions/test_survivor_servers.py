@@ -143,7 +143,7 @@ class TestDetecting:
         caller = self.serve(ros, "survivor.kitchen.x:=1.0", "survivor.kitchen.y:=2.0", "tick_rate:=1.0")
         assert not caller.detect("kitchen").found
         warnings = [line.partition("]: ")[2] for line in said.lines() if "is not read" in line]
-        assert warnings == ["parameter 'survivor' is not read; did you mean 'survivors'?"]
+        assert warnings == ["parameter 'survivor' is not used: did you mean 'survivors'?"]
 
     def test_its_service_follows_its_namespace(self, make_ros: Callable[..., Ros]) -> None:
         from search_and_rescue.servers import DetectSurvivorServer

@@ -280,7 +280,7 @@ class TestTheCheckSpeaksFirst:
         ]
         text = "".join(f"    k{index}: {scalar}\n" for index, scalar in enumerate(scalars))
         values = self.unchecked(launch, text)
-        kinds = {bool: "a truth value", int: "a whole number", float: "a number", str: "text"}
+        kinds = {bool: "a Boolean", int: "an integer", float: "a number", str: "text"}
         read = {scalar: kinds[type(values[f"k{index}"])] for index, scalar in enumerate(scalars)}
         assert read == {scalar: rcl_kind(scalar) for scalar in scalars}
 

@@ -82,14 +82,14 @@ def test_a_file_of_which_nothing_is_read_is_reported_with_what_would_be(tmp_path
     elsewhere = file_for(tmp_path, "/search_and_rescue")
     [note] = unread(elsewhere, "x")
     assert note.startswith(
-        "no parameter of the file is read: the file's sections are for /search_and_rescue;"
+        "no parameter of the file is used: the file's sections are for /search_and_rescue;"
     )
-    assert note.endswith(f"this node is {NODE}; write '/**:' above the section")
+    assert note.endswith(f"this node is {NODE}. Write '/**:' above the section")
     own = file_for(tmp_path, NODE)
     [note] = unread(own, "tick_rate_hz", "zones")
     assert (
         note
-        == f"{own}:2:21: no parameter of the file is read by the run: it gives x; known are tick_rate_hz, zones"
+        == f"{own}:2:21: no parameter of the file is used by the run: it has x, and the run uses tick_rate_hz, zones"
     )
 
 

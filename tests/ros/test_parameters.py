@@ -184,7 +184,7 @@ class TestPlacesOfAnotherName:
 
 class TestMistakes:
     def test_no_order_says_how_to_give_one(self) -> None:
-        assert "is missing: give the zones to visit" in mistakes(mission(zone_order=None))["zone_order"]
+        assert "is missing: list the zones to visit" in mistakes(mission(zone_order=None))["zone_order"]
 
     def test_an_order_under_nearly_its_name_is_pointed_out(self) -> None:
         assert "'zone_oder'" in mistakes(mission(zone_order=None, zone_oder=["zone_a"]))["zone_order"]
@@ -207,19 +207,17 @@ class TestMistakes:
     def test_an_order_of_too_many_zones(self) -> None:
         order = [f"zone_{number}" for number in range(MOST_PLACES + 1)]
         found = mistakes(mission(zone_order=order))
-        assert found == {
-            "zone_order": "names 1,001 zones, and 1,000 are the most: give the others to another mission"
-        }
+        assert found == {"zone_order": "names 1,001 zones, more than 1,000: move some to another mission"}
 
     def test_a_zone_without_a_pose_with_the_nearest_name(self) -> None:
         [text] = mistakes(mission(zone_order=["zone_a", "zone_B"])).values()
-        assert "names 'zone_B', which has no pose: give zones.zone_B.x" in text
+        assert "names 'zone_B', which has no pose: add zones.zone_B.x" in text
         assert "did you mean 'zone_b'?" in text
 
     @pytest.mark.parametrize("name", ["x", "y", "yaw"])
     def test_a_coordinate_that_is_missing(self, name: str) -> None:
         found = mistakes({k: v for k, v in mission().items() if k != f"zones.zone_b.{name}"})
-        assert found == {f"zones.zone_b.{name}": "is missing: give a number"}
+        assert found == {f"zones.zone_b.{name}": "is missing: write a number"}
 
     def test_a_number_that_is_missing_and_has_no_default(self) -> None:
         reader = ParameterReader({"height": 2})
@@ -228,7 +226,7 @@ class TestMistakes:
             1.5,
             0.0,
         )
-        assert [str(each) for each in reader.problems] == ["width: is missing: give a number"]
+        assert [str(each) for each in reader.problems] == ["width: is missing: write a number"]
 
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
     def test_a_number_that_is_not_finite(self, value: float) -> None:
@@ -311,7 +309,7 @@ class TestNamesThatNobodyReads:
         self, given: str, meant: str
     ) -> None:
         notes = lookalikes([given], (*MISSION_NAMES, "goal_x", "wait.sec"))
-        assert notes == [f"parameter '{given}' is not read; did you mean '{meant}'?"]
+        assert notes == [f"parameter '{given}' is not used: did you mean '{meant}'?"]
 
     def test_it_is_noted_also_where_the_right_one_is_given_by_a_file(self) -> None:
         assert len(lookalikes(["goal_x", "goalx"], ["goal_x"])) == 1
@@ -319,7 +317,7 @@ class TestNamesThatNobodyReads:
     def test_a_group_is_noted_once(self) -> None:
         given = ["survivor.kitchen.x", "survivor.kitchen.y", "survivor.attic.x"]
         assert lookalikes(given, MISSION_NAMES) == [
-            "parameter 'survivor' is not read; did you mean 'survivors'?"
+            "parameter 'survivor' is not used: did you mean 'survivors'?"
         ]
 
     def test_what_is_read_is_not_noted(self) -> None:
@@ -424,20 +422,20 @@ class TestParameterFiles:
         [
             ("zone_order: []", 3, 17, "'zone_order' is an empty list"),
             ("x: {}", 3, 8, "'x' is empty"),
-            ("x: [1, 2.5]", 3, 12, "mixes a whole number with a number"),
+            ("x: [1, 2.5]", 3, 12, "mixes an integer with a number"),
             ("x: [1.0, 2]", 3, 14, "(write 1.0 for 1)"),
-            ("x: ['1', 2]", 3, 14, "mixes text with a whole number"),
-            ("x: [true, 1]", 3, 15, "mixes a truth value with"),
+            ("x: ['1', 2]", 3, 14, "mixes text with an integer"),
+            ("x: [true, 1]", 3, 15, "mixes a Boolean with"),
             ("x: [a, {b: 1}]", 3, 12, "list of mappings"),
             ("x: [[1], [2]]", 3, 9, "list of lists"),
             ("x: [a, ~]", 3, 12, "ROS has no empty values"),
             ("y: 1\nx:", 4, 7, "'x' has no value"),
-            ("x: null", 3, 8, "would read that text"),
+            ("x: null", 3, 8, "would read it as a string"),
             ("zones:\n  a: {x: ~}", 4, 14, "'zones.a.x' is ~"),
             ("x: 1\nx: 2", 4, 5, "'x' is given twice (first in line 3)"),
             ("a.b: 1\na:\n  b: 2", 5, 7, "'a.b' is given twice (first in line 3)"),
             ("z: {x: 1}\nz: {y: 1}", 4, 5, "'z' is given twice"),
-            ("x: &a 1\ny: *a", 4, 8, "no aliases: write out the value of '*a'"),
+            ("x: &a 1\ny: *a", 4, 8, "no aliases: write the value of '*a' in full"),
             ("x: !degrees 90", 3, 8, "has the tag !degrees"),
             ("x: !!int '3'", 3, 8, "which ROS ignores"),
             ("x: 1_000", 3, 8, "ROS reads 1_000 as text"),
@@ -525,7 +523,7 @@ def test_where_the_map_lies_is_read_and_not_asked_for():
         ({"georeference": 3}, "georeference: must hold lat, lon and heading, is the number 3"),
         (
             {"georeference.lat": 1.0, "georeference.lon": 2.0},
-            "georeference.heading: is missing: give a number",
+            "georeference.heading: is missing: write a number",
         ),
         (
             {"georeference.lat": 91.0, "georeference.lon": 2.0, "georeference.heading": 0.0},
@@ -538,7 +536,7 @@ def test_where_the_map_lies_is_read_and_not_asked_for():
                 "georeference.heading": 0.0,
                 "georeference.yaw": 1.0,
             },
-            "georeference.yaw: is not known there; there may be lat, lon, heading",
+            "georeference.yaw: is unknown; expected one of lat, lon, heading",
         ),
     ],
 )

@@ -50,7 +50,7 @@ def test_a_signal_during_the_look_around_ends_it_before_a_world_is_there() -> No
     process = started("--robot", "r1")
     try:
         assert process.stderr is not None
-        assert "Looking whether another simulation" in process.stderr.readline()
+        assert "Checking for other simulations" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=SILENCE_SEC) == 0
     finally:
@@ -150,7 +150,7 @@ def test_robots_that_cannot_be_placed_are_wrong_usage(robots: list[str], problem
 
 def test_a_world_that_cannot_be_mapped_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["map", "empty"]) == 2
-    assert "has no 'survey' way" in capsys.readouterr().err
+    assert "has no 'survey' route" in capsys.readouterr().err
 
 
 def test_the_map_goes_where_it_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -33,11 +33,11 @@ def test_without_a_file_robots_are_at_their_starts(kept):
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "holds no places of robots"),
-        ("[]", "holds no places of robots"),
-        ('{"world": "disaster_zone", "robots": {"": [[1, 2], [1, 2, 3, 4]]}}', "holds no places of robots"),
-        ('{"world": "disaster_zone", "robots": {"": [["a", 2, 0], [1, 2, 3]]}}', "holds no places of robots"),
-        ('{"world": "elsewhere", "robots": {}}', "holds places in another world, 'elsewhere'"),
+        ("", "has no poses of robots"),
+        ("[]", "has no poses of robots"),
+        ('{"world": "disaster_zone", "robots": {"": [[1, 2], [1, 2, 3, 4]]}}', "has no poses of robots"),
+        ('{"world": "disaster_zone", "robots": {"": [["a", 2, 0], [1, 2, 3]]}}', "has no poses of robots"),
+        ('{"world": "elsewhere", "robots": {}}', "has poses of another world, 'elsewhere'"),
         ('{"world": "disaster_zone", "robots": {"": [[NaN, 2, 0], [1, 2, 3]]}}', "not finite"),
     ],
 )

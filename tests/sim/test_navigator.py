@@ -81,7 +81,7 @@ def two_rooms() -> OccupancyMap:
 
 
 def test_a_goal_behind_a_wall_has_no_path() -> None:
-    with pytest.raises(PlanningError, match="no way leads from") as raised:
+    with pytest.raises(PlanningError, match="no path leads from") as raised:
         Planner(two_rooms(), 0.22).plan(Pose2D(1.0, 1.0), Pose2D(3.0, 1.0))
     assert raised.value.code is NavCode.NO_VALID_PATH
 

@@ -30,7 +30,7 @@ def test_distances_are_those_of_the_way_from_place_to_place(two_rooms):
         (9.0, 1.0, "it is outside the map"),
         (4.05, 1.0, "the robot does not fit on free ground there"),
         (3.9, 1.0, "the robot does not fit on free ground there"),
-        (6.0, 1.0, "no way leads there"),
+        (6.0, 1.0, "no path leads there"),
     ],
 )
 def test_a_place_that_cannot_be_reached_is_named_with_the_reason(two_rooms, x, y, trouble):
@@ -55,7 +55,7 @@ def test_a_place_outside_the_geofence_and_a_way_that_leaves_it_are_told_apart(tw
     legs = plan_route(Planner(two_rooms, RADIUS), (0.5, 1.0), stops, lambda x, _: not 1.5 < x < 3.0)
     assert [leg.trouble for leg in legs] == [
         "it is outside the geofence",
-        "the way there leaves the geofence",
+        "the path there leaves the geofence",
     ]
     assert [leg.distance for leg in legs] == [None, pytest.approx(3.0, abs=0.15)]
 

@@ -147,7 +147,7 @@ def test_two_robots_in_each_other_s_way_both_get_their_goals_aborted(
     for navigation, handle in zip((one, other), handles, strict=True):
         ended = navigation.result(handle)
         assert (ended.status, ended.result.error_code) == (ABORTED, 105)
-        assert "something that is not on the map is in its way" in ended.result.error_msg
+        assert "an obstacle that is not on the map blocks it" in ended.result.error_msg
     apart = simulation.robot_pose("robot1").distance_to(simulation.robot_pose("robot2"))
     assert apart == pytest.approx(0.44, abs=1e-3)
 
