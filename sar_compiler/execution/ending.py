@@ -21,8 +21,8 @@ class RunResult:
     """The result of a run.
 
     Attributes:
-        achieved: Whether the run has achieved its goal.
-        reason: A sentence with the reason.
+        achieved: Whether the run achieved its goal.
+        reason: The reason, as a sentence.
     """
 
     achieved: bool
@@ -37,7 +37,7 @@ class EndCondition:
         until: The condition that ends the run.
         mission: The run's mission.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
-        say: Called with a message for every round of the tree after which the run continues, although the root has ended.
+        say: Called with a message for every round of the tree after which the run continues although the root has ended.
     """
 
     until: Until
@@ -49,11 +49,11 @@ class EndCondition:
 
     @property
     def complete(self) -> bool:
-        """Whether there is a mission with an end of its own, and it is complete."""
+        """Whether there is a mission with its own end condition, and it is complete."""
         return self.mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
-        """Return in sentences what is missing for a complete mission; empty without a mission that has an end of its own."""
+        """Return a sentence for each item that a complete mission still needs; empty for a mission without its own end condition."""
         return self.mission.shortfalls() or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:
@@ -65,7 +65,7 @@ class EndCondition:
         """
         result = self._mission_result(status) if self.until is Until.COMPLETE else self._root_result(status)
         if result is None and self.time_limit_sec is not None and elapsed_sec > self.time_limit_sec:
-            limit = f"The time limit of {clock_text(self.time_limit_sec)} was reached."
+            limit = f"The time limit of {clock_text(self.time_limit_sec)} has expired."
             return RunResult(achieved=False, reason=" ".join([limit, *self.shortfalls()]))
         return result
 
@@ -83,8 +83,8 @@ class EndCondition:
     def _mission_result(self, status: Status) -> RunResult | None:
         if self.complete:
             return RunResult(achieved=True, reason=" ".join(["Mission complete.", *self.mission.remarks()]))
-        # With nothing left to do, a tree that ends twice in a row is through. Once is not enough: the tick
-        # that finishes the last piece of work succeeds before the way back was checked.
+        # With nothing left to do, a tree that ends twice in a row is finished. Once is not enough: the tick that finishes the last piece of work
+        # succeeds before the way back was checked.
         nothing_left = self.mission.nothing_left()
         over = nothing_left and status != Status.RUNNING
         self._idle_ticks = self._idle_ticks + 1 if over else 0
@@ -94,11 +94,11 @@ class EndCondition:
 
 
 def default_summary(mission: MissionRun, outcome: str, elapsed_sec: float, ticks: int) -> str:
-    """Return the summary of a run whose mission has none of its own: its outcome, figures, duration, and what is missing.
+    """Return the summary for a mission without its own: outcome, figures, duration, and missing items.
 
     Args:
         mission: The run's mission.
-        outcome: What has become of the run, in words: `succeeded`.
+        outcome: The outcome of the run, in words: `succeeded`.
         elapsed_sec: Its duration, in seconds of the node's clock.
         ticks: The number of ticks.
     """

@@ -1,4 +1,4 @@
-"""The extensions of one run, called in the order in which they were made."""
+"""The extensions of one run, called in the order of their creation."""
 
 from collections.abc import Iterable
 from contextlib import ExitStack
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def guardian_of(run: RunSetup) -> RunExtension | None:
-    """Return what guards the goals of a run, if that is asked for, or usual: a simulation dies with the run."""
+    """Return the guardian of a run's goals, by option or default; a simulation dies with the run and needs none."""
     if not run.options.guardian and not (run.journal.is_kept and run.options.sim is None):
         return None
     from sar_compiler.ros.arguments import security_arguments
@@ -29,12 +29,12 @@ class Extensions:
 
     Args:
         run: The run.
-        journal: The run's journal, which is ended last.
-        makes: What makes each of the others, which may listen to it.
-        stack: Ends them, the last one first, whatever becomes of the run.
+        journal: The run's journal, which is closed last.
+        makes: Create the other extensions, which may listen to the journal.
+        stack: Closes them in reverse order, however the run ends.
 
     Raises:
-        SarError: If one of them cannot be.
+        SarError: If an extension cannot be created.
         ImportError: If a library is not installed.
     """
 
@@ -54,7 +54,7 @@ class Extensions:
                 run.journal.listen(extension.on_entry)
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
-        """Let each of them begin.
+        """Start each extension.
 
         Raises:
             SarError: If one cannot.
@@ -64,15 +64,15 @@ class Extensions:
 
     @property
     def how_to_see_it_again(self) -> str:
-        """The line that shows a simulation again; empty for other runs, and where no journal is kept."""
+        """The command that replays a simulation; empty for other runs, and without a journal."""
         return self._journal.how_to_see_it_again
 
     def cause_of_failure(self) -> str:
-        """Return the likeliest cause of a failure in a line; empty where none is known, or no journal is kept."""
+        """Return the likeliest cause of a failure in a line; empty if none is known, or without a journal."""
         return next(filter(None, (each.cause_of_failure() for each in self._extensions)), "")
 
     def on_begin(self) -> None:
-        """Let the tree be ticked from here on: its journal begins, which tells the others.
+        """Open the journal, whose start also notifies the other extensions; ticks follow.
 
         Raises:
             JournalError: If it cannot be written.
@@ -82,21 +82,21 @@ class Extensions:
         self._has_begun = True
 
     def on_setup(self) -> None:
-        """Tell each of them that the leaves are set up.
+        """Notify each extension that the leaves are set up.
 
         Raises:
-            UnfitLeavesError: If the run cannot be with these leaves.
+            UnfitLeavesError: If the run is impossible with these leaves.
         """
         for extension in self._extensions:
             extension.on_setup()
 
     def on_last_tick(self, *, is_over: bool) -> None:
-        """Tell each of them that nothing is ticked any more, before the tree is stopped."""
+        """Notify each extension after the last tick, before the tree is halted."""
         for extension in self._extensions:
             extension.on_last_tick(is_over=is_over)
 
     def watch(self) -> "RunWatch | None":
-        """Return the extension that watches the run for properties; None if there is none."""
+        """Return the extension that monitors properties; None if there is none."""
         if not self._options.properties:
             return None
         from sar_compiler.execution.run_watch import RunWatch
@@ -106,5 +106,5 @@ class Extensions:
     def _end(self, extension: RunExtension) -> None:
         try:
             extension.on_end(has_begun=self._has_begun)
-        except Exception as error:  # noqa: BLE001 - a failing extension must not keep the others from their end
-            self._complain(f"{type(extension).__name__} could not come to its end: {error!r}.")
+        except Exception as error:  # noqa: BLE001 - a failing extension must not prevent the others from closing
+            self._complain(f"{type(extension).__name__} could not be closed: {error!r}.")

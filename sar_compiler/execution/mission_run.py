@@ -59,20 +59,20 @@ def run_mission(
     output: RunOutput,
     report: Callable[[RunOutcome], object],
 ) -> RunOutcome:
-    """Check the tree, wait for its requirements, tick it to the end, and return what has become of the run.
+    """Check the tree, wait for its requirements, tick it to the end, and return the outcome.
 
     Args:
         options: The options.
-        makes: Make the extensions of the run.
+        makes: Create the extensions of the run.
         signals: The requests to stop.
-        ros: Takes down what is native, in the end, when all that the run has to write is written.
-        staying: Takes what is to be called after that.
-        output: Where the run is shown.
-        report: Is called with the result, before the extensions come to their ends.
+        ros: Shuts down ROS at the end, after the run has written all of its output.
+        staying: Collects functions to call after that.
+        output: The run's output.
+        report: Called with the result before the extensions close.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.
-        NotReadyError: If the simulation has not what the tree needs, or that does not appear in time; the robot has not moved.
+        NotReadyError: If a requirement of the tree is missing in the simulation, or does not appear in time; the robot has not moved.
         SarError: If the mission, the parameters, the world or the ROS arguments are wrong; the robot has not moved.
     """
     with RunStart(options) as start, ExitStack() as stack:
@@ -143,15 +143,15 @@ def _approval(options: RunOptions, loaded: ProjectTree) -> ApprovalCheck:
     """Check that the tree is approved.
 
     Raises:
-        ApprovalError: If it is not, as it is.
+        ApprovalError: If this version of it is not approved.
     """
-    # The option alone means the properties that the mission brings along.
+    # The option without a file selects the mission's own properties.
     properties = options.properties if isinstance(options.properties, Path) else None
     return ApprovalCheck(loaded, options.tree_id, options.params, properties)
 
 
 def _executor(options: RunOptions, context: Context) -> "Executor | SteppedExecutor":
-    """Return what serves the mission's node: with its world, if that is wanted, and if this rclpy can."""
+    """Return the executor of the mission's node, which also steps the world if requested and supported by rclpy."""
     if options.stepped:
         from sar_compiler.sim.node_host import SteppedExecutor
 
@@ -161,7 +161,7 @@ def _executor(options: RunOptions, context: Context) -> "Executor | SteppedExecu
 
 
 def _world(options: RunOptions) -> "World | None":
-    """Return the world to simulate, if any; a wrong name is reported before anything slow is done."""
+    """Return the world to simulate, if any; a wrong name is reported before any slow step."""
     if options.sim is None:
         return None
     from sar_compiler.sim.world import find_world
@@ -173,18 +173,18 @@ def _world(options: RunOptions) -> "World | None":
 
 
 def _require_navigation(tree: CompiledTree, world: "World") -> None:
-    """Check that the simulation provides Nav2 if the tree needs it: no other node may, beside a simulation.
+    """Check that the simulation provides Nav2 if the tree needs it, because no other node may provide it beside a simulation.
 
     Raises:
-        NotReadyError: If it does not.
+        NotReadyError: If it does not provide Nav2.
     """
     if world.map_path is None and not {Use.nav2(), Use.action(NAVIGATION)}.isdisjoint(tree.uses()):
-        line = f"Nav2: the world '{world.name}' has no map, and without one nothing navigates in it"
+        line = f"Nav2: the world '{world.name}' has no map for navigation. Draw one with sar-sim map, and name it in the world's file"
         raise NotReadyError([line], None)
 
 
 def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> RouteCheck | None:
-    """Return the check of the mission's way that is asked for; None for a run that does not navigate."""
+    """Return the requested check of the mission's route; None for a run that does not navigate."""
     if not setup.options.check or not setup.mission.route() or Use.nav2() not in tree.uses():
         return None
     return RouteCheck(setup.node, setup.mission, setup.parameters, world)
@@ -199,7 +199,7 @@ def _ros(options: RunOptions, signals: StopSignals, mission: Mission | None) -> 
         from sar_compiler.sim.isolation import stay_on_this_machine
 
         stay_on_this_machine()
-        if draws_in_place(sys.stderr):  # the wall's time tells nothing of a simulation
+        if draws_in_place(sys.stderr):  # wall time is meaningless in a simulation
             os.environ.setdefault("RCUTILS_CONSOLE_OUTPUT_FORMAT", "[{severity}] [{name}]: {message}")
     with ros_up(arguments) as context:
         if options.sim is not None:
@@ -232,7 +232,7 @@ def _simulated_time(options: RunOptions) -> list[Parameter]:
 def _simulation(
     setup: RunSetup, world: "World | None", faults: Sequence[Fault], executor: "Executor | SteppedExecutor"
 ) -> "Iterator[Simulation | None]":
-    """Start the world, the stand-in for Nav2 and the mission's servers in this process, if a world is simulated."""
+    """Start the world, the Nav2 substitute and the mission's servers in this process, if a world is simulated."""
     if world is None:
         yield None
         return

@@ -1,4 +1,4 @@
-"""By whom the orders to a mission are given, and why: said before each call of a service, and written into the journal with it."""
+"""Author and reason of the operator's commands: announced before each service call, and recorded with it in the journal."""
 
 import time
 from collections import defaultdict, deque
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 
     from sar_compiler.journal.journal import Journal
 
-# The services of orders have no field for it, so that `std_srvs/srv/Trigger` is enough and every order takes it in one way: who is about to call
-# `~/pause` sets the parameter `ordered_by.pause` of its node, to a name, or to a name and a reason.
+# The services of commands have no field for the author, so that `std_srvs/srv/Trigger` suffices and all commands work alike. Before a client
+# calls `~/pause`, it sets the parameter `ordered_by.pause` of the node to a name, or to a name and a reason.
 _PARAMETER = "ordered_by"
 _A_CALL = "a service call"
-# How long somebody may take from there to the call, in seconds of the steady clock, and how long what they say may be.
+# Longest time from the announcement to the call, in seconds of the steady clock, and longest text.
 _SIGNED_SEC, _LONGEST = 10.0, 200
-# How long whoever is told may take to say that it was heard, likewise.
+# Longest wait for the mission's response to the announcement, in the same units.
 _HEARD_SEC = 1.0
 
 
 class OrderRecord:
-    """Writes each order to a mission into its journal, with its author.
+    """Records each command to a mission in its journal, with its author.
 
     Args:
         node: The mission's node.
-        verbs: What can be ordered of it.
+        verbs: The mission's commands.
         journal: Its journal.
     """
 
@@ -43,7 +43,7 @@ class OrderRecord:
         node.add_on_set_parameters_callback(self._hear)
 
     def begin(self) -> None:
-        """Record from now on; the leaves have made the services."""
+        """Start recording; the leaves have already created the services."""
         names = {self._node.resolve_service_name(f"~/{name}"): verb for name, verb in self._verbs.items()}
         for service in self._node.services:
             verb = names.get(service.service_name)
@@ -51,12 +51,12 @@ class OrderRecord:
                 service.callback = partial(self._carry_out, verb, service.callback)
 
     def sign(self, verb: str, author: CommandAuthor, then: Callable[[], object]) -> None:
-        """Record who is about to call a verb's service, and call *then*, which does."""
+        """Store the author of the next call of a command's service, then run *then*, which calls it."""
         self._signed[verb].append((CommandAuthor(*map(one_line, author)), time.monotonic()))
         then()
 
     def _signature(self, verb: str) -> CommandAuthor:
-        """Return who is calling a verb's service."""
+        """Return the author of the current call of a command's service."""
         signed, oldest = self._signed[verb], time.monotonic() - _SIGNED_SEC
         while signed:
             author, said = signed.popleft()
@@ -78,7 +78,7 @@ class OrderRecord:
         author = self._signature(verb.name)
         with self._journal.ordered_by(author) as noted:
             answered = answer(request, response)
-        # Whatever somebody's own service answers ends no mission.
+        # Any response of a user's own service must not end the mission.
         refusal = "" if getattr(answered, "success", True) else str(getattr(answered, "message", ""))
         by, reason = author
         order = {"verb": verb.name, "label": verb.label, "by": by, "reason": reason, "refusal": refusal}
@@ -87,12 +87,12 @@ class OrderRecord:
 
 
 def one_line(text: str) -> str:
-    """Return a stranger's text as part of a sentence: one line, not too long, without a full stop."""
+    """Return untrusted text as part of a sentence: one line, limited in length, without a full stop."""
     return "".join(filter(str.isprintable, text))[:_LONGEST].strip().removesuffix(".")
 
 
 class RemoteSignature:
-    """Says to a mission in another process who is about to give an order.
+    """Announces the author of a command to a mission in another process.
 
     Args:
         node: The node that calls.
@@ -106,10 +106,10 @@ class RemoteSignature:
         self._client: Any = node.create_client(SetParameters, f"{of}/set_parameters")
 
     def sign(self, verb: str, author: CommandAuthor, then: Callable[[], object]) -> None:
-        """Say who is about to call a verb's service, and call *then*, which does, once that was heard.
+        """Announce the author of the next call of a command's service, and run *then*, which calls it, after the response.
 
-        A node that takes no parameters is not told. An answer that is lost, as may happen where two nodes have just found each other, delays the
-        order, and does not keep it from being given.
+        A node without parameters gets no announcement. If the response is lost, which happens when two nodes have just discovered each other, the
+        command is delayed, but still sent.
         """
         from rclpy.parameter import Parameter
 

@@ -1,4 +1,4 @@
-"""A run of a mission, called from Python: from a test, a notebook, a program of your own."""
+"""Running a mission from Python: from a test, a notebook, or another program."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -11,13 +11,13 @@ from sar_compiler.terminal import RunOutput
 
 
 class _NoOutput(RunOutput):
-    """Prints nothing: the caller has the result."""
+    """Prints nothing, because the caller receives the result."""
 
     def show(self, text: str) -> None:
         """Ignore a text."""
 
     def draw(self, text: str) -> None:
-        """Ignore what a terminal would obey."""
+        """Ignore terminal control sequences."""
 
     def say(self, text: str) -> None:
         """Ignore a text."""
@@ -26,11 +26,11 @@ class _NoOutput(RunOutput):
 def run_mission(options: RunOptions, extensions: Sequence[MakeExtension] = ()) -> RunOutcome:
     """Run a mission in this process, and return its result; ROS logs as usual.
 
-    Ctrl-C stops the run in order, and the result says so. Call it in the main thread.
+    Ctrl-C stops the run gracefully, and the result reports it. Call this function in the main thread.
 
     Args:
         options: The options; `sim` simulates the robot.
-        extensions: Make further extensions of the run; the options bring the watch of properties and the guardian.
+        extensions: Create further extensions of the run; the options add the property monitor and the guardian.
 
     Raises:
         TreeError: If the tree is not valid; the robot has not moved.

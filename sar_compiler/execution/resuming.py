@@ -1,4 +1,4 @@
-"""What a mission must have in common with the one in a journal to go on with it: the tree, and what it is about."""
+"""Compatibility checks before a mission resumes from a journal: the same tree, and the same mission."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,11 +13,11 @@ from sar_compiler.nodes.collector import Collector
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.json_values import json_text, json_value
 
-_ADVICE = "or begin anew, and keep that journal: --new"
+_ADVICE = "or start over and keep that journal with --new"
 
 
 def as_data(value: object) -> Any:
-    """Return a value as it is read from a journal: JSON values, arrays as lists."""
+    """Return a value in the form that a journal returns: JSON values, arrays as lists."""
     return json_value(json_text(value, default=_plain))
 
 
@@ -26,32 +26,33 @@ def _plain(value: Any) -> Any:
 
 
 def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
-    """Hold what a mission is about against what the one in a journal is about.
+    """Compare the identity of a mission with that of the mission in a journal.
 
     Args:
         journal: The journal.
-        about: `mission`, `simulated` and `identity` of the mission that is to go on with it.
+        about: `mission`, `simulated` and `identity` of the resuming mission.
 
     Raises:
         JournalError: If it is another mission.
-        ParameterError: If it is about something else; names each parameter.
+        ParameterError: If its identity differs; names each parameter.
     """
     there: Any = journal.about
     if there.get("mission") != about["mission"]:
         raise JournalError(
-            f"the journal {journal.place} is of {_called(there.get('mission'))}, and this is {_called(about['mission'])}: "
+            f"the journal {journal.place} is of {_called(there.get('mission'))}, but this is {_called(about['mission'])}: "
             f"name another file, {_ADVICE}"
         )
     if there.get("simulated") != about["simulated"]:
         which, other = ("simulation", "robot") if there.get("simulated") else ("robot", "simulation")
         raise JournalError(
-            f"the mission in the journal {journal.place} was begun with a {which}, and cannot go on with a {other}: name "
+            f"the mission in the journal {journal.place} was started with a {which}, and cannot be resumed with a {other}: name "
             f"another file, {_ADVICE}"
         )
     then = _mapping(there.get("identity"))
     problems = [
         Problem(
-            key, f"is {now!r}, and in the journal {journal.place} {then.get(key)!r}: give that, {_ADVICE}"
+            key,
+            f"is {now!r}, but {then.get(key)!r} in the journal {journal.place}: use that value, {_ADVICE}",
         )
         for key, now in about["identity"].items()
         if now != then.get(key)
@@ -61,19 +62,19 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
 
 
 def _called(mission: str | None) -> str:
-    return "a tree of no mission" if mission is None else f"the mission '{mission}'"
+    return "a tree without a mission" if mission is None else f"the mission '{mission}'"
 
 
 def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str, Any]) -> None:
-    """Hold a tree against that of a journal.
+    """Compare a tree with the tree in a journal.
 
     Args:
         journal: The journal.
-        tree: The tree that is to go on with it.
-        outline: The same as the journal has trees: nested nodes.
+        tree: The tree of the resuming mission.
+        outline: Its outline in the journal's form: nested nodes.
 
     Raises:
-        TreeError: If it is another one; has the first difference.
+        TreeError: If the trees differ; names the first difference.
     """
     difference = _difference(journal.about.get("tree"), outline, tree.root)
     if difference is None:
@@ -82,12 +83,12 @@ def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str
     collector = Collector()
     element = tree.origins[behaviour.id].bound.element
     message = f"the mission in {journal.place} has another tree: {words}"
-    collector.add("other-tree", message, element, hint=f"go on with that tree, {_ADVICE}")
+    collector.add("other-tree", message, element, hint=f"resume with that tree, {_ADVICE}")
     raise TreeError(collector.findings)
 
 
 def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tuple[Behaviour, str] | None:
-    """Return the first behaviour that is not as it was, and what is not; None if all are."""
+    """Return the first behaviour that has changed, and the change; None if there is none."""
     then = _mapping(then)
     for key in ("class", "name", "memory", "policy"):
         if then.get(key) != now.get(key):
@@ -109,7 +110,7 @@ def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tupl
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
-    """Return what a damaged journal may not have."""
+    """Return a mapping, which a damaged journal may lack."""
     return value if isinstance(value, Mapping) else {}
 
 

@@ -1,4 +1,4 @@
-"""The journal of a run of `sar-run`; what it takes is imported only where somebody has a use for it."""
+"""The journal of a run of `sar-run`. Its dependencies are imported only when they are needed."""
 
 import math
 import shlex
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 
 class RunStart:
-    """The start of a run: if it is refused, the reason is kept for `sar-journal why`, because no journal is written then.
+    """The start of a run. If it is refused, the reason is stored for `sar-journal why`, because no journal is written then.
 
     Args:
         options: The options of the run.
 
     Attributes:
-        journal: The journal, once it is open.
+        journal: The journal once it is open.
     """
 
     def __init__(self, options: RunOptions) -> None:
@@ -43,7 +43,7 @@ class RunStart:
         self.journal: RunJournal | None = None
 
     def find_place(self, mission: Mission | None, node: "Node") -> None:
-        """Find out which journal the run would write; a simulated run has a new name each time, which nobody would ask about."""
+        """Determine the journal that the run would write; simulated runs have a new name each time, so they are excluded."""
         if self._place is None and self._options.sim is None and _keeps_by_itself(self._options, mission):
             self._place = _usual_place(self._options, node.get_fully_qualified_name())
 
@@ -51,7 +51,7 @@ class RunStart:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Keep the reason why the run did not begin, if that is so."""
+        """Store the reason why the run did not start, if applicable."""
         if not isinstance(error, SarError):
             return
         has_begun = self.journal is not None and self.journal.has_begun
@@ -61,21 +61,21 @@ class RunStart:
 
 
 class RunJournal(RunExtension):
-    """The journal of a run: kept in a file, listened to, or neither.
+    """The journal of a run: written to a file, only listened to, or neither.
 
     Args:
         options: The options of the run.
-        mission: The mission; None for a tree that belongs to none.
+        mission: The mission; None for a tree without one.
         node: The run's node.
         path: The tree file.
 
     Attributes:
         has_begun: Whether the run has begun.
-        how_to_see_it_again: Of a simulation, the line that shows it again; else empty.
-        journal: The journal. Who listens to it begins at once: what the run does only for those is decided as it goes on.
+        how_to_see_it_again: The command that replays a simulation; empty for other runs.
+        journal: The journal. Listeners register immediately, because the run decides later which work they need.
 
     Raises:
-        JournalError: If there is one that this run must not write to.
+        JournalError: If the journal exists and this run must not write to it.
     """
 
     def __init__(self, options: RunOptions, mission: Mission | None, node: "Node", path: Path) -> None:
@@ -85,10 +85,10 @@ class RunJournal(RunExtension):
         self.journal = _open(options, mission, node)
         self._about: dict[str, object] = {"mission": mission.name if mission is not None else None}
         self._about["simulated"] = options.sim is not None
-        # What was simulated is over with its process, but for this.
+        # Of a simulation, only this record remains when its process ends.
         is_simulation_kept = options.sim is not None and self.journal.is_kept
         replay = f"sar-journal replay {shlex.quote(str(self.journal.place))}"
-        self.how_to_see_it_again = f"To see it again: {replay}" if is_simulation_kept else ""
+        self.how_to_see_it_again = f"To replay it: {replay}" if is_simulation_kept else ""
         self._run_about: dict[str, object] = {
             "version": version("sar_compiler"),
             "node": node.get_fully_qualified_name(),
@@ -99,20 +99,20 @@ class RunJournal(RunExtension):
             self._run_about["after"] = options.supervision.deaths[-1]
 
     def keep_facts(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
-        """Let a mission take over the facts of earlier runs, and keep its own from now on.
+        """Apply the events of earlier runs to a mission, and record its events from now on.
 
         Raises:
-            ParameterError: If the journal is of another mission by its parameters.
-            JournalError: If the facts are not the mission's.
+            ParameterError: If the parameters identify a different mission.
+            JournalError: If the events are not the mission's.
         """
         if self.journal.is_wanted:
             self._identify(run, parameters)
-        # Where nobody reads the facts, they have their times all the same, which the mission may show.
+        # Events have times even without a reader, because the mission may display them.
         if self._mission is not None:
             run.keep_in(self.journal)
 
     def _identify(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
-        """Note what makes it this mission, and that it is the one that is gone on with."""
+        """Record the mission's identity, or check that a resumed mission has the same."""
         from sar_compiler.execution.resuming import as_data, require_same_identity
 
         self._run_about["parameters"] = as_data(parameters)
@@ -120,7 +120,7 @@ class RunJournal(RunExtension):
         if self.journal.is_resumed:
             require_same_identity(self.journal, self._about)
             facts = len(self.journal.facts())
-            self._node.get_logger().info(f"The mission in {self.journal.place} goes on after {facts} facts.")
+            self._node.get_logger().info(f"The mission in {self.journal.place} resumes after {facts} events.")
             self._tell_lost()
         if self._mission is not None:
             self._run_about["facts"] = as_data({**run.facts(), **run.limits()})
@@ -130,15 +130,15 @@ class RunJournal(RunExtension):
             int(fact.data.get("count", 0)) for fact in self.journal.facts() if fact.kind == FACTS_LOST
         ):
             self._node.get_logger().warning(
-                f"{count} facts could not be written and are lost: what they tell of is done again, and the numbers that were "
-                "given until then are not given again."
+                f"{count} events could not be written and are lost: their work is repeated, and the numbers assigned "
+                "until then are not assigned again."
             )
 
     def on_compiled(self, tree: CompiledTree, engine: "Engine") -> None:
-        """Take the tree that is run.
+        """Record the tree of the run.
 
         Raises:
-            TreeError: If the journal is of another tree.
+            TreeError: If the journal has another tree.
         """
         if not self.journal.is_wanted:
             return
@@ -155,10 +155,10 @@ class RunJournal(RunExtension):
         self._tree, self._engine = tree, engine
 
     def on_begin(self) -> None:
-        """Begin to write.
+        """Open the file.
 
         Raises:
-            JournalError: If the file cannot be written.
+            JournalError: If it cannot be written.
         """
         from sar_compiler.ros.clock import mission_clock
 
@@ -176,19 +176,19 @@ class RunJournal(RunExtension):
         self.journal.on_failure, self.journal.on_recovery = logger.error, logger.info
         self.journal.begin(self._about, self._run_about)
         if self.journal.aside is not None:
-            logger.info(f"The journal that was there is kept as {self.journal.aside}.")
+            logger.info(f"The previous journal is kept as {self.journal.aside}.")
         note_goals(self._node, self.journal)
         answers = self._tree.origins.declared_answers()
         self._engine.add_visitor(StatusWatch(self._tree.root, self.journal, answers, logger.warning))
         RobotObserver(self._node, self.journal)  # the node keeps it
 
-    def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - what has not begun leaves no file
+    def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - a run that has not started leaves no file
         """Close the file."""
         self.journal.close()
 
 
 def _node_options(additions: Additions) -> list[list[str]]:
-    """Return the options that decide which nodes a tree can have, each with its value; files by their whole paths."""
+    """Return the options that determine the tree's possible nodes, each with its value; files with absolute paths."""
     models = [str(each) if is_palette_name(str(each)) else str(each.resolve()) for each in additions.models]
     return [
         *(["--nodes", str(each)] for each in additions.nodes),
@@ -198,7 +198,7 @@ def _node_options(additions: Additions) -> list[list[str]]:
 
 
 def _constant(tree: CompiledTree) -> list[int]:
-    """Return the numbers of the leaves that always come to the same status: nobody is to blame for that."""
+    """Return the numbers of leaves with a constant status, which cannot be the cause of a failure."""
     nodes = (
         (number, each, tree.origins[each.id].bound.spec) for number, each in enumerate(pre_order(tree.root))
     )
@@ -206,12 +206,12 @@ def _constant(tree: CompiledTree) -> list[int]:
 
 
 def _limits(tree: CompiledTree) -> dict[str, float]:
-    """Return the time limits of nodes in seconds, by their numbers, as far as they are known before the run."""
+    """Return the time limits of nodes in seconds, by their numbers, if they are known before the run."""
     limits: dict[str, float] = {}
     for number, each in enumerate(pre_order(tree.root)):
         bound = tree.origins[each.id].bound
         if any(tree.origins[child.id].bound is bound for child in each.children):
-            continue  # what conditions put around a node has its spec
+            continue  # a node created for a condition shares its spec
         limit_sec = bound.spec.semantics.limit_sec
         limit = limit_sec(bound) if limit_sec is not None and len(each.children) == 1 else None
         if limit is not None and math.isfinite(limit):
@@ -232,7 +232,7 @@ def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal
     except JournalPlaceError as error:
         if asked:
             raise
-        node.get_logger().warning(f"No journal is kept, so this mission cannot be resumed: {error}")
+        node.get_logger().warning(f"No journal is written, so this mission cannot be resumed: {error}")
         return Journal()
 
 

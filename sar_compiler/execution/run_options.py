@@ -1,4 +1,4 @@
-"""The options of a run, and what has become of it."""
+"""The options and the outcome of a run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,31 +11,31 @@ from sar_compiler.project.additions import Additions
 
 @dataclass(frozen=True)
 class RunOptions:
-    """The options of a run, as those of `sar-run`.
+    """The options of a run, equal to those of `sar-run`.
 
     Attributes:
         tree: The tree file, or the name of a shipped tree.
-        tree_id: The tree in the file; by default the one that the file executes.
-        additions: Leaves, palettes and folders besides those of the project's configuration; the name of the mission.
+        tree_id: The tree in the file; by default the main tree.
+        additions: Leaves, palettes and folders in addition to those of the project's configuration; the name of the mission.
         params: A ROS 2 parameter file; by default the mission's own.
         ros: ROS arguments, as after `--ros-args`: `["-p", "tick_rate_hz:=5.0"]`.
-        until: When to end; by default, with *sim* once the mission is complete, or the root has succeeded or failed.
+        until: The end condition; by default, with *sim*, the complete mission or the end of the root.
         sim: The world to simulate, a file or the name of a shipped one; None for an existing robot.
         speed: Simulated seconds per second, at most.
         seed: The seed of the simulation's noise.
-        like: How the simulated Nav2 drives: `quick` or `nav2`.
+        like: The driving of the simulated Nav2: `quick` or `nav2`.
         fault: Faults of the simulation: `["navigate_to_pose:reject=1"]`.
-        stepped: Whether the simulated world takes turns with the mission in one thread, as fast as the machine can.
-        check: Whether to wait for what the mission needs and plan its route, and to end without moving.
+        stepped: Whether the world and the mission take turns in one thread, as fast as possible.
+        check: Whether to wait for the mission's requirements and plan its route, and to end without moving.
         journal: The journal; by default a file of the node's name, for a mission that can be resumed.
-        no_journal: Whether no journal is written.
+        no_journal: Whether to write no journal.
         resume: Whether to resume the mission in the journal.
-        new: Whether to start over, and keep an unfinished journal under another name.
-        keeps_journal: Whether a journal is written also for a mission that cannot be resumed.
-        approved: Whether the tree must be exactly the one that a person has approved.
-        properties: A file of properties to watch, or True for the mission's own.
-        guardian: Whether another process cancels the goals if this one dies; by default with a journal and without *sim*.
-        engine: What ticks the tree: `own` or `py_trees_ros`.
+        new: Whether to start over and keep an unfinished journal under another name.
+        keeps_journal: Whether to write a journal even for a mission that cannot be resumed.
+        approved: Whether the tree must be exactly the version that a person approved.
+        properties: A file of properties to monitor, or True for the mission's own.
+        guardian: Whether another process cancels the goals if this one crashes; by default with a journal and without *sim*.
+        engine: The engine that ticks the tree: `own` or `py_trees_ros`.
         executor: The executor of the mission's node: `events` or `single-threaded`.
         traceback: Whether tracebacks of leaves are logged.
         supervision: The supervisor of this process, if there is one.
@@ -70,21 +70,21 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """What has become of a run.
+    """The outcome of a run.
 
     Attributes:
         status: The exit status of `sar-run`: 0 if the mission is complete.
-        reason: Why it has failed; empty if the mission is complete, or a signal has stopped it.
-        duration_sec: How long the tree was ticked, seconds of the node's clock.
+        reason: Why it failed; empty if the mission is complete, or a signal stopped it.
+        duration_sec: Time from the first to the last tick, seconds of the node's clock.
         ticks: The number of ticks.
-        figures: The mission's figures by their names.
-        verdicts: The verdict of each property that was watched, by its name; None if none was watched.
-        deaths: How earlier processes of a supervised run have ended.
+        figures: The mission's figures by name.
+        verdicts: The verdict of each monitored property by name; None without monitoring.
+        deaths: How earlier processes of a supervised run ended.
         head: The head of the journal's chain of hashes; empty without a journal.
-        summary: The result in words, for people.
-        hint: How to see a simulated run again; empty for any other.
-        cause: The likeliest cause of a failure in one line; empty where none is known.
-        messages: What else has to be said of its end, in words.
+        summary: The result in words.
+        hint: The command that replays a simulated run; empty for any other.
+        cause: The likeliest cause of a failure in one line; empty if none is known.
+        messages: Further messages about its end.
     """
 
     status: int

@@ -1,4 +1,4 @@
-"""What there is of a run before its tree is compiled."""
+"""The state of a run before its tree is compiled."""
 
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 
 
 class RunSetup(NamedTuple):
-    """What there is of a run before its tree is compiled.
+    """The state of a run before its tree is compiled.
 
     Attributes:
         options: The options of the run.
         signals: The requests to stop.
         node: The run's node.
-        journal: Its journal, which may be none.
+        journal: Its journal, which may be inactive.
         mission: The run of the mission.
-        parameters: The parameters that any run has.
-        loaded: The tree's file.
-        values: What the node's parameters give to the tree, by their names.
-        fixed_parameters: The names of those that are not set while it runs.
+        parameters: The parameters of every run.
+        loaded: The loaded tree file.
+        values: The tree's values from the node's parameters, by name.
+        fixed_parameters: The parameters that cannot be set during the run.
         output: Standard output.
-        orders: Records by whom its orders are given.
-        staying: What is to be called when the run has ended and ROS is taken down: who stays has its say there.
-        approval: Whether the tree is approved; None if the options do not ask for that.
+        orders: Records the authors of commands.
+        staying: Functions to call when the run has ended and ROS is shut down.
+        approval: The approval of the tree; None if the options do not require it.
     """
 
     options: "RunOptions"
@@ -53,4 +53,4 @@ class RunSetup(NamedTuple):
 
 
 MakeExtension = Callable[[RunSetup], "RunExtension | None"]
-"""Makes an extension of a run; None if there is none for this one."""
+"""Creates an extension of a run; None if this run needs none."""

@@ -1,7 +1,7 @@
-"""`--view text` of `sar-run`: a screen that is drawn in place on a terminal, else a line for each change.
+"""`--view text` of `sar-run`: a screen drawn in place on a terminal, otherwise a line for each change.
 
-On a terminal the lower lines are the view's: the rest scrolls above them as ever, with the log, which nodes and libraries
-write to the terminal themselves. A terminal has margins for that, inside which it scrolls.
+On a terminal the view occupies the lower lines. The rest scrolls above them as usual, including the log, which nodes and libraries
+write directly to the terminal. The terminal's scroll margins make this possible.
 """
 
 import os
@@ -19,9 +19,9 @@ from sar_compiler.style import TERMINAL
 from sar_compiler.terminal import draws_in_place
 from sar_compiler.views.mission_view import Line, change_text, condition_change, full_height, screen
 
-# How often the screen is drawn, in seconds of the steady clock.
+# Interval between drawings, in seconds of the steady clock.
 _PERIOD_SEC = 0.2
-# The lines that are left to the log, and the fewest that a view is worth.
+# Lines reserved for the log, and the smallest useful height of a view.
 _LOG_LINES, _LEAST = 4, 3
 
 # For terminals of other encodings than UTF-8.
@@ -32,7 +32,7 @@ _NO_MARGINS, _TO_THE_END, _CLEAR = "\x1b[r", "\x1b[K", "\x1b[2J"
 
 
 class RunView(RunExtension):
-    """What `--view` shows of a run.
+    """The display of a run with `--view`.
 
     Args:
         run: The run.
@@ -44,7 +44,7 @@ class RunView(RunExtension):
 
 
 def run_view() -> Callable[[RunSetup], RunView]:
-    """Return what makes the view of a run: in place on a terminal, else a log.
+    """Return the constructor of the view of a run: in place on a terminal, otherwise a log.
 
     Raises:
         ImportError: If rich is not installed.
@@ -69,11 +69,11 @@ class ChangeLog(RunView):
 
 
 class RunScreen(RunView):
-    """The mission on the lower lines of a terminal, until the output is left to others.
+    """The mission on the lower lines of a terminal, until the view is closed.
 
     Args:
         run: The run.
-        paint: Returns lines as texts for a terminal of a width.
+        paint: Returns lines formatted for a terminal of a given width.
     """
 
     def __init__(self, run: RunSetup, paint: "Paint") -> None:
@@ -87,7 +87,7 @@ class RunScreen(RunView):
         self._output.leave = self.close
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Take an entry, which is shown when the next drawing is due."""
+        """Process an entry, which appears with the next drawing."""
         self._state.take(entry)
         if entry.kind == RUN_BEGAN:
             self._start, self._has_begun = entry.time, True
@@ -96,7 +96,7 @@ class RunScreen(RunView):
         self._now = max(self._now, entry.time)
 
     def refresh(self) -> None:
-        """Draw; stop first, if the terminal has asked for that (Ctrl-Z)."""
+        """Draw; stop first if the terminal requested it (Ctrl-Z)."""
         if not self._is_closed:
             self._now = mission_clock(self._node).now()
             if not self._try(self._redraw):
@@ -104,18 +104,18 @@ class RunScreen(RunView):
                 self._leave()
 
     def close(self) -> None:
-        """Draw a last time, and give the terminal back: the view stays where it is, and what follows comes below."""
+        """Draw a last time and release the terminal: the view remains, and further output appears below."""
         if self._has_begun and not self._is_closed:
             self._is_closed = True
             self._try(self._draw)
             self._leave()
 
     def _try(self, draw: Callable[[], None]) -> bool:
-        """Draw, and return whether it could be done."""
+        """Draw, and return whether it succeeded."""
         try:
             draw()
-        except Exception as error:  # noqa: BLE001 - who only watches must not end a mission
-            self._node.get_logger().error(f"The view has failed, and shows no more: {error!r}.")
+        except Exception as error:  # noqa: BLE001 - a view must not end a mission
+            self._node.get_logger().error(f"The view has failed and is switched off: {error!r}.")
             return False
         return True
 
@@ -129,12 +129,12 @@ class RunScreen(RunView):
             self._output.draw(f"{_NO_MARGINS}\x1b[{self._size[1]};1H\r\n")
 
     def _listen(self) -> None:
-        # Whoever has started the process may have turned the signal off.
+        # The parent process may have disabled the signal.
         if signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL:
             signal.signal(signal.SIGTSTP, self._ask_to_stop)
 
     def _ask_to_stop(self, *_signal: object) -> None:
-        # In the middle of anything, such as a drawing: the rest is done before the next one, if there is one.
+        # The signal can arrive during a drawing: the work is done before the next drawing, if there is one.
         self._is_to_stop = not self._is_closed
         if self._is_closed:
             _stop_process()
@@ -164,7 +164,7 @@ class RunScreen(RunView):
         self._output.draw(f"{begin}{_SAVE}{_HIDE}{''.join(rows)}{_RESTORE}{_SHOW}")
 
     def _take_lines(self, size: tuple[int, ...]) -> str:
-        """Return what has a terminal keep the view's lines apart; after a change of size it begins anew."""
+        """Return the control sequence that reserves the view's lines; it is repeated after a change of size."""
         is_first, (_, lines) = self._size == (0, 0), size
         self._size = (size[0], lines)
         self._height = min(full_height(self._state), lines - max(_LOG_LINES, lines // 4))
@@ -175,18 +175,18 @@ class RunScreen(RunView):
         margins = f"\x1b[1;{last}r"
         if not is_first:
             return f"{_NO_MARGINS}{_CLEAR}{margins}\x1b[{last};1H"
-        # What stands there scrolls up; the cursor stays with it.
+        # Existing lines scroll up; the cursor stays with them.
         return f"{chr(10) * self._height}\x1b[{self._height}A{_SAVE}{margins}{_RESTORE}"
 
 
 def _stop_process() -> None:
-    """Let the signal do what it does to who does not take it over; return when the process goes on."""
+    """Let the signal stop the process with its default handler; return when the process continues."""
     signal.signal(signal.SIGTSTP, signal.SIG_DFL)
     signal.raise_signal(signal.SIGTSTP)
 
 
 Paint = Callable[[Sequence[Line], int, int], Iterable[str]]
-"""Returns as many lines as are asked for, with a terminal's colours, none longer than a width."""
+"""Returns the requested number of lines, with a terminal's colours, none longer than the width."""
 
 
 def _painter() -> Paint:

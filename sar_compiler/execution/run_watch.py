@@ -1,4 +1,4 @@
-"""The properties for which a run of `sar-run` is watched: what breaks one, or contradicts what its proof assumes, is an alarm."""
+"""Monitoring of a run for properties: a violated property, or a violated assumption of its proof, raises an alarm."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -33,21 +33,21 @@ from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line
 
 TELL = "tell"
-"""What is done in any case where a property is broken."""
+"""The reaction to every violated property."""
 
 _ROLES: Mapping[str, Literal["hold", "stop"]] = {"hold": "hold", "abort": "stop"}
-# How long an order may wait for its service, which may not have been found yet; seconds of the steady clock.
+# Longest wait of a command for its service, which may not be discovered yet; seconds of the steady clock.
 _PATIENCE_SEC = 3.0
 
 
 class _DueOrder(NamedTuple):
-    """An order that a broken property gives.
+    """A command to give because of a violated property.
 
     Attributes:
         about: The property.
-        event: What has broken it, in words.
-        verb: What is ordered.
-        since: When it was to be given, seconds of the steady clock.
+        event: The violating event, in words.
+        verb: The command.
+        since: Due time, seconds of the steady clock.
     """
 
     about: str
@@ -57,14 +57,14 @@ class _DueOrder(NamedTuple):
 
 
 class _PropertyOrders:
-    """What is ordered where a property is broken, by the mission's own verbs.
+    """Gives the mission's commands when properties are violated.
 
     Args:
         run: The run.
-        if_broken: What is done, by the property.
+        if_broken: The reaction by property.
 
     Raises:
-        SarError: If the mission has no such order.
+        SarError: If the mission has no such command.
     """
 
     def __init__(self, run: RunSetup, if_broken: Mapping[str, str]) -> None:
@@ -77,7 +77,7 @@ class _PropertyOrders:
                 continue
             if _ROLES[wanted] not in known:
                 raise SarError(
-                    f"--properties: '{name}' says if_broken: {wanted}, and this mission has no such order; write tell"
+                    f"--properties: '{name}' has if_broken: {wanted}, a command that this mission does not have: write tell"
                 )
             self._verbs[name] = known[_ROLES[wanted]]
         if self._verbs:
@@ -87,7 +87,7 @@ class _PropertyOrders:
             self._calls: VerbCalls = VerbCalls(run.node, used, run.orders.sign)
 
     def require(self) -> None:
-        """Check that leaves of the tree heed what may be ordered.
+        """Check that leaves of the tree execute the possible commands.
 
         Raises:
             UnfitLeavesError: If one is missing.
@@ -97,17 +97,17 @@ class _PropertyOrders:
         for about, verb in self._verbs.items():
             if node.resolve_service_name(f"~/{verb.name}") not in services:
                 raise UnfitLeavesError(
-                    f"--properties: if '{about}' is broken, '{verb.name}' is to be ordered, and no node of this tree heeds that: "
-                    "write if_broken: tell, or run a tree that does"
+                    f"--properties: '{about}' has if_broken: {verb.name}, a command that no node of this tree executes: "
+                    "write tell, or run a tree with such a node"
                 )
 
     def order(self, about: str, event: str) -> None:
-        """Order what is done where a property is broken by an event, if that is anything."""
+        """Schedule the reaction to a property violated by an event, if it has one."""
         if about in self._verbs:
             self._due.append(_DueOrder(about, event, self._verbs[about], time.monotonic()))
 
     def give_due(self) -> None:
-        """Give the orders that are due; a service that is not found yet is waited for."""
+        """Give the commands that are due; wait for services that are not discovered yet."""
         due, self._due = self._due, []
         for order in due:
             try:
@@ -129,14 +129,12 @@ class _PropertyOrders:
 
     def _say_refused(self, order: _DueOrder, why: str) -> None:
         self._logger.error(
-            in_one_line(
-                f"'{order.verb.label}', because '{order.about}' is broken, was not carried out: {why}"
-            )
+            in_one_line(f"'{order.verb.label}', because '{order.about}' is violated, was not executed: {why}")
         )
 
 
 class RunWatch(RunExtension):
-    """Watches a run, and raises the alarms in its journal, from which everybody has them who shows the run.
+    """Monitors a run, and records alarms in its journal, from which all displays read them.
 
     Args:
         run: The run.
@@ -149,15 +147,15 @@ class RunWatch(RunExtension):
         self._remembered = 0
         self._added: Mapping[str, int] = {}
         self._began = 0.0
-        # Whether nothing is heard any more, and why, if that is a failure.
+        # Whether monitoring has stopped, and why, if that is a failure.
         self._is_over, self._failure = False, ""
 
     def on_compiled(self, tree: CompiledTree, engine: Engine) -> None:
-        """Hear the leaves of the tree from now on.
+        """Start monitoring the leaves of the tree.
 
         Raises:
-            TreeError: If the file makes no sense for the tree.
-            SarError: If the tree cannot be watched, or the mission has no such order as a property gives.
+            TreeError: If the file does not fit the tree.
+            SarError: If the tree cannot be monitored, or the mission lacks a command that a property gives.
         """
         options = self._run.options
         given = options.properties
@@ -172,7 +170,7 @@ class RunWatch(RunExtension):
             tree_id=options.tree_id,
             clock=self._now,
         )
-        # Of a mission that goes on, the facts at the start have them already.
+        # A resumed mission's initial facts already include earlier commands.
         self._added = self._run.mission.facts_added()
         approval = self._run.approval
         if approval is not None and given is not True and self._watch.file is not None:
@@ -194,7 +192,7 @@ class RunWatch(RunExtension):
         }
 
     def on_begin(self) -> None:
-        """Say in the journal for what the run is watched."""
+        """Record the monitored properties in the journal."""
         self._began = mission_clock(self._run.node).now()
         properties = [{"name": name, "if_broken": done} for name, done in self._if_broken.items()]
         left_out = [each.name for each in self._watch.properties.left_out]
@@ -203,16 +201,16 @@ class RunWatch(RunExtension):
         journal.watch(PROPERTIES_WATCHED, file=place, properties=properties, left_out=left_out)
 
     def on_setup(self) -> None:
-        """Check that the leaves heed what may be ordered."""
+        """Check that the leaves execute the possible commands."""
         self._orders.require()
 
     def looks(self, number: int) -> None:
-        """Be told that a leaf is about to do something."""
+        """Handle the start of a leaf's activity."""
         self._hear(self._take_commands)
         self._hear(self._watch.looks, number)
 
     def _take_commands(self) -> None:
-        """Take what commands have added to the facts since the last event."""
+        """Apply the changes of facts by commands since the last event."""
         added = self._run.mission.facts_added()
         for name, count in added.items():
             if count != self._added.get(name, 0):
@@ -220,11 +218,11 @@ class RunWatch(RunExtension):
         self._added = added
 
     def starts(self, number: int) -> None:
-        """Be told that a leaf starts."""
+        """Handle the start of a leaf."""
         self._hear(self._watch.starts, number)
 
     def answers(self, number: int, status: str) -> None:
-        """Be told what a leaf has answered."""
+        """Handle the status that a leaf returned."""
         self._hear(self._take_answer, number, status)
 
     def _take_answer(self, number: int, status: str) -> None:
@@ -232,16 +230,16 @@ class RunWatch(RunExtension):
         self._watch.answers(number, status, self._answers[number].label(status, said))
 
     def halts(self, number: int) -> None:
-        """Be told that a leaf was halted."""
+        """Handle the halt of a leaf."""
         self._hear(self._watch.halts, number)
 
     def on_last_tick(self, *, is_over: bool) -> None:
-        """Judge the end of the run; that the tree is stopped then is none of its events."""
+        """Evaluate the end of the run; halting the tree then is not an event of the run."""
         self._hear(partial(self._watch.conclude, is_over=is_over))
         self._is_over = True
 
     def _hear(self, take: "Callable[..., object]", *what: object) -> None:
-        """Have something taken, and tell what is wrong; who only watches ends no mission."""
+        """Pass on an event and report errors; monitoring must not end a mission."""
         if self._is_over:
             return
         try:
@@ -249,10 +247,10 @@ class RunWatch(RunExtension):
             self._tell()
         except Exception as error:  # noqa: BLE001
             self._is_over, self._failure = True, error_text(error)
-            tell(self._run.node, f"The run is watched for properties no more: {self._failure}", error)
+            tell(self._run.node, f"The run is no longer monitored for properties: {self._failure}", error)
 
     def verdicts(self) -> dict[str, str]:
-        """Return what became of each property: `kept`, `owed` (nobody can say yet) or `broken`; `unknown` where the watch has failed."""
+        """Return the verdict of each property: `kept`, `owed` (undecided) or `broken`; `unknown` if the monitor has failed."""
         watch = self._watch
         if self._failure:
             return {name: "broken" if name in watch.broken else "unknown" for name in watch.properties.names}
@@ -261,15 +259,15 @@ class RunWatch(RunExtension):
         return {**dict.fromkeys(watch.properties.names, "kept"), **owed, **broken}
 
     def in_words(self) -> str:
-        """Return what became of the properties, as a line of a summary."""
+        """Return the verdicts of the properties as a line of a summary."""
         verdicts = self.verdicts()
         parts = []
-        for word, text in (("broken", "broken"), ("owed", "still owed"), ("unknown", "unknown")):
+        for word, text in (("broken", "violated"), ("owed", "undecided"), ("unknown", "unknown")):
             names = [name for name, verdict in verdicts.items() if verdict == word]
             if names:
                 parts.append(f"{len(names)} {text} ({'; '.join(names)})")
         count = "1 property" if len(verdicts) == 1 else f"{len(verdicts)} properties"
-        return f"Watched for {count}: {', '.join(parts) or 'none was broken'}."
+        return f"Monitored {count}: {', '.join(parts) or 'none violated'}."
 
     def _end_tick(self, tree: BehaviourTree) -> None:
         self._hear(self._take_end, "SKIPPED" if was_skipped(tree.root) else tree.root.status.value)

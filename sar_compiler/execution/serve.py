@@ -1,4 +1,4 @@
-"""`sar-run --serve`: runs that others start, each in a process of its own."""
+"""`sar-run --serve`: runs started by clients, each in its own process."""
 
 import json
 import re
@@ -40,31 +40,31 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.binding.bound import Binding
     from sar_compiler.project import Workspace
 
-# How many lines of a run's complaints its client is sent, at most.
+# Largest number of error lines of a run that its client receives.
 _LINES_SENT = 40
-# What a run that has just begun offers is found by others a little later, seconds.
+# The services of a new run are discovered with this delay, seconds.
 _FOUND_SEC, _LOOK_SEC = 5.0, 0.05
-# How long what an ended process has written may take to be read, seconds.
+# How long the remaining output of an ended process may take to arrive, seconds.
 _READ_SEC = 5.0
-# A line of ROS's log, of which rcl writes some before any command can say anything.
+# A line of ROS's log; rcl writes some before a command's first output.
 _LOG_LINE = re.compile(r"(\x1b\[\d*m)?\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[|>>> \[|\[rcutils\|")
-# Exit statuses above are those of commands that a signal has ended.
+# Higher exit statuses are those of commands ended by a signal.
 _SIGNALLED = 128
 
 
 Holder = Callable[[bool, Callable[[], bool], Callable[[str], None]], None]
-"""What orders a mission to hold or to go on, waits for its services as long as it is new, and tells why it was not carried out."""
+"""Pauses or resumes a mission; waits for its services while the run is new, and reports a refusal."""
 
 
 class ServedTree(NamedTuple):
-    """A tree that others can start.
+    """A tree that clients can start.
 
     Attributes:
         path: Its file.
         tree_id: Its ID in there.
         node: The name of the node on which its mission runs.
-        verbs: What can be ordered of its mission.
-        path_parameters: Those of its parameters that are paths of files.
+        verbs: The mission's commands.
+        path_parameters: Those of its parameters that are file paths.
     """
 
     path: Path
@@ -75,7 +75,7 @@ class ServedTree(NamedTuple):
 
 
 class ServedTreesError(SarError):
-    """The trees that are to be served cannot be."""
+    """The trees cannot be served."""
 
 
 class ServeOptions(NamedTuple):
@@ -85,10 +85,10 @@ class ServeOptions(NamedTuple):
         program: The command that runs a tree, before the tree.
         trees: The tree files, or the names of shipped trees.
         additions: As in `RunOptions`, for all runs.
-        params: Likewise.
-        ros: Likewise.
-        fault: Likewise.
-        is_managed: Whether the node has a life cycle, which a manager decides.
+        params: As in `RunOptions`, for all runs.
+            ros: As in `RunOptions`, for all runs.
+            fault: As in `RunOptions`, for all runs.
+        is_managed: Whether a lifecycle manager controls the node.
     """
 
     program: Sequence[str]
@@ -104,12 +104,12 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
     """Start runs for others until a signal comes.
 
     Args:
-        argv: What each run has on its command line, after its tree.
+        argv: The command line of each run after its tree.
         options: The options.
         signals: The requests to stop.
 
     Returns:
-        The exit status: 2 if a tree is wrong, and no lifecycle manager is waited for; 4 if the last run may have left a goal that is active.
+        The exit status: 2 if a tree is invalid and no lifecycle manager is used; 4 if the last run may have left an active goal.
     """
     require_middleware()
     from sar_compiler.execution.tree_server import serve_trees
@@ -120,15 +120,15 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
 
 
 class Runs:
-    """Starts runs of some trees, each in a process of its own.
+    """Starts runs of some trees, each in its own process.
 
     Args:
-        argv: What each has on its command line, but for its tree.
+        argv: The command line of each run, without its tree.
         options: The options.
 
     Attributes:
-        node: The node of which orders come.
-        status: The exit status: 4 if the last run may have left a goal that is active, else 0.
+        node: The node that receives goals.
+        status: The exit status: 4 if the last run may have left an active goal, otherwise 0.
     """
 
     node: "Node"
@@ -140,10 +140,10 @@ class Runs:
         self.status = OK
 
     def trees(self) -> Sequence[str]:
-        """Read all trees anew, and return their IDs.
+        """Read all trees again, and return their IDs.
 
         Raises:
-            SarError: If one of them cannot be flown, with these options, or two have the same ID.
+            SarError: If a tree cannot be run with these options, or two trees have the same ID.
         """
         from sar_compiler.project import Workspace
 
@@ -154,15 +154,17 @@ class Runs:
         for each in found:
             if self._trees[each.tree_id] is not each:
                 other = self._trees[each.tree_id].path
-                raise ServedTreesError(f"{each.path} and {other} have a tree '{each.tree_id}' both")
+                raise ServedTreesError(
+                    f"{each.path} and {other} both have a tree '{each.tree_id}': rename one of them"
+                )
         return sorted(self._trees)
 
     def _trees_of(self, workspace: "Workspace", name: str) -> list[ServedTree]:
-        """Return the trees that can be flown of a file.
+        """Return the trees of a file that can be run.
 
         Raises:
             ServedTreesError: If it has errors.
-            FaultError: If `--fault` names one that is not of its mission.
+            FaultError: If `--fault` names a fault that its mission does not have.
         """
         from sar_compiler.missions.beginning import node_name, parse_faults, path_parameters
 
@@ -173,11 +175,9 @@ class Runs:
                 tree_id = element.attributes.get("ID")
                 binding = loaded.binding(tree_id)
                 if tree_id is None:
-                    raise ServedTreesError(
-                        f"the tree in {name} has no ID, by which a goal could name it: give it one"
-                    )
+                    raise ServedTreesError(f"the tree in {name} has no ID for goals: add one")
                 mission = mission_of(loaded, binding)
-                # A slip would end each run, and not the start of the server.
+                # An error in the options would end each run instead of the server's start.
                 parse_faults(self._options.fault, mission)
                 node = _given_name(ros) or node_name(mission)
                 files = parameter_files(ros, self._options.params)
@@ -186,15 +186,15 @@ class Runs:
                 found.append(ServedTree(loaded.path, tree_id, node, verbs, paths))
         except TreeError as error:
             said = findings_as_text(error.findings, sys.stderr)
-            raise ServedTreesError(f"{name} cannot be run like this:\n{said}") from error
+            raise ServedTreesError(f"{name} cannot be run with these options:\n{said}") from error
         return found
 
     def why_not(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run of a tree cannot be started with some parameters: who can send a goal must not choose which files are read."""
+        """Return why a run cannot be started with some parameters; empty if it can. A client must not choose the files that are read."""
         paths = sorted(self._trees[tree].path_parameters & parameters.keys())
         if not paths:
             return ""
-        return f"the payload cannot set {paths[0]}, which is the path of a file: start the server with -p {paths[0]}:=PATH"
+        return f"the payload cannot set {paths[0]}, which is a file path: start the server with -p {paths[0]}:=PATH"
 
     def start(
         self,
@@ -206,7 +206,7 @@ class Runs:
         """Start a run; see `RunStarter.start`.
 
         Raises:
-            OSError: If there is no process for it.
+            OSError: If its process cannot be started.
         """
         served = self._trees[tree]
         chosen = [
@@ -222,13 +222,13 @@ class Runs:
         return ServedProcess(command, tell, take_end, self._holder(served))
 
     def _holder(self, served: ServedTree) -> "Holder":
-        """Return what orders a mission to hold, or to go on."""
+        """Return a function that pauses or resumes a mission."""
         from sar_compiler.execution.order_record import RemoteSignature
         from sar_compiler.execution.verb_calls import VerbCalls
 
         full = f"{self.node.get_namespace().rstrip('/')}/{served.node}"
         if full not in self._calls:
-            # Their services are found by the time that they are needed.
+            # The services are discovered by the time they are needed.
             sign = RemoteSignature(self.node, full).sign
             self._calls[full] = VerbCalls(self.node, served.verbs, sign, full)
         by = self.node.get_fully_qualified_name()
@@ -236,16 +236,16 @@ class Runs:
 
 
 def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
-    """Return what orders a mission to hold, or to go on.
+    """Return a function that pauses or resumes a mission.
 
     Args:
-        calls: Calls the services of the mission's verbs.
-        verbs: The names of its verbs, by their roles.
-        by: Who orders.
+        calls: Calls the services of the mission's commands.
+        verbs: The names of its commands, by role.
+        by: The author of the commands.
     """
     from sar_compiler.missions.mission import VerbError
 
-    # One after the other, and not in the thread that calls the services.
+    # One after the other, and outside of the thread that calls the services.
     orders = ThreadPoolExecutor(1, "orders")
 
     def give(
@@ -267,7 +267,7 @@ def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
     def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
         verb = verbs.get("hold" if wanted else "release")
         if verb is None:
-            refused("it knows no such order")
+            refused("it has no such command")
         else:
             author = CommandAuthor(by, f"the server was {'de' if wanted else ''}activated")
             orders.submit(give, verb, author, is_new, refused)
@@ -276,13 +276,13 @@ def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
 
 
 class ServedProcess:
-    """A run in a process of its own.
+    """A run in its own process.
 
     Args:
         argv: Its command line, with the program.
-        tell: Is told each line that it shows.
-        end: Is told its exit status, and how it has ended.
-        hold: Orders its mission to hold, or to go on.
+        tell: Called with each line of its output.
+        end: Called with its exit status and its outcome.
+        hold: Pauses or resumes its mission.
 
     Raises:
         OSError: If it cannot be started.
@@ -304,7 +304,7 @@ class ServedProcess:
             stderr=subprocess.PIPE,
             text=True,
             errors="replace",
-            # Ctrl-C is for whole groups of processes, and is passed on once.
+            # Ctrl-C reaches the whole process group, but is passed on only once.
             start_new_session=True,
         )
         self._complaints: deque[str] = deque(maxlen=_LINES_SENT)
@@ -320,16 +320,16 @@ class ServedProcess:
         Thread(target=self._await_end, name="run's end", daemon=True).start()
 
     def stop(self) -> None:
-        """Have it end in order; called again, at once."""
-        # Before its first words Python itself would answer a SIGINT, with a traceback.
+        """Stop gracefully; a second call stops immediately."""
+        # Before the first output, Python itself would handle a SIGINT, with a traceback.
         self._process.send_signal(SIGINT if self._has_spoken else SIGTERM)
 
     def hold(self, *, wanted: bool, refused: Callable[[str], None]) -> None:
-        """Have its robot stand until that is not wanted any more; see `ServedRun.hold`."""
+        """Pause the robot, or resume; see `ServedRun.hold`."""
         self._hold(wanted, self._is_new, refused)
 
     def _is_new(self) -> bool:
-        """Return whether it has not shown a line yet, or has only just begun to."""
+        """Return whether it has shown no output yet, or has only just started to."""
         is_young = self._begun is None or time.monotonic() - self._begun < _FOUND_SEC
         return is_young and self._process.poll() is None
 
@@ -348,7 +348,7 @@ class ServedProcess:
                 self._tell(self._last)
 
     def _await_end(self) -> None:
-        """Wait for the end of the process, and report it; what it has begun may hold its output open for ever."""
+        """Wait for the end of the process and report it; processes that it started may keep its output open indefinitely."""
         status = self._process.wait()
         for reader in (self._follower, self._listener):
             reader.join(_READ_SEC)
@@ -356,25 +356,25 @@ class ServedProcess:
 
 
 def ended_run(status: int, last: str, complaints: str) -> EndedRun:
-    """Return how a run has ended.
+    """Return the outcome of a run.
 
     Args:
         status: Its exit status.
-        last: The last line that it has shown: its summary, if it has begun.
+        last: The last line of its output, which is its summary if it has started.
         complaints: The last lines of its standard error.
     """
     if status == OK:
         return EndedRun("SUCCESS", last)
     try:
         reason = str(json.loads(last)["reason"])
-    except (ValueError, TypeError, KeyError):  # it has not begun, or was killed
+    except (ValueError, TypeError, KeyError):  # it has not started, or was killed
         was_stopped = status < 0 or status > _SIGNALLED
         return EndedRun("IDLE", "it was stopped before its end" if was_stopped else _reason_in(complaints))
     return EndedRun("FAILURE" if status == FINDINGS else "IDLE", reason or "it was stopped")
 
 
 def _reason_in(complaints: str) -> str:
-    """Return why a run has not begun: what it has said itself comes first, and ROS's log only where it has said nothing."""
+    """Return why a run has not started: from its own error output, or from ROS's log if there is none."""
     lines = complaints.split("\n")
     plain = [line for line in lines if not _LOG_LINE.match(line)] or lines
     return "\n".join(sorted(plain, key=lambda line: not line.startswith("sar-run: ")))
@@ -383,7 +383,7 @@ def _reason_in(complaints: str) -> str:
 def _verbs_of(
     mission: "Mission | None", binding: "Binding", files: Sequence[Path], node: str
 ) -> "tuple[Verb, ...]":
-    """Return what can be ordered of a mission; nothing where its parameters are not all in files."""
+    """Return the commands of a mission; none if its parameters are not all in files."""
     from sar_compiler.missions.beginning import begin_run
     from sar_compiler.missions.parameter_reader import ParameterReader
 
@@ -399,6 +399,6 @@ def _verbs_of(
 
 
 def _given_name(ros: Sequence[str]) -> str:
-    """Return the name that ROS arguments give the node of a mission; empty if none."""
+    """Return the name that ROS arguments give to the node of a mission; empty if none."""
     names = [word.partition(":=")[2] for word in ros if word.startswith(("__node:=", "__name:="))]
     return names[-1] if names else ""

@@ -1,4 +1,4 @@
-"""Runs that are started for others: what their server asks of who starts them, and what comes with a goal."""
+"""Interface between a server of runs and the code that starts them, and the payload of its goals."""
 
 import json
 import re
@@ -11,23 +11,23 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 
-# How many names of a parameter stand below each other, at most.
+# Largest nesting of a parameter's names.
 _DEEPEST = 20
-# How a parameter is called, with those above it before dots.
+# The name of a parameter, with its parents before dots.
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]+)*")
 _SHOWN = 60
 
 
 class PayloadError(SarError):
-    """What comes with a goal cannot be understood."""
+    """The payload of a goal is invalid."""
 
 
 class EndedRun(NamedTuple):
-    """How a run has ended.
+    """The outcome of a run.
 
     Attributes:
-        outcome: What the tree has come to; IDLE if it has not begun, or was stopped.
-        message: What is said of it: of a complete one its summary, else the reason.
+        outcome: The status of the tree; IDLE if the run has not started, or was stopped.
+        message: The summary of a complete run, otherwise the reason.
     """
 
     outcome: Literal["IDLE", "SUCCESS", "FAILURE"]
@@ -35,17 +35,17 @@ class EndedRun(NamedTuple):
 
 
 class ServedRun(Protocol):
-    """A run that was started."""
+    """A started run."""
 
     def stop(self) -> None:
-        """Have it end in order; called again, at once."""
+        """Stop gracefully; a second call stops immediately."""
 
     def hold(self, *, wanted: bool, refused: Callable[[str], None]) -> None:
-        """Have its robot stand until that is not wanted any more.
+        """Pause the robot, or resume.
 
         Args:
-            wanted: Whether it is wanted.
-            refused: Is told why, from any thread, if that is not carried out.
+            wanted: True to pause, False to resume.
+            refused: Called with the reason, from any thread, if the mission refuses.
         """
 
 
@@ -53,20 +53,20 @@ class RunStarter(Protocol):
     """Starts runs.
 
     Attributes:
-        node: The node that serves, of which orders come.
+        node: The server's node, which receives goals.
     """
 
     node: "Node"
 
     def trees(self) -> Sequence[str]:
-        """Read all trees anew, and return their names.
+        """Read all trees again, and return their names.
 
         Raises:
-            SarError: If one of them cannot be flown.
+            SarError: If a tree cannot be run.
         """
 
     def why_not(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run of a tree cannot be started with some parameters; empty if it can."""
+        """Return why a run of a tree cannot be started with some parameters; empty if it can be."""
 
     def start(
         self,
@@ -80,19 +80,19 @@ class RunStarter(Protocol):
         Args:
             tree: The name of its tree.
             parameters: Parameters of its mission, by their full names.
-            tell: Is told what happens, from any thread.
-            end: Is told how it has ended, once, from any thread.
+            tell: Called with its events, from any thread.
+            end: Called once with its outcome, from any thread.
         """
 
 
 def parameters_of(payload: str) -> Mapping[str, object]:
-    """Return the parameters that the payload of a goal names, by their full names: `{"speed": {"limit": 0.5}}` has `speed.limit`.
+    """Return the parameters of a goal's payload by full name: `{"speed": {"limit": 0.5}}` has `speed.limit`.
 
     Args:
         payload: A JSON object; empty for none.
 
     Raises:
-        PayloadError: If it is none.
+        PayloadError: If it is invalid.
     """
     if not payload.strip():
         return {}
@@ -102,7 +102,7 @@ def parameters_of(payload: str) -> Mapping[str, object]:
         raise PayloadError(f"the payload is no JSON: {error}") from error
     if not isinstance(found, dict):
         raise PayloadError(
-            'the payload is a JSON object with parameters of the mission, such as {"tick_rate_hz": 4.0}'
+            'the payload must be a JSON object with parameters of the mission, such as {"tick_rate_hz": 4.0}'
         )
     return dict(_flat(found, "", _DEEPEST))
 
@@ -115,10 +115,10 @@ def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tup
     if not levels:
         raise PayloadError("the payload is nested too deeply for parameters")
     for name, value in found.items():
-        # ROS would take `node:name` for a parameter of another node.
+        # ROS would read `node:name` as a parameter of another node.
         if not _NAME.fullmatch(name):
             raise PayloadError(
-                f"the payload names a parameter {name[:_SHOWN]!r}: a name has letters, digits and _ alone"
+                f"the payload has a parameter {name[:_SHOWN]!r}: use letters, digits and _ in names"
             )
         if isinstance(value, dict):
             yield from _flat(value, f"{before}{name}.", levels - 1)
@@ -127,7 +127,7 @@ def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tup
 
 
 def _as_one_type(value: object) -> object:
-    """Return a list of whole and other numbers as real ones: JSON knows no difference, and ROS takes no list of both."""
+    """Convert a list that mixes integers and other numbers to real numbers: JSON does not distinguish them, and ROS rejects a mixed list."""
     if not isinstance(value, list) or {type(each) for each in value} != {int, float}:
         return value
     try:

@@ -1,4 +1,4 @@
-"""Looking around before a simulation begins, which takes some seconds where others are there, so that it is said."""
+"""Check for other nodes before a simulation starts, with a message because it can take some seconds."""
 
 import sys
 import time
@@ -10,14 +10,14 @@ from sar_compiler.terminal import ProgressLine
 
 
 def look_around(signals: StopSignals, **options: Any) -> None:
-    """Refuse the company of other simulations and robots; on a terminal say how long that still takes.
+    """Check that no other simulation or robot is present; on a terminal, report how long this still takes.
 
     Args:
-        signals: End it.
-        options: Of `refuse_company`.
+        signals: Requests to stop, which end the check.
+        options: Options of `refuse_company`.
 
     Raises:
-        IsolationError: If somebody is there.
+        IsolationError: If another one is present.
     """
     line, ends = ProgressLine(), time.monotonic() + LOOK_AROUND_SEC
 

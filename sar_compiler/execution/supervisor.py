@@ -1,4 +1,4 @@
-"""`sar-run --supervise`: begins a run of the mission, and resumes it when it has died."""
+"""`sar-run --supervise`: starts a run of the mission, and resumes it after a crash."""
 
 import json
 import os
@@ -28,12 +28,12 @@ from sar_compiler.ros.signals import StopSignals
 if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import JournalRun
 
-# A run that ticks says so each second. What comes before and after, imports and reports, is given longer; seconds.
+# A ticking run sends a heartbeat each second. Imports before and reports after it have a longer limit; seconds.
 _SILENCE_SEC, _PATIENCE_SEC = 10.0, 60.0
 _TURN_SEC = 0.2
-# A turn that has taken so long was this process's own standstill: nobody is judged by it; seconds.
+# If one iteration took this long, the supervisor itself was suspended, and no run is judged by it; seconds.
 _OWN_PAUSE_SEC = 2.0
-# The guardian of a run that has died has ten seconds for its goals, and its own end; seconds.
+# Time for the guardian of a crashed run to end its goals and itself; seconds.
 _GUARDIAN_SEC = 20.0
 _LOCK_SEC = 10.0
 _LAST_WORDS_SEC = 0.9
@@ -42,16 +42,16 @@ _LAST_WORDS_SEC = 0.9
 def supervise(
     argv: Sequence[str], limit: int, signals: StopSignals, report: Callable[[Path], object] | None = None
 ) -> int:
-    """Run a mission to its end, and resume it if it dies; return the exit status.
+    """Run a mission to its end, resuming it after crashes; return the exit status.
 
-    What counts as its death: a signal that nobody has asked for, status 3, and 10 s without a sign of life, or a sign that it hears
-    nothing, after which it is killed. Then its guardian cancels its goals; when their ends are seen and the journal is free, the next run begins.
+    A crash is an unrequested signal, status 3, 10 s without a heartbeat, or a report of lost discovery; in the last two cases the run is killed.
+    Then its guardian cancels its goals. When their ends are observed and the journal is free, the next run starts.
 
     Args:
         argv: The command of a run, with the program.
-        limit: How often it is begun again, at most.
+        limit: The largest number of restarts.
         signals: The requests to stop, which are passed on.
-        report: Writes what a run has to write at its end, given its journal; None for nothing.
+        report: Writes the reports of a run at its end, given its journal; None for none.
     """
     deaths: list[str] = []
     has_begun = False
@@ -61,7 +61,9 @@ def supervise(
         life.watch(signals)
         status, death = life.end()
         if life.is_adrift:
-            print_error("sar-run: the mission has died, and a goal that it has left may still be active")
+            print_error(
+                "sar-run: the mission has crashed, and one of its goals may still be active: check that the robot stands still"
+            )
             return ADRIFT
         if signals.came and death:
             return signals.exit_status
@@ -69,12 +71,14 @@ def supervise(
             life.report(report)
             return signals.exit_status if signals.came and status > 128 else status  # noqa: PLR2004
         if len(deaths) == limit:
-            print_error(f"sar-run: the mission has died ({death}), and was begun again {limit} times already")
+            print_error(
+                f"sar-run: the mission has crashed ({death}), and was already restarted {limit} times"
+            )
             return status
         deaths.append(death)
         has_begun = has_begun or life.has_begun
-        how = "resumed" if has_begun else "begun again"
-        print_error(f"sar-run: the mission has died ({death}): it is {how} ({len(deaths)} of {limit})")
+        how = "resumed" if has_begun else "restarted"
+        print_error(f"sar-run: the mission has crashed ({death}): it is {how} ({len(deaths)} of {limit})")
 
 
 class _Life:
@@ -82,11 +86,11 @@ class _Life:
 
     Args:
         argv: The command of the run, with the program.
-        deaths: How those before it have ended.
-        has_begun: Whether the mission is resumed.
+        deaths: How the previous runs ended.
+        has_begun: Whether to resume the mission.
 
     Attributes:
-        is_adrift: Whether a goal that it has left may be active.
+        is_adrift: Whether one of its goals may still be active.
     """
 
     def __init__(self, argv: Sequence[str], deaths: Sequence[str], *, has_begun: bool) -> None:
@@ -97,7 +101,7 @@ class _Life:
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, and the user's own command line
             argv,
             env={**os.environ, **handed},
-            # Ctrl-C is for whole groups of processes, and is passed on once.
+            # Ctrl-C reaches the whole process group, but is passed on only once.
             start_new_session=True,
             pass_fds=(theirs,),
         )
@@ -110,7 +114,7 @@ class _Life:
         self._listener.start()
 
     def watch(self, signals: StopSignals) -> None:
-        """Wait for the end of the run, or end it where it gives no sign of life; pass a request to stop on."""
+        """Wait for the end of the run, or end it if its heartbeat stops; pass on a request to stop."""
         is_asked = False
         turned_at = time.monotonic()
         while self._is_alive():
@@ -125,7 +129,7 @@ class _Life:
                 self._is_frozen = not self._is_deaf
                 self._process.kill()
                 self._process.wait()
-        # Its guardian has the pipe as well, until it has ended.
+        # Its guardian holds the pipe as well, until it has ended.
         self._listener.join(_GUARDIAN_SEC)
         if (place := self._place) is not None:
             from sar_compiler.journal.database import is_locked
@@ -135,35 +139,35 @@ class _Life:
                 time.sleep(_TURN_SEC)
 
     def end(self) -> tuple[int, str]:
-        """Return the exit status, and in words how the run has died; empty if it has ended."""
+        """Return the exit status and the crash in words; empty if the run ended without one."""
         status = self._process.returncode
         ended = self._run_in_journal()
         if ended is not None and ended.status is not None and ended.status != NOT_READY:
             return ended.status, ""
         if self._is_deaf:
-            return NOT_READY, "it heard nothing of Nav2, which the ROS graph shows"
+            return NOT_READY, "it no longer received messages of Nav2, although the ROS graph shows Nav2"
         if self._is_frozen:
-            return 128 + signal.SIGKILL, f"no sign of life for {self._limit_sec:g} s"
+            return 128 + signal.SIGKILL, f"no heartbeat for {self._limit_sec:g} s"
         if status < 0:
             return 128 - status, f"by {signal.Signals(-status).name}"
-        return status, "what it needs was not there: status 3" if status == NOT_READY else ""
+        return status, "a requirement was missing: status 3" if status == NOT_READY else ""
 
     def report(self, report: Callable[[Path], object] | None) -> None:
-        """Write the reports of a run that has ended, and whose process has died before it could."""
+        """Write the reports of a run that has ended, but whose process crashed before writing them."""
         if report is None or self._place is None or self._process.returncode >= 0:
             return
         try:
             report(self._place)
         except (SarError, ImportError) as error:
-            print_error(f"sar-run: the mission has ended, and its report could not be made: {error}")
+            print_error(f"sar-run: the mission has ended, but its report failed: {error}")
 
     @property
     def has_begun(self) -> bool:
-        """Whether the mission has begun in it, so that it can be resumed."""
+        """Whether the mission has started in it, so that it can be resumed."""
         return self._run_in_journal() is not None
 
     def hurry(self, signals: StopSignals) -> int | None:
-        """Pass a second request to stop on; return the status of the run's end, if it comes at once."""
+        """Pass on a second request to stop; return the exit status if the run ends immediately."""
         self._ask(signals)
         with suppress(subprocess.TimeoutExpired):
             status = self._process.wait(_LAST_WORDS_SEC)
@@ -171,17 +175,17 @@ class _Life:
         return None
 
     def _ask(self, signals: StopSignals) -> None:
-        # Before its first sign Python itself would answer a SIGINT, with a traceback.
+        # Before the first heartbeat, Python itself would handle a SIGINT, with a traceback.
         self._process.send_signal(signals.exit_status - 128 if self._has_spoken else signal.SIGTERM)
 
     def _is_alive(self) -> bool:
-        """Wait for the end of the run for a turn; return whether it has not come."""
+        """Wait for the end of the run for one interval; return whether it is still running."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_TURN_SEC)
         return self._process.returncode is None
 
     def _listen(self, signs: int) -> None:
-        """Take the signs as they come, until nobody can give one any more."""
+        """Process the signs as they arrive, until the pipe is closed."""
         with open(signs, "rb") as lines:
             for line in lines:
                 self._take(line)
@@ -199,7 +203,7 @@ class _Life:
         self.is_adrift = self.is_adrift or line.startswith(ADRIFT_SIGN)
 
     def _run_in_journal(self) -> "JournalRun | None":
-        """Return what the journal has of this run; None if it had not begun."""
+        """Return the journal's record of this run; None if it had not started."""
         from sar_compiler.journal.database import JournalFile
 
         if self._place is None:
@@ -209,7 +213,7 @@ class _Life:
                 last = file.runs()[-1:]
         except JournalError:
             return None
-        # An earlier run may have had the same number as a process.
+        # An earlier run may have had the same process number.
         own = (
             each for each in last if each.about.get("pid") == self._process.pid and each.began >= self._began
         )

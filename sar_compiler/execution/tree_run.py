@@ -54,26 +54,26 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
-# A signal is noticed between two turns of the executor; in one of a flight it does whatever there is to do.
+# Signals are handled between two turns of the executor; a turn of a stepped simulation includes all pending work.
 _TURN_SEC, _FLIGHT_TURN_SEC = 0.05, 0.1
 
 # The exit status of a run that a signal has stopped, less the signal's number.
 _SIGNAL_STATUS = 128
-# A tree can swing between two things to do for ever; seconds of simulated time.
+# Default time limit, because a tree can alternate between two tasks forever; seconds of simulated time.
 _SIMULATED_TIME_LIMIT_SEC = 900.0
 
 
 def end_condition(setup: RunSetup) -> EndCondition:
-    """Return what ends a run, by its options and its mission.
+    """Return the end condition of a run from its options and its mission.
 
     Raises:
-        SarError: If the mission is to be complete, and has no end of its own.
+        SarError: If the option requires a complete mission, and the mission has no end condition.
     """
     until, simulated = setup.options.until, setup.options.sim is not None
     ends_itself = setup.mission.shortfalls() is not None
     if not ends_itself and until is Until.COMPLETE:
         raise SarError(
-            "--until complete is for a mission with an end of its own; for this tree say end, success, "
+            "--until complete needs a mission with an end condition; for this tree write end, success, "
             "failure or forever"
         )
     if until is None:
@@ -85,16 +85,16 @@ def end_condition(setup: RunSetup) -> EndCondition:
 
 
 _MAP = "map"
-# How long a map that somebody publishes may take to come, once everything else is there.
+# Longest wait for a published map when everything else is ready.
 _MAP_DEADLINE_SEC = 5.0
-# A thousand places on a large map take minutes.
+# A thousand stops on a large map take minutes.
 _MOST_PLANNING_SEC = 30.0
-# The least of an area that is told of where it lies beyond the map, square metres.
+# Smallest reported part of an area beyond the map, square metres.
 _LEAST_TOLD_M2 = 0.1
 
 
 class RouteReport:
-    """What is to be said of a mission's way.
+    """The report on a mission's route.
 
     Args:
         mission: The mission.
@@ -102,8 +102,8 @@ class RouteReport:
         occupancy: The map.
 
     Attributes:
-        lines: The way with its distances and times, one line each; empty for a mission that drives nowhere.
-        problems: What is wrong with it, in sentences.
+        lines: The route with its distances and times, one line each; empty for a mission that does not drive.
+        problems: Its problems, in sentences.
     """
 
     def __init__(self, mission: MissionRun, parameters: RunParameters, occupancy: "OccupancyMap") -> None:
@@ -129,8 +129,8 @@ class RouteReport:
             if leg.trouble
         ]
         if unplanned := len(stops) - len(legs):
-            reason = f"planning takes more than {_MOST_PLANNING_SEC:g} s of a processor"
-            self.problems.append(f"{unplanned} of {len(stops)} places were not looked at: {reason}.")
+            reason = f"planning takes more than {_MOST_PLANNING_SEC:g} s of processor time"
+            self.problems.append(f"{unplanned} of {len(stops)} stops were not checked: {reason}.")
         if legs and not mission.allows(x, y):
             self.problems.insert(0, f"The start ({x:.2f}, {y:.2f}) is outside the geofence.")
         limit, seconds = parameters.time_limit_sec, _distance(legs) / self._speed
@@ -144,31 +144,31 @@ class RouteReport:
     def _look_at_areas(
         self, planner: "Planner", start: tuple[float, float], areas: Sequence[SearchedArea]
     ) -> None:
-        """Tell how much of each area can be driven to, and how long a sweep of that is."""
+        """Report the reachable part of each area, and the duration of its sweep."""
         from sar_compiler.sim.planner import PlanningError, reach_of
 
         try:
             reaches = reach_of(planner, start, [area.corners for area in areas])
         except PlanningError:
-            return  # which is told of every place already
+            return  # already reported for every stop
         width = max(len(area.name) for area in areas)
-        self.lines.append("The areas on the map (a sweep once over what can be driven to, without turns):")
+        self.lines.append("The areas on the map (one sweep of the reachable part, without turns):")
         for area, reach in zip(areas, reaches, strict=True):
             ground = f"{reach.reached_m2:.1f} of {reach.area_m2:.1f} m²"
             line = f"  {area.name:{width}}  {ground:>20}  {self._way(reach.reached_m2 / area.swath)}"
             if reach.cut_off_at is not None:
                 x, y = reach.cut_off_at
-                line += f"; no way leads to {reach.cut_off_m2:.1f} m², such as ({x:.2f}, {y:.2f})"
+                line += f"; {reach.cut_off_m2:.1f} m² are unreachable, such as ({x:.2f}, {y:.2f})"
             if reach.off_map_m2 >= _LEAST_TOLD_M2:
-                line += f"; {reach.off_map_m2:.1f} m² lie beyond the map"
+                line += f"; {reach.off_map_m2:.1f} m² are outside the map"
             self.lines.append(line)
             if not reach.reached_m2:
-                self.problems.append(f"{area.name}: nothing of its area can be driven to.")
+                self.problems.append(f"{area.name}: no part of its area is reachable.")
 
     def _table(self, legs: "Sequence[Leg]") -> list[str]:
         width = max(len(leg.name) for leg in legs)
         rows = [(leg.name, leg.distance) for leg in legs] + [("total", _distance(legs))]
-        title = f"The way on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):"
+        title = f"The route on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):"
         return [title, *(f"  {name:{width}}  {self._way(far)}" for name, far in rows)]
 
     def _way(self, far: float | None) -> str:
@@ -176,13 +176,13 @@ class RouteReport:
 
 
 class RouteCheck:
-    """Looks at the way on the simulated world's map, or on the one that is published.
+    """Checks the route on the simulated world's map, or on a published one.
 
     Args:
-        node: The mission's node; it listens to the map from now on.
+        node: The mission's node, which subscribes to the map.
         mission: The mission.
         parameters: The parameters of the run.
-        world: The world that is simulated; None for an existing robot.
+        world: The simulated world; None for an existing robot.
     """
 
     def __init__(
@@ -195,16 +195,16 @@ class RouteCheck:
             node.create_subscription(OccupancyGrid, _MAP, self._take, latched)
 
     def tell(self, executor: Executor, say: Callable[[str], object]) -> int:
-        """Print the way, and on standard error what is wrong with it; return the number of problems.
+        """Print the route, and its problems on standard error; return the number of problems.
 
         Args:
             executor: The executor of the node.
-            say: Is called with the text for standard output.
+            say: Called with the text for standard output.
         """
         occupancy = self._map(executor)
         if occupancy is None:
             topic = self._node.resolve_topic_name(_MAP)
-            self._node.get_logger().warning(f"No map has come on {topic}, so the way was not looked at.")
+            self._node.get_logger().warning(f"No map was received on {topic}, so the route was not checked.")
             return 0
         report = RouteReport(self._mission, self._parameters, occupancy)
         if report.lines:
@@ -237,7 +237,7 @@ class RouteCheck:
 
 
 def _distance(legs: "Sequence[Leg]") -> float:
-    """Return the metres of all legs that can be driven."""
+    """Return the total length of all reachable legs, metres."""
     return sum(leg.distance or 0.0 for leg in legs)
 
 
@@ -246,12 +246,12 @@ class TreeRun:
     """A tree on its node, from the wait for its requirements to the summary.
 
     Attributes:
-        setup: What there is of the run.
-        end: What ends it.
-        extensions: What goes along with it.
+        setup: The state of the run before compilation.
+        end: Its end condition.
+        extensions: Its extensions.
         tree: The tree.
-        engine: What ticks it.
-        executor: What spins its node.
+        engine: Ticks the tree.
+        executor: Spins the node.
         simulation: The simulation, if there is one.
     """
 
@@ -281,10 +281,10 @@ class TreeRun:
         self._robot: RobotEstimate | None = None
 
     def run(self, route: RouteCheck | None) -> RunOutcome:
-        """Wait, tick, stop and sum up.
+        """Wait for the requirements, tick, stop and summarise.
 
         Args:
-            route: The check of the mission's way, which is told in place of ticking.
+            route: The check of the mission's route, which replaces ticking.
 
         Raises:
             NotReadyError: If a requirement of the tree is not fulfilled in time.
@@ -320,13 +320,13 @@ class TreeRun:
             if isinstance(each, RosLeaf):
                 each.require_definition()
         # A check changes nothing on an existing robot.
-        # A mission that goes on has a robot somewhere on its way; but a simulated world begins anew.
+        # A resumed mission's robot is somewhere on its route, except in a simulated world, which starts over.
         is_resumed = self.setup.journal.is_resumed
         unmoved = self._options.check or is_resumed
         told = self._parameters.set_initial_pose and (not unmoved or self.simulation is not None)
         if is_resumed and not told and Use.nav2() in self.tree.uses():
             self._node.get_logger().info(
-                "The localisation is not told where the robot is, which has driven since the start."
+                "No initial pose is sent to the localisation, because the robot has driven since the start."
             )
         readiness = self._readiness(with_pose=told)
         limit_sec = self._parameters.startup_timeout_sec
@@ -339,7 +339,7 @@ class TreeRun:
     @readable_ros_errors()
     def _readiness(self, *, with_pose: bool) -> Readiness:
         actions = [use.name for use in self.tree.uses() if use.kind == "action"]
-        # Beside a simulation nobody else is allowed, and that was looked for.
+        # A simulation excludes other nodes, which was already checked.
         look_sec = 0.0 if self.simulation is not None else LOOK_SEC
         self._sole = SoleMission(self._node, actions, look_sec=look_sec, claims=not self._options.check)
         return Readiness(
@@ -353,15 +353,17 @@ class TreeRun:
         )
 
     def _conclude_check(self, route: RouteCheck | None) -> int:
-        """Conclude a check for which everything is there; returns the exit status."""
+        """Finish a check whose requirements are all present; returns the exit status."""
         if route is not None and (problems := route.tell(self.executor, self._output.say)):
             count = "one problem" if problems == 1 else f"{problems} problems"
-            return self._fail(f"everything that the tree needs is there, and the way has {count} (see above)")
-        self._output.say("Everything that the tree needs is there.")
+            return self._fail(
+                f"all requirements of the tree are present, but the route has {count} (see above)"
+            )
+        self._output.say("All requirements of the tree are present.")
         return OK
 
     def _tick(self) -> int:
-        """Tick the tree until it is over, and sum up; returns the exit status."""
+        """Tick the tree until it is over, and summarise; returns the exit status."""
         self._has_ticked = True
         try:
             return self._fly()
@@ -369,7 +371,7 @@ class TreeRun:
             self._output.leave()
 
     def _fly(self) -> int:
-        """Tick the tree until it is over, and end the journal; returns the exit status."""
+        """Tick the tree until it is over, and close the journal; returns the exit status."""
         engine = self.engine
         engine.add_post_tick_handler(self._look_for_end)
         self._signals.ends_unnoticed = False
@@ -414,7 +416,7 @@ class TreeRun:
         return status
 
     def _report_verdicts(self) -> None:
-        """Add the verdicts of the properties for which the run was watched to the outcome."""
+        """Add the verdicts of the monitored properties to the outcome."""
         watch = self.extensions.watch()
         if watch is not None:
             summary = (*self._outcome.summary, watch.in_words())
@@ -443,7 +445,7 @@ class TreeRun:
                     self._options.supervision.tell_deaf()
 
     def _come_to_rest(self) -> None:
-        """Stop the tree, and wait until its goals have ended and, as far as the odometry says it, the robot stands."""
+        """Halt the tree, and wait until its goals have ended and the odometry, if any, shows that the robot stands."""
         limit_sec = self._parameters.settle_timeout_sec
         deadline = time.monotonic() + limit_sec
         names = self.engine.settle(self.executor, limit_sec)
@@ -458,20 +460,20 @@ class TreeRun:
             self._turn(lambda: self.executor.spin_once(_TURN_SEC))
         if robot is not None and robot.moves and not names:
             self._adrift = (
-                f"no goal of this mission is active, and the robot still moves ({robot.speed_in_words})"
+                f"no goal of this mission is active, but the robot still moves ({robot.speed_in_words})"
             )
 
     def _turn(self, spin: Callable[[], object]) -> None:
         try:
             spin()
         except ExternalShutdownException:
-            pass  # noticed by the enclosing loop
-        except Exception as error:  # noqa: BLE001 - of a leaf's own callback, or of rclpy's: a clock before 0
+            pass  # handled by the enclosing loop
+        except Exception as error:  # noqa: BLE001 - from a leaf's own callback, or rclpy's: a clock before 0
             self._callback_failure = error
             tell(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
 
     def _tick_watch(self) -> TickWatch:
-        """Return what names a leaf that blocks, and ends the run where it is asked to end meanwhile; goals of a simulation end with it."""
+        """Return the watchdog that names a blocking leaf, and ends the run on a request meanwhile; in a simulation its goals end with it."""
         cancel, parameters = None, self._parameters
         if self.simulation is None:
             cancel = cancel_apart(self._node)
@@ -511,7 +513,7 @@ class TreeRun:
 
     @property
     def _over(self) -> bool:
-        """Whether the run is ended by something other than the tree."""
+        """Whether the run was ended by something other than the tree."""
         failed = self._callback_failure is not None or self._failure_of_simulation is not None
         troubled = self._watch is not None and bool(self._watch.trouble)
         return self._signals.came or failed or troubled or not self._node.context.ok()
@@ -527,7 +529,7 @@ class TreeRun:
             self._turn_over.set_result(None)
 
     def _conclude(self, elapsed_sec: float) -> int:
-        """Sum up in the outcome; returns the exit status."""
+        """Summarise in the outcome; returns the exit status."""
         mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
         status = self._status()
         summary = mission.summary(elapsed_sec, ticks) or default_summary(
@@ -544,7 +546,7 @@ class TreeRun:
         return status
 
     def _end_in_words(self, status: int) -> str:
-        """Return what has become of the run, in words."""
+        """Return the outcome of the run in words."""
         if status > _SIGNAL_STATUS:
             return f"was stopped by {Signals(status - _SIGNAL_STATUS).name}"
         return "succeeded" if status == OK else "failed"
@@ -573,7 +575,7 @@ class TreeRun:
         if self._result is not None and not self._result.achieved:
             return self._fail(self._result.reason)
         if self.end.shortfalls():
-            return self._fail("the run has ended as asked, and the mission is incomplete")
+            return self._fail("the run has ended as requested, but the mission is incomplete")
         return OK
 
     def _tell_interruption(self) -> int:
@@ -588,11 +590,11 @@ class TreeRun:
         return self._fail("ROS was shut down")
 
     def _fail(self, said: str, reason: str = "") -> int:
-        """Note why the run has failed, and return the exit status.
+        """Store why the run failed, and return the exit status.
 
         Args:
-            said: The last line on the terminal, below what was said of it before.
-            reason: The same for those who do not have the terminal; by default in the same words.
+            said: The last line on the terminal, after earlier messages.
+            reason: The same without the terminal's context; by default the same words.
         """
         self._reason = reason or said
         self._messages.append(said)

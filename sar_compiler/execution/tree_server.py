@@ -1,7 +1,7 @@
-"""A node that starts runs of trees for others, as the server of that name of BehaviorTree.ROS2 does: one at a time, by the action `bt_execution`.
+"""A node that starts runs of trees for clients, like the server of BehaviorTree.ROS2: one run at a time, by the action `bt_execution`.
 
-It is a lifecycle node. Configured, it knows its trees; active, it takes goals; deactivated, it has the run that it has started stand still. Managed
-by another program, it has a bond as Nav2's nodes have.
+It is a lifecycle node. Configuring it reads its trees, activating it accepts goals, and deactivating it pauses the current run. If another
+program manages it, it has a bond like Nav2's nodes.
 """
 
 from collections import deque
@@ -34,23 +34,23 @@ from sar_compiler.tree.showing import in_one_line, short_line
 
 NODE_NAME = "sar_tree_server"
 ACTION, TREES_SERVICE, BOND = "bt_execution", "get_loaded_trees", "bond"
-# Those of Nav2's own nodes; the clock of a simulation may stand still.
+# The values of Nav2's own nodes; simulated time may stand still.
 _BOND_PERIOD_SEC, _BOND_TIMEOUT_SEC, _BOND_DEPTH = 0.1, 4.0, 5
-# A signal is noticed between two turns of the executor.
+# Signals are handled between two turns of the executor.
 _TURN_SEC, _LAST_TURNS = 0.1, 5
 
 
 def serve_trees(starter: RunStarter, ros: Sequence[str], signals: StopSignals, *, is_managed: bool) -> bool:
-    """Start runs for others until a signal comes, and the run that is under way has ended.
+    """Start runs for clients until a signal comes and the current run has ended.
 
     Args:
-        starter: Starts them; is given the node that serves.
+        starter: Starts them; receives the node.
         ros: The user's ROS arguments.
         signals: The requests to stop.
         is_managed: Whether a lifecycle manager configures and activates the node.
 
     Returns:
-        False if the trees cannot be flown, so that nothing was served; the log says why.
+        False if the trees cannot be run, so that nothing was served; the log gives the reason.
     """
     with ros_up(init_arguments(ros)) as context, suppress(ExternalShutdownException):
         node = TreeExecutionServer(context, starter, is_managed=is_managed)
@@ -72,23 +72,23 @@ def _spin(executor: Executor, node: "TreeExecutionServer", signals: StopSignals)
             is_asked = True
             node.stop_run()
         executor.spin_once(_TURN_SEC)
-    # How it has ended is on its way to who has asked for it.
+    # The result is still on its way to the client.
     for _ in range(_LAST_TURNS):
         executor.spin_once(_TURN_SEC)
 
 
 class Bond:
-    """A node's end of its bond, by which a lifecycle manager, such as Nav2's, sees that the process is alive.
+    """A node's end of its bond, which shows a lifecycle manager, such as Nav2's, that the process is alive.
 
-    Both ends of a bond say on the topic `bond`, of ROS's package of that name, that they are there; the last thing that one says is
-    that it goes. Nav2's manager takes a node for dead whose bond it has not heard for `bond_timeout`, and does not bring up one
-    that has none.
+    Both ends of a bond publish heartbeats on the topic `bond` of ROS's package of that name, and a last message when they end.
+    Nav2's manager regards a node as dead if its bond is silent for `bond_timeout`, and does not activate a node without a
+    bond.
 
     Args:
-        node: The node, whose name the bond bears; its executor keeps the bond alive.
+        node: The node, which names the bond; its executor sends the heartbeats.
 
     Raises:
-        ModuleNotFoundError: If the package is not here, which comes with Nav2.
+        ModuleNotFoundError: If the package, which is part of Nav2, is not installed.
     """
 
     def __init__(self, node: Node) -> None:
@@ -100,9 +100,9 @@ class Bond:
         self._end = ""
 
     def begin(self) -> None:
-        """Be there, until `end`."""
+        """Send heartbeats until `end`."""
         self.end()
-        # To its manager, a node that was activated again is another one.
+        # The manager treats a reactivated node as a new one.
         self._end = str(uuid4())
         self._timer = self._node.create_timer(
             _BOND_PERIOD_SEC, lambda: self._say(is_there=True), clock=self._clock
@@ -129,12 +129,12 @@ class Bond:
 
 
 class TreeExecutionServer(LifecycleNode):
-    """The node.
+    """The node of the server.
 
     Args:
         context: The ROS context.
         starter: Starts runs.
-        is_managed: Whether a lifecycle manager sees by a bond that it is alive.
+        is_managed: Whether a lifecycle manager watches it through a bond.
     """
 
     def __init__(self, context: Context, starter: RunStarter, *, is_managed: bool) -> None:
@@ -154,7 +154,7 @@ class TreeExecutionServer(LifecycleNode):
             cancel_callback=self._take_cancel,
         )
         self.create_service(GetTrees, TREES_SERVICE, self._tell_trees)
-        # What rclpy raises of a transition that the state does not have would end the server, and with it the mission.
+        # rclpy raises on a transition that the state does not have, which would end the server and the mission.
         service = self._service_change_state
         service.callback = partial(self._change_if_possible, service.callback)
 
@@ -162,7 +162,7 @@ class TreeExecutionServer(LifecycleNode):
         wanted, (_, state) = request.transition, self._state_machine.current_state
         if wanted.label or wanted.id in [each[0] for each in self._state_machine.available_transitions]:
             return change(request, response)
-        self.get_logger().warning(f"Refused: there is no transition {wanted.id} from the state '{state}'.")
+        self.get_logger().warning(f"Refused: the state '{state}' has no transition {wanted.id}.")
         response.success = False
         return response
 
@@ -172,17 +172,17 @@ class TreeExecutionServer(LifecycleNode):
         return self._is_taken
 
     def is_activated(self) -> bool:
-        """Configure and activate it, which nobody else does; return whether that has gone well."""
+        """Configure and activate the node without a manager; return whether this succeeded."""
         gone_well = TransitionCallbackReturn.SUCCESS
         return bool(self.trigger_configure() == gone_well and self.trigger_activate() == gone_well)
 
     def stop_run(self) -> None:
-        """Have the run that is under way end in order; called again, at once."""
+        """Stop the current run gracefully; a second call stops it immediately."""
         if self._run is not None:
             self._run.stop()
 
     def destroy_node(self) -> None:
-        """Take the node down."""
+        """Destroy the node."""
         self._take_no_goals()
         self._action.destroy()
         super().destroy_node()
@@ -197,7 +197,7 @@ class TreeExecutionServer(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take goals; a run that was held goes on."""
+        """Accept goals; resume a paused run."""
         self._is_active = True
         if self._run is not None:
             self._run.hold(wanted=False, refused=self._say_held)
@@ -207,20 +207,20 @@ class TreeExecutionServer(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take no goals; the robot of a run stands until the next activation, or its mission ends if it cannot be held."""
+        """Reject goals; pause the current run until the next activation, or stop it if it cannot be paused."""
         self._take_no_goals()
         if self._run is not None:
             self._run.hold(wanted=True, refused=lambda why: self._later(lambda: self._stop_instead(why)))
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
-        """Forget the trees; a run ends."""
+        """Forget the trees and stop the current run."""
         self._trees = ()
         self.stop_run()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take no goals any more; a run ends."""
+        """Reject all further goals and stop the current run."""
         self._take_no_goals()
         return self.on_cleanup(state)
 
@@ -231,18 +231,18 @@ class TreeExecutionServer(LifecycleNode):
 
     def _stop_instead(self, why: str) -> None:
         if self._run is not None:
-            self.get_logger().warning(f"The mission cannot be held, and is stopped: {in_one_line(why)}")
+            self.get_logger().warning(f"The mission cannot be paused, and is stopped: {in_one_line(why)}")
             self._run.stop()
 
     def _say_held(self, why: str) -> None:
-        self.get_logger().warning(f"The mission does not go on: {in_one_line(why)}")
+        self.get_logger().warning(f"The mission does not resume: {in_one_line(why)}")
 
     def _tell_trees(self, _request: GetTrees.Request, response: GetTrees.Response) -> GetTrees.Response:
         response.tree_ids = [*self._trees]
         return response
 
     def _take_goal(self, goal: ExecuteTree.Goal) -> GoalResponse:
-        """Accept a goal if it can be begun; whose is refused reads why in the log."""
+        """Accept a goal if its run can be started; the log gives the reason of a rejection."""
         why = self._why_not(goal)
         if why:
             self.get_logger().warning(f"Goal refused: {in_one_line(why)}")
@@ -251,29 +251,29 @@ class TreeExecutionServer(LifecycleNode):
         return GoalResponse.ACCEPT
 
     def _why_not(self, goal: ExecuteTree.Goal) -> str:
-        """Return why a goal cannot be begun; empty if it can."""
+        """Return why a run cannot be started; empty if it can be."""
         tree = str(goal.target_tree)
         if not self._is_active:
             return "this node is not active"
         if tree not in self._trees:
-            return f"there is no tree '{tree}'{did_you_mean(nearest(tree, self._trees))}; there are {', '.join(self._trees)}"
+            return f"there is no tree '{tree}'{did_you_mean(nearest(tree, self._trees))}; the trees are {', '.join(self._trees)}"
         if self._is_taken:
-            return "a mission is under way"
+            return "a mission is running"
         try:
             return self._starter.why_not(tree, parameters_of(str(goal.payload)))
         except PayloadError as error:
             return str(error)
 
     def _take_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
-        self.get_logger().info("The run is asked to end by its client.")
+        self.get_logger().info("The client requests the end of the run.")
         self.stop_run()
         return CancelResponse.ACCEPT
 
     async def _execute(self, goal: ServerGoalHandle) -> ExecuteTree.Result:
-        """Start a run, and wait for its end."""
+        """Start a run and wait for its end."""
         ended: Future = Future(executor=self.executor)
         request, say = goal.request, self.get_logger().info
-        say(f"Run of '{request.target_tree}' begins.")
+        say(f"Run of '{request.target_tree}' starts.")
         try:
             self._run = self._starter.start(
                 str(request.target_tree),
@@ -286,7 +286,7 @@ class TreeExecutionServer(LifecycleNode):
         end: EndedRun = await ended
         self._run, self._is_taken = None, False
         said = "" if end.outcome == "SUCCESS" else f": {short_line(end.message)}"
-        say(f"Run of '{request.target_tree}' has ended with {end.outcome}{said}")
+        say(f"Run of '{request.target_tree}' ended with {end.outcome}{said}")
         if goal.is_cancel_requested:
             goal.canceled()
         elif end.outcome == "SUCCESS":
@@ -301,7 +301,7 @@ class TreeExecutionServer(LifecycleNode):
             goal.publish_feedback(ExecuteTree.Feedback(message=line))
 
     def _later(self, call: Callable[[], object]) -> None:
-        """Have something called in the thread of the executor, which begins several tasks in any order."""
+        """Schedule a call in the executor's thread, in order; its own tasks would start in any order."""
         self._due.append(call)
         executor = self.executor
         if executor is not None:
@@ -317,6 +317,6 @@ def _new_bond(node: TreeExecutionServer) -> Bond | None:
         return Bond(node)
     except ModuleNotFoundError as error:
         node.get_logger().warning(
-            f"No bond, since ROS's package 'bond' is not here ({error}): the lifecycle manager needs bond_timeout: 0.0."
+            f"No bond, because ROS's package 'bond' is not installed ({error}): set bond_timeout: 0.0 of the lifecycle manager."
         )
         return None

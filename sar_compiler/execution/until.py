@@ -15,4 +15,4 @@ class Until(str, Enum):
     FAILURE = "failure"
     """The root fails."""
     FOREVER = "forever"
-    """It is stopped from outside."""
+    """A signal stops the run."""

@@ -1,4 +1,4 @@
-"""Carrying out the operator's orders from another thread than the mission's."""
+"""Calls of the operator's commands from threads other than the mission's."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -16,12 +16,12 @@ _UNKNOWN = CommandAuthor()
 
 
 class VerbCalls:
-    """Calls the services of a mission's verbs: ordered from any thread, called in that of the node's executor.
+    """Calls the services of a mission's commands; usable from any thread, while the calls are made in the node's executor.
 
     Args:
-        node: The node that calls; by default it is the mission's, which has the services as well.
-        verbs: What can be ordered.
-        sign: Is called with a verb, whoever has ordered it, and what calls the service once that is known; in the executor's thread.
+        node: The node that calls; by default the mission's own, which also has the services.
+        verbs: The commands.
+        sign: Called in the executor's thread with a command, its author, and a function that calls the service.
         of: The name of the mission's node.
     """
 
@@ -42,37 +42,37 @@ class VerbCalls:
         self._node = node
 
     def available(self) -> list[str]:
-        """Return the verbs whose services are there: those that the tree's leaves heed."""
+        """Return the commands with a service, which are those that the tree's leaves execute."""
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
     def give(
         self, verb: str, values: Mapping[str, Any], author: CommandAuthor = _UNKNOWN
     ) -> "Future[tuple[bool, str]]":
-        """Give an order, from any thread.
+        """Give a command, from any thread.
 
         Args:
-            verb: The name of a verb.
+            verb: The name of a command.
             values: The values that come with it.
-            author: Who orders it, and why.
+            author: Its author and reason.
 
         Returns:
-            Whether it was accepted, and what was said to it; it can be cancelled until it is sent.
+            Whether it was accepted, with the response's message; it can be cancelled until it is sent.
 
         Raises:
-            VerbError: If there is no such verb, or a value is wrong, or no leaf of the tree heeds it.
+            VerbError: If the command is unknown, a value is wrong, or no leaf of the tree executes it.
         """
         known = self._verbs.get(verb)
         if known is None:
-            raise VerbError(f"there is no order {verb!r:.60}")
+            raise VerbError(f"unknown command {verb!r:.60}")
         checked = known.check(values)
         client = self._clients[verb]
         if not client.service_is_ready():
-            raise VerbError(f"no node of this tree heeds '{verb}'")
+            raise VerbError(f"no node of this tree executes '{verb}'")
         request = client.srv_type.Request()
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()
         self._waiting.append(lambda: self._send(known, client, request, answer, author))
-        # It has an executor: the services are there once the tree is set up.
+        # With an executor of its own, the services exist once the tree is set up.
         from sar_compiler.ros.executors import call_soon
 
         call_soon(self._node.executor, self._call)
@@ -90,7 +90,7 @@ class VerbCalls:
         answer: "Future[tuple[bool, str]]",
         author: CommandAuthor,
     ) -> None:
-        # Whoever has given up an order has been told that it was not carried out; from here on nobody can.
+        # The caller of a cancelled command was told that it is not executed; from here on it can no longer be cancelled.
         if not answer.set_running_or_notify_cancel():
             return
         self._sign(verb.name, author, lambda: self._call_service(client, request, answer))
@@ -100,14 +100,14 @@ class VerbCalls:
             try:
                 response = called.result()
                 said = bool(response.success), str(response.message)
-            except Exception as error:  # noqa: BLE001 - what a client comes to must not end the mission
-                answer.set_exception(VerbError(f"the order was not answered: {error}"))
+            except Exception as error:  # noqa: BLE001 - a failing call must not end the mission
+                answer.set_exception(VerbError(f"the command got no response: {error}"))
                 return
             answer.set_result(said)
 
         try:
             called = client.call_async(request)
-        except Exception as error:  # noqa: BLE001 - rclpy raises whatever a value is to it
-            answer.set_exception(VerbError(f"the order cannot be sent: {error}"))
+        except Exception as error:  # noqa: BLE001 - rclpy raises arbitrary exceptions on values
+            answer.set_exception(VerbError(f"the command cannot be sent: {error}"))
             return
         called.add_done_callback(take)

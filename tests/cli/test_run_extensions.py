@@ -81,7 +81,7 @@ def test_one_whose_end_fails_keeps_no_other_from_its_end(stage: Stage) -> None:
         stage.extend(stack, *makes).on_begin()
     began = ["journal began", "a began", "b began", "c began"]
     assert stage.done == [*began, "c ended", "b ended", "a ended", "journal ended"]
-    assert stage.said == ["Noting could not come to its end: ValueError('ended')."] * 2
+    assert stage.said == ["Noting could not be closed: ValueError('ended')."] * 2
 
 
 def test_one_that_fails_while_it_listens_takes_nothing_from_the_others(stage: Stage) -> None:
@@ -136,13 +136,13 @@ def test_a_view_that_fails_is_told_of_and_not_drawn_again(stage: Stage, screen: 
     screen.refresh()
     stage.output.leave()
     assert stage.done == ["drawn"]
-    assert stage.said == ["The view has failed, and shows no more: ValueError()."]
+    assert stage.said == ["The view has failed and is switched off: ValueError()."]
 
 
 @pytest.mark.ros
 def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> None:
     stage.output.leave()
-    assert stage.said == ["The view has failed, and shows no more: ValueError()."]
+    assert stage.said == ["The view has failed and is switched off: ValueError()."]
 
 
 @pytest.mark.ros

@@ -55,7 +55,7 @@ TYPED = {
     "--sim takes a world, and '…' looks like a tree: put the tree before --sim": "sar-run --sim my.xml",
     "there is no world file '…', nor a shipped world of that name": "sar-run --sim moon",
     "there is no mission '…' (installed: …)": "sar-run --mission serch_and_rescue",
-    "--until complete is for a mission with an end of its own; for this tree say end, success, failure or forever": (
+    "--until complete needs a mission with an end condition; for this tree write end, success, failure or forever": (
         "sar-run {folder}/plain.xml --until complete"
     ),
     "… already exists and is not overwritten. Choose another name": "sar-run {folder}/plain.xml "

@@ -58,7 +58,7 @@ def test_the_robot_comes_home_where_its_battery_would_not_bring_it_home_again_an
 
 def test_no_property_is_broken_in_it_and_the_report_has_its_reason_and_its_figures(flown):
     run, report = flown
-    assert "Watched for 10 properties: none was broken." in run.output
+    assert "Monitored 10 properties: none violated." in run.output
     text = json.dumps(report)
     assert "the reserve is 15%: home first" in text
     assert "and suffices" in text

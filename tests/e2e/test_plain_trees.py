@@ -79,7 +79,7 @@ def test_a_service_that_nobody_brings_is_named(start, tree):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--until", "complete"], "for this tree say end, success, failure or forever"),
+        (["--until", "complete"], "for this tree write end, success, failure or forever"),
         (["--mission", "serch_and_rescue"], "did you mean 'search_and_rescue'?"),
         (
             ["--sim", "--fault", "report_survivor:drop=1"],
@@ -97,4 +97,4 @@ def test_a_name_makes_a_plain_tree_the_mission_s(start, tree):
     run = start("sar-run", tree("<AlwaysFailure/>"), "--mission", "search_and_rescue", "--until", "failure")
     assert run.end() == 1
     assert "Loaded 4 search zones from parameters." in run.log
-    assert "the run has ended as asked, and the mission is incomplete" in run.output
+    assert "the run has ended as requested, but the mission is incomplete" in run.output

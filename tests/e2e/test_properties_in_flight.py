@@ -45,7 +45,7 @@ def test_a_property_that_is_broken_is_told_at_once_and_summed_up(aborted):
     status, run, _, _ = aborted
     assert status == 1
     assert BROKEN in run.log
-    assert "Watched for 1 property: 1 broken (nobody is found)." in run.output
+    assert "Monitored 1 property: 1 violated (nobody is found)." in run.output
 
 
 def test_the_journal_says_which_event_has_broken_it_and_what_led_there(aborted):
@@ -81,8 +81,7 @@ def test_a_tree_whose_leaves_heed_no_such_order_is_refused_before_anything_moves
     run = start("sar-run", "search_and_rescue", "--sim", "--properties", properties, "--journal", "none")
     assert run.end() == 1
     assert (
-        "if 'nobody is found' is broken, 'pause' is to be ordered, and no node of this tree heeds that"
-        in run.output
+        "'nobody is found' has if_broken: pause, a command that no node of this tree executes" in run.output
     )
     assert "Navigating" not in run.output
 
@@ -126,4 +125,4 @@ def test_what_is_halted_because_the_run_is_stopped_breaks_nothing(start, tmp_pat
     run = start("sar-run", "--sim", "--properties", properties, "--journal", "none")
     run.wait_for("Navigating to zone_a...")
     assert run.stop(within_sec=10.0) == 130
-    assert "Watched for 1 property: none was broken." in run.output
+    assert "Monitored 1 property: none violated." in run.output

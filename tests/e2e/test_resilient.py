@@ -33,7 +33,7 @@ def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameter
     )
     try:
         status = run.end()
-        assert "Watched for 7 properties: none was broken." in run.output
+        assert "Monitored 7 properties: none violated." in run.output
         assert "Assumption failed" not in run.output
         return run, status
     finally:

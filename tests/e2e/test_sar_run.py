@@ -189,7 +189,7 @@ def test_only_what_is_missing_is_waited_for_and_the_mission_starts_when_it_comes
 def test_a_check_sees_that_everything_is_there_and_ends(start):
     run = start("sar-run", "--sim", "--speed", 20, "--check")
     assert run.end() == 0
-    assert run.output.endswith("Everything that the tree needs is there.")
+    assert run.output.endswith("All requirements of the tree are present.")
     assert "Navigating" not in run.output
     way = [line.split() for line in run.output.splitlines() if re.fullmatch(r"  \w.* m +\d+ s", line)]
     assert [words[0] for words in way] == ["zone_a", "zone_b", "zone_c", "zone_d", "base", "total"]
@@ -206,7 +206,7 @@ def test_a_check_names_the_places_that_cannot_be_reached(start):
         "zone_b (99.00, 3.00): it is outside the map.",
         "zone_c (4.00, 0.00): the robot does not fit on free ground there.",
         "zone_d (-3.50, -3.00): it is outside the geofence.",
-        "everything that the tree needs is there, and the way has 3 problems (see above)",
+        "all requirements of the tree are present, but the route has 3 problems (see above)",
     ):
         assert f"sar-run: {problem}" in run.output, run.output
 
@@ -352,4 +352,4 @@ def test_a_zone_out_of_reach_is_tried_ever_more_rarely(start, witness):
 def test_a_root_that_succeeds_does_not_make_an_incomplete_mission_a_success(start):
     run = start("sar-run", "--sim", "--speed", 20, "--until", "success")
     assert run.end() == 1
-    assert "the run has ended as asked, and the mission is incomplete" in run.output
+    assert "the run has ended as requested, but the mission is incomplete" in run.output

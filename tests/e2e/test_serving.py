@@ -123,7 +123,7 @@ def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve)
     assert client.trees() == ["Failing", "Short"]
     assert client.run("Failing") == (ABORTED, FAILURE, "The root of the tree ended with FAILURE.")
     server.wait_for("Run of 'Failing' begins.")
-    server.wait_for("Run of 'Failing' has ended with FAILURE: The root of the tree ended with FAILURE.")
+    server.wait_for("Run of 'Failing' ended with FAILURE: The root of the tree ended with FAILURE.")
     # Nobody hears what is published before he is known of, which he is by now, or what comes behind the end that he has asked for.
     client.told.clear()
     goal = client.ask("Short")
@@ -165,12 +165,12 @@ def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
     assert not client.ask("Short", "patience: 3").accepted
     server.wait_for("Goal refused: the payload is no JSON")
     assert not client.ask("Short", json.dumps({"a\0b": 1})).accepted
-    server.wait_for("Goal refused: the payload names a parameter 'a\\x00b': a name has letters")
+    server.wait_for("Goal refused: the payload has a parameter 'a\\x00b': use letters")
     assert not client.ask("Zones", json.dumps({"areas_file": "/etc/passwd"})).accepted
     server.wait_for("Goal refused: the payload cannot set areas_file, which is the path of a file")
     assert client.ask("Long").accepted
     assert not client.ask("Short").accepted
-    server.wait_for("Goal refused: a mission is under way")
+    server.wait_for("Goal refused: a mission is running")
 
 
 def test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them(client, serve):
@@ -215,7 +215,7 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     client.hear("Wait RUNNING")
     # Nobody can hold this tree.
     assert change(client, "deactivate")
-    server.wait_for("The mission cannot be held, and is stopped: it knows no such order")
+    server.wait_for("The mission cannot be paused, and is stopped: it has no such command")
     assert client.end(goal)[:2] == (ABORTED, IDLE)
     assert change(client, "cleanup")
     assert client.trees() == []
@@ -229,7 +229,7 @@ def test_a_transition_that_there_is_not_is_refused_and_the_mission_goes_on(clien
     client.hear("Wait RUNNING")
     assert not change(client, "configure", by_label=True)
     assert not change(client, "configure")
-    server.wait_for("Refused: there is no transition 1 from the state 'active'.")
+    server.wait_for("Refused: the state 'active' has no transition 1.")
     assert state_of(client) == "active"
     client.cancel(goal)
     assert client.end(goal)[0] == CANCELED
@@ -265,7 +265,7 @@ def test_where_there_is_no_package_of_bonds_a_manager_is_told_to_do_without(
     (tmp_path / "bond.py").touch()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     server = serve(LONG, options=["--managed"])
-    server.wait_for("No bond, since ROS's package 'bond' is not here")
+    server.wait_for("No bond, because ROS's package 'bond' is not installed")
     assert change(client, "configure")
     assert change(client, "activate")
 
@@ -301,14 +301,14 @@ def test_a_mission_is_held_while_its_server_is_not_active(client, start, tmp_pat
 def test_a_tree_that_is_wrong_is_told_of_before_anybody_can_start_it(serve):
     server = serve(SHORT, document("<Sleep/>", main="Wrong"))
     assert server.end() == 2
-    assert "tree_1.xml cannot be run like this:" in server.output
+    assert "tree_1.xml cannot be run with these options:" in server.output
     assert "missing-attribute" in server.output
 
 
 def test_a_tree_without_a_name_is_refused(serve):
     server = serve(SHORT.replace(' ID="Short"', ""))
     assert server.end() == 2
-    assert "has no ID, by which a goal could name it: give it one" in server.output
+    assert "has no ID for goals: add one" in server.output
 
 
 def test_two_trees_of_one_name_are_refused(serve):

@@ -176,7 +176,7 @@ def test_on_a_terminal_the_page_of_an_ended_run_stays_until_ctrl_c_and_the_statu
     with urllib.request.urlopen(url.partition("#")[0]) as page:  # noqa: S310 - the one that was printed
         assert page.status == 200
     assert seen.read_text(encoding="utf-8") == url
-    assert any("To see it again: sar-journal replay " in row for row in terminal.rows)
+    assert any("To replay it: sar-journal replay " in row for row in terminal.rows)
     terminal.send(signal.SIGINT)
     assert terminal.end() == 1
 

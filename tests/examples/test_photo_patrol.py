@@ -55,7 +55,7 @@ def test_what_holds_in_every_patrol_is_proved_watched_in_flight_and_kept(start, 
     flown = ("--properties", "--journal", tmp_path / "m.journal", "--fault", "take_photo:refuse=2")
     run = start("sar-run", PATROL, "--sim", "--speed", 20, *flown, env=installed)
     assert run.end() == 1, run.output
-    assert "Watched for 3 properties: none was broken." in run.output
+    assert "Monitored 3 properties: none violated." in run.output
     compared = start("sar-compile", "conform", PATROL, tmp_path / "m.journal", env=installed)
     assert compared.end() == 0, compared.output
     assert "3 properties: 3 kept" in compared.output

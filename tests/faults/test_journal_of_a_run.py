@@ -76,10 +76,10 @@ def test_a_mission_that_died_is_in_the_way_of_another_until_it_is_resumed_or_put
     assert "is not over: it was started on 20" in words
     assert "--resume" in words
     run = begin("--resume")
-    assert " goes on after 0 facts." in run.output
+    assert " resumes after 0 events." in run.output
     killed(run)
     run = begin("--new")
-    assert "The journal that was there is kept as" in run.output
+    assert "The previous journal is kept as" in run.output
     run.stop()
     assert len(journals(tmp_path)) == 2
 
@@ -87,7 +87,7 @@ def test_a_mission_that_died_is_in_the_way_of_another_until_it_is_resumed_or_put
 def test_a_mission_that_was_stopped_makes_room_where_no_file_was_named(begin, start, tree, state, tmp_path):
     begin().stop()
     run = begin()
-    assert "The journal that was there is kept as" in run.output
+    assert "The previous journal is kept as" in run.output
     run.stop(signal.SIGTERM)
     assert len(journals(tmp_path)) == 2
     named = tmp_path / "named.journal"
@@ -131,7 +131,7 @@ def test_a_place_that_cannot_be_written_is_refused_only_if_it_was_asked_for(
 ):
     nowhere = {"XDG_STATE_HOME": "/dev/null"}
     run = begin(env=nowhere)
-    assert "No journal is kept, so this mission cannot be resumed: the journal /dev/null/" in run.output
+    assert "No journal is written, so this mission cannot be resumed: the journal /dev/null/" in run.output
     assert run.stop() == 130
     assert "there is no journal /dev/null/" in refused(start, tree, nowhere, "--resume")
     assert "cannot be used: " in refused(start, tree, nowhere, "--new")

@@ -251,7 +251,10 @@ def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_proc
     run.wait_for("Since this process stood still it receives nothing from amcl and bt_navigator")
     navigation.thaw()
     assert run.end() == 0, run.output
-    assert "died (it heard nothing of Nav2, which the ROS graph shows): it is resumed (1 of 3)" in run.output
+    assert (
+        "crashed (it no longer received messages of Nav2, although the ROS graph shows Nav2): it is resumed (1 of 3)"
+        in run.output
+    )
     assert not any(blame in run.output for blame in BLAMES), run.output
 
 

@@ -58,11 +58,11 @@ class TestTheReport:
         report = self.report(begun())
         assert report.lines == []
         [problem] = report.problems
-        assert problem.startswith("3 of 3 places were not looked at: planning takes more than 0 s")
+        assert problem.startswith("3 of 3 stops were not checked: planning takes more than 0 s")
 
     def test_each_leg_has_its_distance_and_its_time_at_the_cruise_speed(self) -> None:
         lines = self.report(begun(), cruise_speed_mps=0.5).lines
-        assert lines[0] == "The way on the map (estimated; robot radius 0.22 m, 0.5 m/s):"
+        assert lines[0] == "The route on the map (estimated; robot radius 0.22 m, 0.5 m/s):"
         legs = [line.split() for line in lines[1:]]
         assert [words[0] for words in legs] == ["zone_b", "zone_a", "base", "total"]
         distances = [float(words[-4]) for words in legs]
@@ -99,14 +99,14 @@ class TestTheReport:
     def test_an_area_of_which_nothing_can_be_driven_to_is_a_problem(self) -> None:
         away = [50.0, 2.0, 52.0, 2.0, 52.0, 4.0]
         ground = {"zones.zone_b.polygon": away, "zones.zone_b.sweep_width": 2.0}
-        assert self.report(begun(**ground)).problems == ["zone_b: nothing of its area can be driven to."]
+        assert self.report(begun(**ground)).problems == ["zone_b: no part of its area is reachable."]
 
     def test_what_of_an_area_lies_beyond_the_map_is_told(self) -> None:
         wide = [2.5, 2.0, 52.5, 2.0, 52.5, 4.0, 2.5, 4.0]
         ground = {"zones.zone_b.polygon": wide, "zones.zone_b.sweep_width": 2.0}
         report = self.report(begun(**ground))
         [line] = [line for line in report.lines if " m²" in line]
-        assert line.endswith(" m² lie beyond the map")
+        assert line.endswith(" m² are outside the map")
         assert report.problems == []
 
     def test_a_mission_that_drives_nowhere_has_nothing_to_tell(self) -> None:

@@ -104,16 +104,20 @@ def test_every_parameter_that_is_another_one_is_named(journal: Journal) -> None:
     with pytest.raises(ParameterError) as error:
         require_same_identity(journal, about(identity=other))
     assert [problem.key for problem in error.value.problems] == ["zones", "base_station"]
-    assert "{'x': 1.0}, and in the journal" in str(error.value)
+    assert "{'x': 1.0}, but " in str(error.value)
 
 
 def test_another_mission_is_named(journal: Journal) -> None:
-    with pytest.raises(JournalError, match="is of the mission 'patrol', and this is a tree of no mission"):
+    with pytest.raises(
+        JournalError, match="is of the mission 'patrol', but this is a tree without a mission"
+    ):
         require_same_identity(journal, about(mission=None))
 
 
 def test_what_a_simulated_robot_has_done_no_real_one_goes_on_with(journal: Journal) -> None:
-    with pytest.raises(JournalError, match="was begun with a robot, and cannot go on with a simulation"):
+    with pytest.raises(
+        JournalError, match="was started with a robot, and cannot be resumed with a simulation"
+    ):
         require_same_identity(journal, about(simulated=True))
 
 

@@ -70,14 +70,14 @@ def test_what_cannot_be_sent_is_said_and_ends_nothing(stage, monkeypatch):
     with monkeypatch.context() as broken:
         broken.setattr(client, "call_async", refuse)
         order = stage.answer(stage.calls.give("pause", {}))
-    with pytest.raises(VerbError, match=r"the order cannot be sent: .* surrogates not allowed"):
+    with pytest.raises(VerbError, match=r"the command cannot be sent: .* surrogates not allowed"):
         order.result()
     assert stage.answer(stage.calls.give("pause", {})).result()[1] == "it stands still already"
 
 
 def test_an_order_that_nobody_has_a_service_for_is_refused(ros):
     stage = Stage(ros, PAUSE, Verb("dance", "Dance", "Dances.")).ready()
-    with pytest.raises(VerbError, match="no node of this tree heeds 'dance'"):
+    with pytest.raises(VerbError, match="no node of this tree executes 'dance'"):
         stage.calls.give("dance", {})
-    with pytest.raises(VerbError, match=r"there is no order 'swim\\n'"):
+    with pytest.raises(VerbError, match=r"unknown command 'swim\\n'"):
         stage.calls.give("swim\n", {})

@@ -58,4 +58,4 @@ def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: 
     assert watch.taken[-1] == "answers"
     extension.on_last_tick(is_over=True)
     assert extension.verdicts() == {"one": "broken", "two": "unknown"}
-    assert extension.in_words() == "Watched for 2 properties: 1 broken (one), 1 unknown (two)."
+    assert extension.in_words() == "Monitored 2 properties: 1 violated (one), 1 unknown (two)."
