@@ -1,4 +1,4 @@
-"""`sar-compile approve`: a person says that a tree may be flown as it is, or an agent proposes one."""
+"""`sar-compile approve`: a person approves this version of a tree for runs, or an agent proposes one."""
 
 import argparse
 import getpass
@@ -21,17 +21,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("file", nargs="?", type=TREE, metavar="FILE", help=FILE_HELP)
     other = parser.add_mutually_exclusive_group()
-    text = "approve nothing, but print for a person what there is to know, as JSON: findings, proofs, and the digest of what would run"
+    text = "approve nothing, but print the information for a decision as JSON: findings, proofs, and the digest of the proposed run"
     other.add_argument("--propose", action="store_true", help=text)
-    other.add_argument("--list", action="store_true", help="list what is approved, by whom and since when")
-    text = "approve this file no more, whatever it has become"
+    other.add_argument("--list", action="store_true", help="list the approved files, with approver and date")
+    text = "revoke the approval of this file, whatever its version"
     other.add_argument("--revoke", action="store_true", help=text)
-    add("--by", metavar="NAME", help="who approves it (default: the name of the user)")
-    text = "approve it only if the digest is this one, which a proposal says"
+    add("--by", metavar="NAME", help="the approver (default: the name of the user)")
+    text = "approve the file only if it has this digest, which a proposal prints"
     add("--digest", metavar="HEX", help=text)
     text = (
-        "a file of properties: approved with the tree, for runs that are watched for it, and proved by --propose (default: "
-        "what the mission brings)"
+        "a file of properties, approved with the tree for monitored runs, and verified by --propose (default: "
+        "the mission's own)"
     )
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_tree_id(parser, "approve")
@@ -42,16 +42,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def approve_file(arguments: argparse.Namespace) -> int:
-    """Approve a tree file, propose one, list what is approved, or revoke it, and return the exit status.
+    """Approve a tree file, propose one, list approvals, or revoke one, and return the exit status.
 
     Raises:
-        SarError: If there is no such file or approval, or it is not what was proposed.
+        SarError: If the file or the approval does not exist, or the file differs from the proposal.
         TreeError: If the configuration or a file of properties is wrong.
     """
     if arguments.list:
         return _list()
     if not arguments.file:
-        raise SarError("name the tree file to approve (or --list what is approved)")
+        raise SarError("name the tree file to approve, or list the approved files with --list")
     if arguments.revoke:
         return _revoke(arguments.file)
     loader = workspace(arguments)
@@ -103,7 +103,7 @@ def _approve(tree: "ProjectTree", arguments: argparse.Namespace) -> int:
     fingerprint = Fingerprint.of(tree, arguments.tree, arguments.params, arguments.properties)
     if arguments.digest not in (None, fingerprint.digest):
         raise SarError(
-            f"{tree.path} is not approved: it is not what was proposed; its digest is {fingerprint.digest}"
+            f"{tree.path} is not approved: it differs from the proposal; its digest is {fingerprint.digest}"
         )
     approval = approve(fingerprint, arguments.by or getpass.getuser())
     print_text(str(approval))

@@ -17,23 +17,23 @@ if TYPE_CHECKING:
 
 
 class ArgumentKind:
-    """What a word of a command line is: the type of its argument, and what a shell offers for it.
+    """The kind of an argument: its type, and its values for shell completion.
 
     Args:
-        name: Which function of `cli.completion.COMPLETERS` offers values.
-        read: Makes a value of the word.
+        name: The function of `cli.completion.COMPLETERS` that offers values.
+        read: Converts the string to a value.
     """
 
     def __init__(self, name: str, read: Callable[[str], Any] = str) -> None:
         self.name, self.read = name, read
 
     def __call__(self, text: str) -> Any:
-        """Return the value of a word."""
+        """Return the value of a string."""
         return self.read(text)
 
 
 def _tree_input(name: str) -> str:
-    """Return the name of a tree file as it is read: for `-` that of standard input."""
+    """Return the name under which a tree file is read; for `-`, that of standard input."""
     from sar_compiler.opener import STANDARD_INPUT
 
     return str(STANDARD_INPUT) if name == "-" else name
@@ -53,7 +53,7 @@ T = TypeVar("T")
 def reader(
     read: Callable[[str], T], what: str, fits: Callable[[T], bool] = lambda _: True
 ) -> Callable[[str], T]:
-    """Return a function that makes a value of a word, or says that the word is not *what* it should be."""
+    """Return a function that converts a string to a value; its error says that the string is not *what* is expected."""
 
     def parse(text: str) -> T:
         with suppress(ValueError):
@@ -66,7 +66,7 @@ def reader(
 
 
 def telling(read: Callable[[str], T]) -> Callable[[str], T]:
-    """Return a function whose errors are told as those of an argument."""
+    """Return a function whose errors are reported as errors of an argument."""
 
     def parse(text: str) -> T:
         try:
@@ -78,19 +78,19 @@ def telling(read: Callable[[str], T]) -> Callable[[str], T]:
 
 
 def report_forms() -> str:
-    """Return in words which reports there are, for the help of options."""
+    """Describe the available reports, for the help of options."""
     if not is_here("reports"):
-        return "which takes sar_compiler.reports"
+        return "(needs sar_compiler.reports)"
     from sar_compiler.reports.report_forms import forms_in_words
 
     return forms_in_words()
 
 
 def georeference(text: str) -> "Georeference":
-    """Return where the frame `map` lies on the earth, of `LAT,LON,HEADING` in degrees.
+    """Parse the position of the frame `map` on the earth, `LAT,LON,HEADING` in degrees.
 
     Raises:
-        ArgumentTypeError: If that is no place on the earth.
+        ArgumentTypeError: If it is not a position on the earth.
     """
     from sar_compiler.journal.georeference import Georeference
 
@@ -108,23 +108,23 @@ def _whole(text: str) -> int:
     return int(digits if digits.isascii() and digits.isdigit() else "no digits")
 
 
-count = reader(_whole, "a whole number above 0", lambda value: value > 0)
-seed = reader(_whole, "a whole number, 0 or above")
+count = reader(_whole, "an integer above 0", lambda value: value > 0)
+seed = reader(_whole, "an integer, 0 or above")
 port = reader(_whole, "a port, 0 to 65535", lambda value: value < 1 << 16)
 pair_of_ports = reader(
     _whole, "a port that has a next one, 1 to 65534", lambda value: 0 < value < (1 << 16) - 1
 )
 MOST_JOBS = max(64, os.cpu_count() or 1)
-"""The most processes that a command begins at a time."""
+"""Largest number of processes that a command starts at a time."""
 
 
 def number_within(least: float, most: float, what: str = "a number") -> Callable[[str], float]:
-    """Return a function that makes a number within bounds of a word."""
+    """Return a function that converts a string to a number within bounds."""
     return reader(float, f"{what} from {least:g} to {most:g}", lambda value: least <= value <= most)
 
 
 jobs = reader(_whole, f"a number of processes from 1 to {MOST_JOBS}", lambda value: 0 < value <= MOST_JOBS)
-restarts = reader(_whole, "a whole number from 1 to 1000", lambda value: 0 < value <= _MOST_RESTARTS)
+restarts = reader(_whole, "an integer from 1 to 1000", lambda value: 0 < value <= _MOST_RESTARTS)
 speed = number_within(0.001, 10_000)
 tick_period = number_within(0.0001, 86_400, "a number of seconds")
 seconds = reader(float, "a number of seconds above 0", lambda value: 0 < value < math.inf)
@@ -135,28 +135,28 @@ confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < val
 def add_page_options(
     parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = ""
 ) -> argparse.Action:
-    """Add `--open`, and `--web-port`, which is returned; *when* they count."""
+    """Add `--open` and `--web-port`, which is returned; *when* is their condition, as a prefix of the help."""
     parser.add_argument("--open", action="store_true", help=f"{when}open it in a browser")
     text = f"{when}the page's port (default 8043; 0 for any)"
     return parser.add_argument("--web-port", type=port, metavar="N", help=text)
 
 
 def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:
-    """Add `--tree`; *use* is what is done with that tree."""
-    text = f"the tree to {use} (default: the one the file executes)"
+    """Add `--tree`; *use* is the action on that tree."""
+    text = f"the tree to {use} (default: the main tree)"
     parser.add_argument("--tree", type=TREE_ID, metavar="ID", help=text)
 
 
 def add_budget(
     parser: argparse.ArgumentParser, max_sec: float = MAX_SEC, what: str = "processor time"
 ) -> None:
-    """Add the options that limit an analysis; *what* is measured of its time."""
-    text = f"stop after so many seconds of {what}, and print what is known (default {max_sec:g})"
+    """Add the options that limit an analysis; *what* is the measured time."""
+    text = f"stop after SEC seconds of {what}, and print the results so far (default {max_sec:g})"
     parser.add_argument("--max-seconds", type=seconds, default=max_sec, metavar="SEC", help=text)
-    text = f"stop where the process has so many megabytes, and print what is known (default {MAX_MEMORY_MB})"
+    text = f"stop when the process uses MB megabytes, and print the results so far (default {MAX_MEMORY_MB})"
     parser.add_argument("--max-memory", type=count, default=MAX_MEMORY_MB, metavar="MB", help=text)
 
 
 def budget_of(arguments: argparse.Namespace, **options: Any) -> Budget:
-    """Return what the command line allows an analysis; *options* are further ones of `Budget`."""
+    """Return the budget of an analysis from the command line; *options* are further ones of `Budget`."""
     return Budget(arguments.max_seconds, arguments.max_memory, **options)

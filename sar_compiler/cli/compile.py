@@ -50,31 +50,31 @@ if TYPE_CHECKING:
 
 PROG = "sar-compile"
 _COMMANDS = {
-    "validate": "Report all mistakes in tree files.",
-    "show": "Draw a tree, whatever is wrong with its file, and report the findings.",
-    "convert": "Write a tree file in another form, and report what is lost.",
+    "validate": "Report all errors in tree files.",
+    "show": "Draw a tree, even if its file has errors, and report the findings.",
+    "convert": "Write a tree file in another form, and report any loss.",
     "format": "Write tree files in their canonical form; comments stay.",
     "diff": "Show the differences between two trees, whatever their form.",
-    "simulate": "Tick the tree without ROS by a script, and check that it does what is expected.",
-    "sweep": "Tick the tree without ROS many times with random answers: how often it succeeds, and what fails.",
-    "verify": "Explore all possible runs of a tree, and prove what holds in every one.",
-    "predict": "Compute how likely a tree is to succeed and to keep its properties, how long it takes, and what matters most.",
-    "conform": "Compare flights by their journals with all possible runs of their tree: what was otherwise, and which properties were broken.",
-    "approve": "Approve a tree file as it is, for sar-run --approved.",
+    "simulate": "Tick the tree by a script, without ROS, and check the expectations.",
+    "sweep": "Tick the tree many times with random outcomes, without ROS: success rate and causes of failure.",
+    "verify": "Explore all possible runs of a tree, and prove its properties.",
+    "predict": "Compute a tree's probability of success, the verdicts of its properties, its duration, and the main influences.",
+    "conform": "Compare recorded runs with all possible runs of their tree: deviations, and violated properties.",
+    "approve": "Approve a version of a tree file for sar-run --approved.",
     "explain": "Explain a finding, with an example.",
     "nodes": "List the nodes of tree files, or describe one with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",
-    "lsp": "Serve an editor: findings while one types, completion, names, and more, by the Language Server Protocol.",
-    "mcp": "Serve an agent: what these commands do, as tools of the Model Context Protocol.",
-    "completion": "Print the code that makes a shell complete these commands with the Tab key.",
+    "lsp": "Serve an editor by the Language Server Protocol: findings, completion, names, and more.",
+    "mcp": "Serve an agent by the Model Context Protocol: these commands as tools.",
+    "completion": "Print the code for completion of these commands with the Tab key.",
 }
 _STATUSES = (
-    "Exit status: 0 if nothing was found; 1 for findings; 2 for wrong usage or a file that is missing or cannot be read; "
-    "3 if a rule of the project's own failed (the other findings are told)."
+    "Exit status: 0 without findings; 1 with findings; 2 for wrong usage, or a missing or unreadable file; "
+    "3 if one of the project's own rules failed (the other findings are reported)."
 )
-# What the paths of texts begin with that an option has, or several have.
+# Prefixes of paths that options take as arguments.
 _GIVEN = ("--", "command line")
-# Each is a function of `views.drawing` that has its name.
+# Each is the name of a function of `views.drawing`.
 _PICTURES = ("svg", "mermaid", "dot")
 
 
@@ -100,7 +100,7 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def _print_findings(error: "TreeError") -> int:
-    """Print why a file cannot be used, and return the exit status."""
+    """Print why a file is unusable, and return the exit status."""
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
 
     if isinstance(error, UnknownTreeError):
@@ -111,9 +111,9 @@ def _print_findings(error: "TreeError") -> int:
 
 
 def _parser(argv: Sequence[str] = ()) -> Parser:
-    """Return the parser; of arguments that begin with a command, with this one alone, since each takes time.
+    """Return the parser. If the arguments begin with a command, only that command is added, because each takes time.
 
-    Other arguments (`--help`, a slip) need no more than the names of the commands.
+    Other arguments (`--help`, a typo) only need the names of the commands.
     """
     parser = Parser(PROG, "Check, show and describe behaviour trees, before a robot moves.", epilog=_STATUSES)
     add_version(parser)
@@ -136,12 +136,12 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_tree_id(parser, "show")
     text = (
-        "a drawing of characters (default unicode, or ascii), nested nodes with their attributes and places in the file "
+        "a drawing of characters (default unicode, or ascii), nested nodes with attributes and locations in the file "
         "(json), a picture (svg), or the language of Mermaid or Graphviz (dot)"
     )
     forms = ("unicode", "ascii", "json", *_PICTURES)
     parser.add_argument("--format", choices=forms, default="unicode", help=text)
-    text = "in a picture, draw each subtree as one node; --tree has what is in it"
+    text = "in a picture, draw each subtree as one node; --tree shows its content"
     parser.add_argument("--fold", action="store_true", help=text)
     text = "the file to write (default: standard output)"
     parser.add_argument("-o", "--output", type=FILE, metavar="OUT", help=text)
@@ -169,9 +169,9 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "describe this node with its attributes (default: list all)"
     add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
-    text = "for people (default text), for scripts, as a palette for Groot2, or as the specs of the leaves of --nodes for its package"
+    text = "text for people (default), json for scripts, groot2 for a palette, or specs of the leaves of --nodes for its package"
     add("--format", choices=("text", "json", "groot2", "specs"), default="text", help=text)
-    text = "print a palette of the nodes that the trees in a folder use and nobody describes, with guesses of their ports"
+    text = "print a palette of undescribed nodes that the trees in a folder use, with guesses of their ports"
     add("--from-use", type=FOLDER, metavar="FOLDER", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_nodes, include_path=[])
@@ -186,7 +186,7 @@ def _add_schema(parser: argparse.ArgumentParser) -> None:
 
 def _show(arguments: argparse.Namespace) -> int:
     if arguments.fold and arguments.format not in _PICTURES:
-        print_error(f"{PROG}: --fold is for pictures: --format {', '.join(_PICTURES)}")
+        print_error(f"{PROG}: --fold applies to pictures: add --format {', '.join(_PICTURES)}")
         return USAGE
     require_there(arguments.file)
     loader = workspace(arguments)
@@ -208,7 +208,7 @@ def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[
     """Return the findings about a file, and the drawing of its tree.
 
     Raises:
-        TreeError: If there is nothing to draw: the file is malformed, has no tree, or none of the ID that was asked for.
+        TreeError: If there is nothing to draw: the file is malformed, or has no tree, or no tree of the requested ID.
     """
     from sar_compiler.compiler.sketch import Sketch
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
@@ -225,14 +225,14 @@ def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[
         raise TreeError([*findings, *error.findings]) from error
     others = [each for each in loaded.forest.trees if each != sketch.name]
     if arguments.tree is None and loaded.forest.main_tree() is None and others:
-        print_error(f"note: this is the tree '{sketch.name}'; --tree shows another: {', '.join(others)}")
+        print_error(f"note: this is the tree '{sketch.name}'; show another with --tree: {', '.join(others)}")
     if isinstance(sketch, Sketch):
         findings = [*findings, *(each for each in sketch.findings if each not in findings)]
     return findings, _drawing(sketch, arguments.format, folded=arguments.fold)
 
 
 def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
-    """Return a tree in a form of `show`."""
+    """Return a tree in a format of `show`."""
     if form == "json":
         from sar_compiler.compiler.outline import outline
         from sar_compiler.tree.plain import as_json
@@ -244,7 +244,7 @@ def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
         picture: str = getattr(drawing, form)(tree, folded=folded)
         if form == "mermaid" and drawing.too_large(picture):
             print_error(
-                f"{PROG}: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit"
+                f"{PROG}: this flowchart is too large for GitHub and GitLab; --format svg has no limit"
             )
         return picture
     from sar_compiler.compiler.outline import ascii_tree, unicode_tree, with_tags
@@ -304,7 +304,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
     if arguments.from_use is not None and arguments.format != "json":
         return _nodes_from_use(arguments)
     if arguments.from_use is not None:
-        raise SarError("--from-use prints a palette, which is XML: leave --format json out")
+        raise SarError("--from-use prints a palette, which is XML: remove --format json")
     from sar_compiler.checks.leaf_classes import check_class
     from sar_compiler.nodes.models.palette import palette
     from sar_compiler.tree.diagnostic import Severity
@@ -321,10 +321,12 @@ def _nodes(arguments: argparse.Namespace) -> int:
         from sar_compiler.nodes.palettes import palettes_with
         from sar_compiler.tree.guessing import did_you_mean
 
-        others = "; `sar-compile nodes` lists those that are known, and --nodes PACKAGE.MODULE adds your own"
+        others = (
+            "; list the known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
+        )
         advice = did_you_mean(registry.nearest(arguments.tag)) or others
         if known := palettes_with(arguments.tag):
-            advice = f"; a palette knows it: --model {' or '.join(known)}"
+            advice = f"; add a palette that describes it: --model {' or '.join(known)}"
         raise SarError(f"no node is called '{arguments.tag}'{advice}")
     specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)
     if arguments.format == "groot2":
@@ -338,11 +340,11 @@ def _nodes(arguments: argparse.Namespace) -> int:
 
 
 def _nodes_from_use(arguments: argparse.Namespace) -> int:
-    """Print a palette of the nodes that the trees in a folder use and nobody describes.
+    """Print a palette of undescribed nodes that the trees in a folder use.
 
     Raises:
         UnreadableFileError: If the folder, or a file in it, cannot be read.
-        TreeError: If a configuration or a palette that somebody has named is malformed.
+        TreeError: If a configuration, or a palette named by the user, is malformed.
     """
     from sar_compiler.nodes.models.from_use import UseOfNodes
     from sar_compiler.nodes.models.palette import palette_of
@@ -354,7 +356,7 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
     for path in files:
         tree = loader.load_file(path)
         if tree.is_malformed:
-            print_error(f"{PROG}: {path} is passed over; `{PROG} validate` says what is wrong with it")
+            print_error(f"{PROG}: {path} is skipped; run `{PROG} validate` for its errors")
         else:
             uses.add(tree.forest.main, tree.palettes, tree.project.registry)
     loader.note_use()
@@ -377,7 +379,7 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 
 def _registry(arguments: argparse.Namespace) -> "Registry":
-    """Return the nodes for trees in the current folder; what is doubtful about the palettes goes to standard error.
+    """Return the nodes for trees in the current folder; warnings about palettes go to standard error.
 
     Raises:
         TreeError: If the configuration or a palette is malformed.

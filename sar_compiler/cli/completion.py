@@ -1,6 +1,6 @@
-"""Completion in shells: `sar-compile completion`, and what the values of arguments can be.
+"""Completion in shells: `sar-compile completion`, and the possible values of arguments.
 
-Neither this nor argcomplete is imported unless a shell asks (`CommandParser.complete`).
+This module and argcomplete are only imported when a shell requests completion (`CommandParser.complete`).
 """
 
 import argparse
@@ -43,12 +43,12 @@ def print_code(arguments: argparse.Namespace) -> int:
 
 def add_completers(parser: argparse.ArgumentParser) -> None:
     """Give every argument of a parser, and of its subcommands, the completer of its values."""
-    for action in parser._actions:  # noqa: SLF001 - argparse has no other way to them
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other access to them
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
             for command in action.choices.values():
                 add_completers(command)
         elif action.choices is None and action.nargs != 0:
-            # argcomplete looks for the attribute; where there is none, it offers files.
+            # argcomplete reads this attribute; without it, it offers files.
             kind = action.type.name if isinstance(action.type, ArgumentKind) else ""
             action.completer = COMPLETERS[kind]  # type: ignore[attr-defined]
 
@@ -70,7 +70,7 @@ def _worlds(prefix: str, **_: Any) -> list[str]:
 
 
 def _ids(parsed_args: argparse.Namespace, **_: Any) -> Iterable[str]:
-    """Return the IDs of the trees in the file that is named already."""
+    """Return the IDs of the trees in the file named so far."""
     trees = _workspace(parsed_args).load(parsed_args.file).forest.trees
     return [name for name in trees if in_one_line(name) == name]
 
@@ -80,7 +80,7 @@ def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
-    """Return what loads trees by the options that are there; who only asks what there is has not yet said `--trust`."""
+    """Return a workspace with the options so far; completion never implies `--trust`."""
     from sar_compiler.cli.loading import additions
     from sar_compiler.project import Workspace
 
@@ -104,7 +104,7 @@ def _palettes(prefix: str, **arguments: Any) -> list[str]:
 
 
 def _modules(prefix: str, **_: Any) -> Iterator[str]:
-    """Yield the modules and packages of the current folder, one level below what is written."""
+    """Yield the modules and packages of the current folder, one level below the text so far."""
     folder = Path(*prefix.split(".")[:-1])
     for path in folder.glob("*"):
         if path.stem.isidentifier() and (path.suffix == ".py" or any(path.glob("*.py"))):
@@ -125,4 +125,4 @@ COMPLETERS: Mapping[str, Callable[..., Iterable[str]]] = {
     "world": _worlds,
     "YAML file": _yaml_files,
 }
-"""What offers values, by the name of an `ArgumentKind`; of arguments without one nothing is offered."""
+"""The functions that offer values, by the name of an `ArgumentKind`; other arguments have no completion."""

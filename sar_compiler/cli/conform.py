@@ -1,4 +1,4 @@
-"""`sar-compile conform`: were flights runs of their tree, and did they keep its properties."""
+"""`sar-compile conform`: check that recorded runs are possible runs of their tree and keep its properties."""
 
 import argparse
 from collections.abc import Iterator
@@ -31,28 +31,28 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=FILE,
         nargs="+",
         metavar="JOURNAL",
-        help="journals of flights; of each its last run counts",
+        help="journals of runs; the last run of each is compared",
     )
-    text = "a file of properties, for which flights are judged (default: what the mission brings)"
+    text = "a file of properties for the recorded runs (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_search_options(parser, "compare with")
     parser.set_defaults(run=conform_flights)
 
 
 def conform_flights(arguments: argparse.Namespace) -> int:
-    """Compare flights with all possible runs of a tree, and print what was otherwise.
+    """Compare recorded runs with all possible runs of a tree, and print the deviations.
 
     Returns:
-        0 if all were runs of the tree and have broken nothing, else 1; 130 after Ctrl-C.
+        0 if all are possible runs of the tree without a violated property, otherwise 1; 130 after Ctrl-C.
 
     Raises:
-        TreeError: If a file has mistakes.
+        TreeError: If a file has errors.
         JournalError: If a journal cannot be read.
     """
     from sar_compiler.reports import compared_flights as views
 
     (tree,) = load_checked(arguments, arguments.file)
-    # Nothing in it asks whether it has to end.
+    # Its code never checks whether to stop.
     budget = budget_of(arguments, patience_sec=0.0)
     flights = [_flight(place, tree, budget, arguments) for place in arguments.journals]
     show = views.flights_as_json if arguments.format == "json" else views.flights_as_text
@@ -63,7 +63,7 @@ def conform_flights(arguments: argparse.Namespace) -> int:
 
 
 def _flight(place: Path, tree: "ProjectTree", budget: "Budget", arguments: argparse.Namespace) -> "Flight":
-    """Return what was found out about the last run of a journal."""
+    """Return the result for the last run of a journal."""
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
@@ -75,16 +75,16 @@ def _flight(place: Path, tree: "ProjectTree", budget: "Budget", arguments: argpa
     state.look_at_process(is_gone=not file.is_written)
     flight = Flight(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
     if not state.nodes:
-        return flight._replace(problem="there is no run of a tree in it")
+        return flight._replace(problem="it has no run of a tree")
     try:
         found = budget.run(lambda: _compared(tree, place, state, arguments))
         return flight._replace(found=found, changed=_changed(tree, state, arguments))
     except OtherTreeError as error:
-        return flight._replace(problem=f"{error}; it is of {_tree_of(state)}, and not of {tree.path}")
+        return flight._replace(problem=f"{error}; it is of {_tree_of(state)}, not of {tree.path}")
     except BudgetSpentError as error:
         return flight._replace(problem=str(error))
     except UndecidableError as error:
-        return flight._replace(problem=f"nothing can be decided: {error}")
+        return flight._replace(problem=f"it cannot be checked: {error}")
 
 
 def _compared(
@@ -120,17 +120,17 @@ def _compared(
     except UnknownTreeError as error:
         if arguments.tree is not None:
             raise
-        raise OtherTreeError("the tree has nodes other than those that ran") from error
+        raise OtherTreeError("the tree's nodes differ from those of the run") from error
 
 
 def _changed(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
-    """Return what is otherwise in the tree now than when it was flown, in words; empty for nothing."""
+    """Describe the changes of the tree since the run; empty without changes."""
     from sar_compiler.cli.journal_stats import nodes_difference, nodes_told
     from sar_compiler.compiler.outline import outline
 
     tree_id = arguments.tree or state.runs[-1].about.get("tree_id")
     now = nodes_told(outline(tree.preview(tree_id)))
-    # What a parameter has decided then stands in braces here.
+    # An entry that a parameter selected for the run is in braces here.
     then = [
         (name, depth, kind, {**had, **{key: each for key, each in has.items() if "{" in str(each)}})
         for (name, depth, kind, had), (*_, has) in zip(nodes_told(state.about.get("tree")), now, strict=True)

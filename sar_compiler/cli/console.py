@@ -1,4 +1,4 @@
-"""What the console scripts call."""
+"""Entry points of the console scripts."""
 
 import sys
 from functools import partial

@@ -19,7 +19,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `convert`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "the form to write: XML, YAML, or XML that BehaviorTree.CPP 4 and Groot2 open (btcpp)"
+    text = "the format: XML, YAML, or XML for BehaviorTree.CPP 4 and Groot2 (btcpp)"
     add("--to", choices=("xml", "yaml", "btcpp"), required=True, help=text)
     add_project_options(parser)
     add("-o", "--output", type=FILE, metavar="OUT", help="the file to write (default: standard output)")
@@ -29,8 +29,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def convert_file(arguments: argparse.Namespace) -> int:
     """Convert a file and return the exit status.
 
-    Notes about content without a counterpart in the other form go to standard error. The status is that of
-    findings if the result needs more than BehaviorTree.CPP by itself; it is written nevertheless.
+    Notes about content without a counterpart in the other form go to standard error. The status is that of findings if the result needs more
+    than BehaviorTree.CPP itself provides; it is written nevertheless.
 
     Raises:
         WriteError: If the output is the input file, or cannot be written.
@@ -41,7 +41,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
     path = find_tree(arguments.file)
     output: Path | None = arguments.output
     if output is not None and same_file(path, output):
-        raise WriteError(f"{output} is the file to convert; write to another one")
+        raise WriteError(f"{output} is the input file: write to another one with -o")
     converted = _convert(path, arguments)
     for loss in converted.losses:
         print(loss.render(), file=sys.stderr)

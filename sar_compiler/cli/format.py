@@ -15,9 +15,9 @@ from sar_compiler.writing import write_bytes
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
-    text = "a tree file, or - for standard input, whose canonical form goes to standard output"
+    text = "a tree file, or - for standard input; its canonical form is then written to standard output"
     parser.add_argument("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=text)
-    text = "write nothing, and name the files that would change (status 1)"
+    text = "write nothing, and list the files that would change (status 1)"
     parser.add_argument("--check", action="store_true", help=text)
     parser.set_defaults(run=format_files)
 
@@ -42,7 +42,7 @@ def _status(name: str, *, check: bool) -> int:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
         return FINDINGS
     if differs and (check or Path(name) != STANDARD_INPUT):
-        print_text(f"{Path(name)}: {'is not in canonical form' if check else 'written anew'}")
+        print_text(f"{Path(name)}: {'is not in canonical form' if check else 'rewritten'}")
     return FINDINGS if differs and check else OK
 
 

@@ -1,4 +1,4 @@
-"""`sar-journal check`: whether a journal is as it was written, as far as its chain of hashes shows it."""
+"""`sar-journal check`: check with the chain of hashes that a journal was not altered."""
 
 import argparse
 import re
@@ -12,13 +12,13 @@ _DIGITS = re.compile("[0-9a-f]{64}")
 
 
 def head(text: str) -> str:
-    """Read the head of a chain.
+    """Parse the head of a chain.
 
     Raises:
-        argparse.ArgumentTypeError: If it is none.
+        argparse.ArgumentTypeError: If it is invalid.
     """
     if not _DIGITS.fullmatch(text.lower()):
-        raise argparse.ArgumentTypeError(f"'{text}' is no head of a chain, which has 64 hexadecimal digits")
+        raise argparse.ArgumentTypeError(f"'{text}' is no journal hash, which has 64 hexadecimal digits")
     return text.lower()
 
 
@@ -26,22 +26,26 @@ def add_check(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
     add = parser.add_argument
     add(
-        "journals", type=FILE, nargs="+", metavar="FILE", help="the journals; a mission may be writing to one"
+        "journals",
+        type=FILE,
+        nargs="+",
+        metavar="FILE",
+        help="the journals; a running mission may be writing to one",
     )
-    text = "the head of the chain, as the summary and the reports of the run say it; for one journal"
+    text = "the journal hash from the run's summary or report; for a single journal"
     add("--head", type=head, metavar="HEX", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.set_defaults(run=lambda options: check_journals(parser, options))
 
 
 def check_journals(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Tell of each journal whether it is as it was written; return the exit status: 1 if one is not, or that cannot be known.
+    """Report for each journal whether it was altered; return the exit status: 1 if one was, or if this is unknown.
 
     Raises:
         JournalError: If one cannot be read.
     """
     if options.head and len(options.journals) > 1:
-        parser.error("--head is that of one journal: check it alone")
+        parser.error("--head applies to one journal: check it alone")
     from sar_compiler.reports.checked_journal import CheckedJournal
 
     verdicts = [CheckedJournal.of(place, options.head) for place in options.journals]

@@ -1,4 +1,4 @@
-"""`sar-journal`: what a mission has left behind."""
+"""`sar-journal`: evaluate the journal of a mission."""
 
 import argparse
 import sys
@@ -14,7 +14,7 @@ from sar_compiler.cli.parser import Parser
 from sar_compiler.commands import OK, add_version, interruptible, run
 from sar_compiler.journal.journal_entries import OF_ROBOT
 
-_JOURNAL_HELP = "the journal; a mission may be writing to it"
+_JOURNAL_HELP = "the journal; a running mission may be writing to it"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: The arguments without the command's name; by default the process's.
 
     Returns:
-        The exit status: 0; 1 if a report could not be written, or a journal was altered; 2 for wrong usage, or a file that is no journal or cannot be read.
+        The exit status: 0; 1 if a report could not be written, or a journal was altered; 2 for wrong usage, or an unreadable or invalid file.
     """
     return run(lambda: _command(sys.argv[1:] if argv is None else argv), "sar-journal")
 
@@ -36,34 +36,38 @@ def _command(argv: Sequence[str]) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser("sar-journal", "What a mission has left behind in its journal.")
+    parser = Parser("sar-journal", "Evaluate the journal of a mission.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    text = "List the facts of a mission: its runs, what has happened, its goals."
+    text = "List the events of a mission: its runs, actions and goals."
     show = commands.add_parser("show", help=text, description=text)
     show.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     show.add_argument("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    text = "list what was watched as well: nodes, log, pose, plan, ends of goals"
+    text = "also list observations: nodes, log, pose, plan, ends of goals"
     show.add_argument("--all", action="store_true", help=text)
     show.set_defaults(run=_show)
-    text = "Write a report of a mission, to be printed and handed on, or for maps and emergency services."
+    text = "Write a report of a mission, for print, for maps, or for emergency services."
     report = commands.add_parser("report", help=text, description=text)
     report.add_argument("journal", type=FILE, metavar="FILE", help=_JOURNAL_HELP)
     text = f"the files, each {report_forms()}"
     report.add_argument("-o", "--output", nargs="+", required=True, type=FILE, metavar="OUT", help=text)
-    text = "where the origin of the frame map lies, and where its x axis points, clockwise from north, in degrees (default: as the run knew it)"
+    text = "origin of the frame map, and direction of its x axis clockwise from north, in degrees (default: as in the run)"
     report.add_argument("--georeference", type=georeference, metavar="LAT,LON,HEADING", help=text)
     report.set_defaults(run=_report)
-    text = "Explain why a mission has failed: from the root down to the answers that caused it, and what would have succeeded."
+    text = "Explain why a mission failed: from the root down to the outcomes that caused it, and which outcomes would have made it succeed."
     add_why(commands.add_parser("why", help=text, description=text))
-    text = "Check whether journals are as they were written: each entry has a hash of itself and of all before it."
+    text = (
+        "Check that journals were not altered: each entry has a hash of itself and of all entries before it."
+    )
     add_check(commands.add_parser("check", help=text, description=text))
-    text = "Count what the leaves have answered in all runs of some journals, how often, after which time, with intervals."
+    text = (
+        "Count the outcomes of the leaves in all runs of journals, with frequencies, durations and intervals."
+    )
     add_stats(commands.add_parser("stats", help=text, description=text))
     serving = "Serve a page on this machine that shows missions"
     for name, how in (
-        ("replay", "again, back and forth through time."),
-        ("watch", "while they run, from the journals they write."),
+        ("replay", "again, at any point in time."),
+        ("watch", "during their runs, from their journals."),
     ):
         text = f"{serving} {how}"
         page = commands.add_parser(name, help=text, description=text)
@@ -84,7 +88,7 @@ def _serve(options: argparse.Namespace) -> None:
 
     interruptible()
     serve = replay_journals if options.command == "replay" else watch_journals
-    with suppress(KeyboardInterrupt):  # which is how it ends
+    with suppress(KeyboardInterrupt):  # the regular end
         serve(options.journals, options.web_port, opens=options.open)
 
 
@@ -93,7 +97,7 @@ def _show(options: argparse.Namespace) -> None:
     from sar_compiler.reports.journals import journal_json, journal_lines
     from sar_compiler.reports.why import Inquiry, first_to_look_at
 
-    # To look at the lock takes away those of whoever reads the file in this process.
+    # Checking the lock releases the locks of other readers of the file in this process.
     with JournalFile.reading(options.journal) as file:
         inquiry = Inquiry.of(file.last_run(without=OF_ROBOT, is_condensed=True))
         state, show_all = inquiry.state, options.all

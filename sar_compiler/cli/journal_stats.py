@@ -1,4 +1,4 @@
-"""`sar-journal stats`: what the leaves of a tree have answered, how often and after which time."""
+"""`sar-journal stats`: frequencies and durations of the outcomes of a tree's leaves."""
 
 import argparse
 from collections.abc import Sequence
@@ -21,18 +21,16 @@ def add_stats(parser: argparse.ArgumentParser) -> None:
     add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, of one tree")
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = (
-        f"{FORMAT_HELP}; yaml: as answers: of a file of properties, each with its chance p and its time sec"
-    )
+    text = f"{FORMAT_HELP}; yaml: as answers: of a file of properties, each with its probability p and its time sec"
     add("--format", choices=("text", "json", "yaml"), default="text", help=text)
     parser.set_defaults(run=tell_statistics)
 
 
 def tell_statistics(options: argparse.Namespace) -> None:
-    """Print what the leaves have answered in all runs of some journals.
+    """Print the outcomes of the leaves in all runs of some journals.
 
     Raises:
-        JournalError: If one cannot be read, or is of another tree than the first.
+        JournalError: If a journal cannot be read, or is of another tree than the first.
     """
     from sar_compiler.reports import leaf_statistics as view
 
@@ -55,25 +53,25 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
             first = nodes if first is None else first
             if nodes != first:
                 raise JournalError(
-                    f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}; what leaves have answered is "
-                    "counted for one tree"
+                    f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}; outcomes are counted for "
+                    "one tree only"
                 )
             found.add(file.stream(without=OF_ROBOT, is_condensed=True))
     return found
 
 
 def nodes_told(tree: Any) -> list[tuple[str, int, str, Any]]:
-    """Return what is the same of two journals of one tree, wherever its file is: of each node."""
+    """Return the identity of each node, which is equal in two journals of one tree, wherever its file is."""
     from sar_compiler.journal.mission_state import tree_nodes
 
     return [(node.name, node.depth, node.kind, node.attributes) for node in tree_nodes(tree)]
 
 
 def nodes_difference(there: Sequence[tuple[Any, ...]], here: Sequence[tuple[Any, ...]]) -> str:
-    """Return the first difference of two trees' nodes in words (`nodes_told`)."""
+    """Describe the first difference between two trees' nodes (`nodes_told`)."""
     for was, now in zip(there, here, strict=False):
         if was[:3] != now[:3]:
-            return f"'{now[0]}' ({now[2]}) stands where '{was[0]}' ({was[2]}) does"
+            return f"'{now[0]}' ({now[2]}) replaces '{was[0]}' ({was[2]})"
         if was != now:
             return f"'{now[0]}' has other attributes"
-    return f"it has {len(here)} nodes, and not {len(there)}"
+    return f"it has {len(here)} nodes instead of {len(there)}"

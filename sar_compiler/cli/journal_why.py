@@ -1,4 +1,4 @@
-"""`sar-journal why`: why a mission has failed, and what would have succeeded."""
+"""`sar-journal why`: explain why a mission failed, and which outcomes would have made it succeed."""
 
 import argparse
 from pathlib import Path
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 def add_why(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `why`."""
     add = parser.add_argument
-    add("journal", type=FILE, metavar="FILE", help="the journal; its last run counts")
+    add("journal", type=FILE, metavar="FILE", help="the journal; its last run is explained")
     text = "the journal of another run: show the first difference"
     add("--against", type=FILE, metavar="OTHER", help=text)
-    text = "the tree's file, to look for what would have succeeded (default: where it was for that run)"
+    text = "the tree's file, to search for outcomes that make it succeed (default: the file of that run)"
     add("--tree-file", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
     add_budget(parser)
@@ -30,10 +30,10 @@ def add_why(parser: argparse.ArgumentParser) -> None:
 
 
 def tell_why(options: argparse.Namespace) -> int:
-    """Print why the last run of a mission has failed, what would have succeeded, and what another run did otherwise.
+    """Print why the last run of a mission failed, which outcomes would have made it succeed, and how another run differs.
 
     Returns:
-        0; 130 if Ctrl-C has ended the search for what would have succeeded.
+        0; 130 if Ctrl-C has ended the search for such outcomes.
 
     Raises:
         JournalError: If a journal cannot be read.
@@ -50,7 +50,7 @@ def tell_why(options: argparse.Namespace) -> int:
             print_text(refused.text)
         return OK
     with JournalFile.reading(options.journal) as file:
-        # Nothing in it asks whether it has to end.
+        # Its code never checks whether to stop.
         budget = budget_of(options, patience_sec=0.0)
         explained = Explanation.of(
             file, workspace(options), options.tree_file, is_gone=not file.is_written, budget=budget
@@ -63,7 +63,7 @@ def tell_why(options: argparse.Namespace) -> int:
         print(as_json({**data, **more}))
         return budget.exit_status if budget.is_interrupted else OK
     if refused is not None:
-        print_text(f"{refused.text}\n\nThe run before:\n")
+        print_text(f"{refused.text}\n\nThe previous run:\n")
     print_text(explained.text())
     if options.against is not None:
         print_text(f"\n{difference_text(difference, (str(options.journal), str(options.against)))}")

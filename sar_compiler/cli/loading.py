@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
 INPUT_HELP = "a tree file, the name of a shipped tree, or - for standard input"
-FORMAT_HELP = "for people (default text), or for scripts"
+FORMAT_HELP = "text for people (default), or for scripts"
 PROJECT_OPTIONS = "options that add to the project's configuration"
-"""The title of these options in `--help`; the page of the commands says them once."""
+"""The title of these options in `--help`; the page of the commands lists them once."""
 
 
 def add_project_options(parser: argparse.ArgumentParser) -> tuple[argparse.Action, ...]:
-    """Add the options that extend a project's configuration; return those that few need."""
+    """Add the options that extend a project's configuration; return the rarely used ones."""
     options, *rare = add_vocabulary_options(parser)
-    text = "a further folder that tree files may be included from (besides the file's own); may be repeated"
+    text = "a further folder for included tree files (in addition to the file's own); may be repeated"
     folder = options.add_argument(
         "--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text
     )
@@ -39,33 +39,33 @@ def add_project_options(parser: argparse.ArgumentParser) -> tuple[argparse.Actio
 def add_vocabulary_options(
     parser: argparse.ArgumentParser,
 ) -> "tuple[argparse._ArgumentGroup, argparse.Action, argparse.Action]":
-    """Add those of these options that decide which nodes there are; return their group, `--trust` and `--isolated`."""
+    """Add the options that determine the known nodes; return their group, `--trust` and `--isolated`."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
     add = options.add_argument
     text = "load a module of leaves (installed, or in the current folder); may be repeated"
     add("--nodes", action="append", default=[], type=ArgumentKind("module"), metavar="PKG.MOD", help=text)
     text = (
-        "a palette, which describes nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
+        "a palette of nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
         "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated"
     )
     add("--model", action="append", default=[], type=PALETTE, metavar="NODES.xml", help=text)
     text = (
-        "run the modules of leaves that the project's own configuration names and brings along, now and until "
+        "run the modules of leaves that the project's own configuration names and contains, now and until "
         "one of them changes"
     )
     trust = add("--trust", action="store_true", help=text)
-    text = "ignore the surroundings of a tree file: sar.toml, and the palettes and trees around it that no option names"
+    text = "ignore the surroundings of a tree file: sar.toml, and palettes and trees that no option names"
     return options, trust, add("--isolated", action="store_true", help=text)
 
 
 def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
     """Add `--mission`."""
-    text = "the mission, where the leaves of the tree do not say which one it is"
+    text = "the mission, if the leaves of the tree do not determine it"
     parser.add_argument("--mission", type=ArgumentKind("mission"), metavar="NAME", help=text)
 
 
 def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
-    """Return the workspace that loads trees by the options of a command; *added* are further fields of `Additions`."""
+    """Return a workspace with the options of a command; *added* are further fields of `Additions`."""
     with collection_saved():
         from sar_compiler.project.workspace import Workspace
     return Workspace(additions(arguments)._replace(**added), note=tell_note, further_checks=further_checks())
@@ -80,7 +80,7 @@ def collection_saved() -> Iterator[None]:
 
 
 def further_checks() -> "Sequence[FurtherCheck]":
-    """Return what is checked of a tree besides the rules, as far as the parts that do so are installed."""
+    """Return the checks of a tree in addition to the rules, from the installed parts."""
     if not is_here("missions"):
         return ()
     from sar_compiler.missions.tree_check import check_mission
@@ -102,7 +102,7 @@ def require_there(name: str | Path) -> None:
 
 
 def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[ProjectTree]":
-    """Load trees for a command that does more than to report findings; report those without errors on standard error.
+    """Load trees for a command that does more than report findings; report findings other than errors on standard error.
 
     Args:
         arguments: The options of the command.
@@ -128,7 +128,7 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Pro
 
 
 def report_findings(findings: "Sequence[Diagnostic]") -> int:
-    """Print findings on standard error, each place as `validate --all` does; return the exit status: that of findings for errors."""
+    """Print findings on standard error, each location as in `validate --all`; return the exit status: that of findings for errors."""
     from sar_compiler.terminal import findings_as_text
     from sar_compiler.tree.diagnostic import Severity
 
@@ -138,11 +138,11 @@ def report_findings(findings: "Sequence[Diagnostic]") -> int:
 
 
 def additions(arguments: argparse.Namespace) -> "Additions":
-    """Return what the options of a command add to a project's configuration."""
+    """Return the additions of a command's options to a project's configuration."""
     from sar_compiler.project import Additions
 
     models, folders = tuple(arguments.model), tuple(arguments.include_path)
-    mission = getattr(arguments, "mission", None)  # which not every command needs
+    mission = getattr(arguments, "mission", None)  # some commands have no such option
     isolated = arguments.isolated
     return Additions(
         tuple(arguments.nodes), models, folders, arguments.trust, mission=mission, is_isolated=isolated
@@ -151,5 +151,5 @@ def additions(arguments: argparse.Namespace) -> "Additions":
 
 def add_params(parser: argparse.ArgumentParser) -> None:
     """Add `--params`."""
-    text = "the mission's ROS 2 parameter file, as sar-run takes it: it decides facts and {@parameters}"
+    text = "the mission's ROS 2 parameter file, as for sar-run: it determines facts and {@parameters}"
     parser.add_argument("--params", type=YAML_FILE, metavar="FILE", help=text)

@@ -13,7 +13,7 @@ from sar_compiler.commands import OK, exit_on_interrupt
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `lsp`."""
     parser.add_argument(
-        "--stdio", action="store_true", help="talk by standard input and output, as it does anyway"
+        "--stdio", action="store_true", help="use standard input and output (always the case)"
     )
     add_project_options(parser)
     add_budget(parser)
@@ -27,7 +27,7 @@ def serve(arguments: argparse.Namespace) -> int:
 
     given = [word for word in sys.argv[1:] if word not in ("lsp", "--stdio")]
     command = [sys.executable, str(Path(sys.argv[0]).resolve())]
-    # What a module of leaves prints when it is imported must not come between the server's words.
+    # Output of an imported module of leaves must not mix with the server's messages.
     output, sys.stdout = sys.stdout.buffer, sys.stderr
     exit_on_interrupt()
 

@@ -6,10 +6,10 @@ from sar_compiler.commands import CommandParser
 
 
 class Parser(CommandParser):
-    """The parser of a command, which completes the values of its arguments as well."""
+    """The parser of a command, including completion of its arguments."""
 
     def complete(self) -> NoReturn:
-        """Answer the shell that asks for completions."""
+        """Respond to a shell that requests completions."""
         from sar_compiler.cli.completion import add_completers
 
         add_completers(self)

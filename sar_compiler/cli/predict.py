@@ -1,4 +1,4 @@
-"""`sar-compile predict`: how likely a tree is to succeed, and how long it takes."""
+"""`sar-compile predict`: probability of success and duration of a tree."""
 
 import argparse
 import contextlib
@@ -16,28 +16,32 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `predict`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "a file of properties, with the chances p and the times sec of answers (default: what the mission brings)"
+    text = "a file of properties, with the probabilities p and times sec of outcomes (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    text = "a further file with chances and times of answers, such as the statistics of journals; may be repeated"
+    text = "a further file with probabilities and times of outcomes, such as statistics of journals; may be repeated"
     add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
     add("--period", type=tick_period, metavar="SEC", help=text)
-    text = f"explore at most N states; what is behind the others may be anything (default {MAX_STATES})"
+    text = (
+        f"explore at most N states; the behaviour after unexplored states is unknown (default {MAX_STATES})"
+    )
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
-    text = "write a picture (SVG) of the chance that a run has ended, and ended well, by each time"
+    text = (
+        "write a plot (SVG) of the probabilities, over time, that a run has ended, and that it has succeeded"
+    )
     add("--plot", type=FILE, metavar="OUT.svg", help=text)
     add_search_options(parser, "predict")
     parser.set_defaults(run=predict_file)
 
 
 def predict_file(arguments: argparse.Namespace) -> int:
-    """Predict the runs of a tree, and print what is to be expected.
+    """Predict the runs of a tree, and print the results.
 
     Returns:
-        0; 1 if the tree's runs cannot be gone through, or not all of them, or there is nothing to plot; 130 after Ctrl-C.
+        0; 1 if the runs cannot be explored, or not completely, or there is nothing to plot; 130 after Ctrl-C.
 
     Raises:
-        TreeError: If a file has mistakes.
+        TreeError: If a file has errors.
     """
     from sar_compiler.analysis import prediction_view as views
     from sar_compiler.analysis.tree_analysis import predict_tree
@@ -62,7 +66,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
             )
             found = budget.run(predict)
     except UndecidableError as error:
-        print_error(f"sar-compile: nothing can be predicted: {error}")
+        print_error(f"sar-compile: no prediction is possible: {error}")
         return FINDINGS
     taken_sec = time.monotonic() - started
     show = views.prediction_as_json if arguments.format == "json" else views.prediction_as_text
@@ -71,7 +75,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
         print_error(f"sar-compile: {budget.reason}")
     if arguments.plot is not None and not found.distribution:
         print_error(
-            f"sar-compile: {arguments.plot} is not written: when runs end was not worked out, or none does"
+            f"sar-compile: {arguments.plot} is not written: no time of an end was computed, or no run ends"
         )
         return FINDINGS
     if arguments.plot is not None:

@@ -1,4 +1,4 @@
-"""A process that runs `sar-run` again and again, each time in a new ROS context: `sar-sim sweep` has some of them."""
+"""A process that runs `sar-run` repeatedly, each time in a new ROS context; used by `sar-sim sweep`."""
 
 import gc
 import json
@@ -12,14 +12,14 @@ from sar_compiler.cli import run
 from sar_compiler.commands import USAGE
 from sar_compiler.process_end import shut_down
 
-# What ROS logs of a run that begins is no mistake.
+# ROS's log of a starting run is not an error.
 _LOGGED = ("[INFO]", "[DEBUG]")
 
 
 def serve() -> int:
-    """Do the runs whose arguments come in, a JSON list a line; answer each with its status, its output and its last words.
+    """Execute runs whose arguments are read as JSON lists, one a line; write the status, the output and the last error output of each.
 
-    An answer is given before ROS is taken down: what is native in it may crash there, and the process with it.
+    A result is written before ROS is shut down, because native code may crash there and take the process with it.
     """
     with (
         os.fdopen(os.dup(sys.stdout.fileno()), "w") as answers,
@@ -33,13 +33,13 @@ def serve() -> int:
                 answers.write(json.dumps([status, _taken(output), words]) + "\n")
                 answers.flush()
                 shut_down(status, ros.pop_all().close)
-            # A run ends in cycles that hold its maps, which the collector does not know to be large.
+            # A run ends in reference cycles that hold its maps, whose size the collector does not know.
             gc.collect()
     return 0
 
 
 def _last_words(log: str, status: int) -> str:
-    """Return why a run has failed: all mistakes of one that has not begun, else the last line, as of an option that argparse refuses."""
+    """Return why a run failed: all errors of a run that has not started, otherwise the last line, such as argparse's error."""
     lines = [line for line in log.strip().splitlines() if not line.startswith(_LOGGED)]
     return "\n".join(lines if status == USAGE and "usage: " not in log else lines[-1:])
 
@@ -47,19 +47,19 @@ def _last_words(log: str, status: int) -> str:
 def _run(arguments: list[str], ros: ExitStack) -> int:
     try:
         return run.run_in(arguments, ros, stepped=True)
-    except SystemExit as end:  # wrong usage, in the words of argparse
+    except SystemExit as end:  # wrong usage, reported by argparse
         return end.code if isinstance(end.code, int) else USAGE
 
 
 def _caught(stream: IO[str]) -> IO[bytes]:
-    """Have a file take what is written to a stream, by Python or by native code; return the file."""
+    """Redirect a stream, written by Python or by native code, to a file; return the file."""
     file = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
     os.dup2(file.fileno(), stream.fileno())
     return file
 
 
 def _taken(file: IO[bytes]) -> str:
-    """Return what a file has taken, and empty it."""
+    """Return the redirected output, and clear the file."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     text = os.pread(file.fileno(), os.fstat(file.fileno()).st_size, 0)

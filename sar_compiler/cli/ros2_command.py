@@ -1,4 +1,4 @@
-"""`ros2 mission`: this project's commands beside ROS's own, and orders to missions that run."""
+"""`ros2 mission`: this project's commands within ROS's own, and commands to running missions."""
 
 import argparse
 import getpass
@@ -16,43 +16,43 @@ from sar_compiler.ros.mission_graph import OrderError, give_order, missions_in_s
 from sar_compiler.ros.serving import spinning_node
 
 _ORDERS = {
-    "pause": "have a mission hold its robot where it is",
-    "resume": "have it go on",
-    "skip": "have it give up what it is at",
-    "abort": "end it where the robot stands",
+    "pause": "pause a mission: its robot stops",
+    "resume": "resume a paused mission",
+    "skip": "skip the current task of a mission",
+    "abort": "end a mission; its robot stays where it is",
 }
-# No option begins like that: so all that follows is the command's own.
+# No option starts like this, so all further arguments belong to the command itself.
 _NO_PREFIX = "\0"
 
 
 class MissionCommand(CommandExtension):
-    """Check and run missions, and give orders to those that run."""
+    """Check and run missions, and send commands to running ones."""
 
     def add_arguments(
         self,
         parser: argparse.ArgumentParser,
-        cli_name: str,  # noqa: ARG002 - as ros2cli has it
+        cli_name: str,  # noqa: ARG002 - the interface of ros2cli
         *,
-        argv: Sequence[str] | None = None,  # noqa: ARG002 - likewise
+        argv: Sequence[str] | None = None,  # noqa: ARG002 - the interface of ros2cli
     ) -> None:
-        """Add the verbs."""
+        """Add the subcommands."""
         verbs = parser.add_subparsers(dest="_verb", metavar="VERB")
         for name, text in (
             ("validate", "check trees, as sar-compile validate does"),
-            ("run", "fly a mission, as sar-run does"),
+            ("run", "run a mission, as sar-run does"),
         ):
             passed = verbs.add_parser(name, help=text, prefix_chars=_NO_PREFIX, add_help=False)
             passed.add_argument("rest", nargs=argparse.REMAINDER)
-        verbs.add_parser("list", help="list the missions that drive a robot, and their orders")
-        for name, text in (*_ORDERS.items(), ("order", "give any order without values")):
+        verbs.add_parser("list", help="list the missions that drive a robot, and their commands")
+        for name, text in (*_ORDERS.items(), ("order", "send any command without values")):
             order = verbs.add_parser(name, help=text)
             if name == "order":
-                order.add_argument("order", metavar="ORDER", help="its name, or how that begins")
+                order.add_argument("order", metavar="ORDER", help="its name, or the beginning of it")
             order.add_argument("--node", help="the mission's node (default: the only mission)")
-            order.add_argument("--reason", default="", help="why, for the journal")
+            order.add_argument("--reason", default="", help="the reason, for the journal")
 
     def main(self, *, parser: argparse.ArgumentParser, args: argparse.Namespace) -> int:
-        """Do what is asked for, and return the exit status."""
+        """Execute the subcommand, and return the exit status."""
         if args._verb is None:  # noqa: SLF001 - our own
             parser.print_help()
             return OK
@@ -88,7 +88,7 @@ def _list() -> int:
             if orders := orders_of(node, claim.node):
                 print(f"  orders: {', '.join(orders)}")
     if not claims:
-        print("No mission that drives a robot is in sight.")
+        print("No mission that drives a robot was found.")
     return OK
 
 
@@ -100,9 +100,9 @@ def _give(name: str, of: str | None, reason: str) -> str:
         known = {claim.node for claim in claims}
         if of is None and len(known) != 1:
             which = (
-                f"several missions run ({', '.join(sorted(known))}): say --node"
+                f"several missions run ({', '.join(sorted(known))}): choose one with --node"
                 if known
-                else "no mission is in sight"
+                else "no mission was found"
             )
             raise OrderError(which)
         full = f"/{of.lstrip('/')}" if of is not None else known.pop()
@@ -112,7 +112,7 @@ def _give(name: str, of: str | None, reason: str) -> str:
         ]
         if len(meant) != 1:
             raise OrderError(
-                f"{full} heeds no order '{name}'; it heeds {', '.join(orders) or 'none without values'}"
+                f"{full} has no command '{name}'; it has {', '.join(orders) or 'none without values'}"
             )
         author = CommandAuthor(f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}", reason)
         signature = RemoteSignature(node, full)

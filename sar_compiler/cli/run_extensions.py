@@ -1,4 +1,4 @@
-"""The extensions of a run that a command line asks for; what they take is imported only then."""
+"""The extensions of a run from its command line; their dependencies are imported only then."""
 
 from argparse import Namespace
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def extensions_asked_for(options: Namespace) -> "Iterator[MakeExtension]":
-    """Yield for each extension that the command line asks for what makes it; what that takes is imported.
+    """Yield the constructors of the extensions requested on the command line; their dependencies are imported.
 
     Raises:
         ImportError: If a library is not installed.
@@ -61,10 +61,10 @@ def extensions_asked_for(options: Namespace) -> "Iterator[MakeExtension]":
 
 @contextmanager
 def errors_of(option: str) -> Iterator[None]:
-    """Say of errors within it by which option they come.
+    """Prefix errors raised in the block with the option's name.
 
     Raises:
-        SarError: In place of another one.
+        SarError: Instead of another one.
     """
     try:
         yield

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World as SimulatedWorld
 
-# How often to look whether the simulation is still alive, seconds.
+# Interval of checks that the simulation is still running, seconds.
 _LOOK_SEC = 0.5
 _ROBOT = telling(parse_placement)
 _FAULT = telling(partial(parse_fault, targets=NAVIGATION_FAULTS))
@@ -52,18 +52,18 @@ def _command(argv: Sequence[str]) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser("sar-sim", "The simulated world, apart from the mission.")
+    parser = Parser("sar-sim", "The simulated world without a mission.")
     add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    text = "Run the world and the stand-in for Nav2 until stopped."
-    epilog = "ROS arguments go after --ros-args. Ctrl-C or SIGTERM end it, with status 0."
+    text = "Run the world and the Nav2 substitute until stopped."
+    epilog = "Write ROS arguments after --ros-args. Ctrl-C or SIGTERM end the command, with status 0."
     live = commands.add_parser("run", help=text, description=text, epilog=epilog)
     _add_run(live)
-    text = "Drive through a world with a lidar, and write the map made on the way."
+    text = "Drive through a world with a lidar, and write the resulting map."
     survey = commands.add_parser("map", help=text, description=text)
     text = "write PREFIX.pgm and PREFIX.yaml (default: WORLD's name)"
     survey.add_argument("-o", "--output", type=FILE, metavar="PREFIX", help=text)
-    text = "Fly a mission many times: how often it succeeds, by worlds, faults and parameters."
+    text = "Run a mission many times: its success rate, by worlds, faults and parameters."
     add_sim_sweep(commands.add_parser("sweep", help=text, description=text))
     for command in (live, survey):
         text = f"a world's file, or the name of a shipped world (default {DEFAULT_WORLD})"
@@ -78,28 +78,28 @@ def _parser() -> Parser:
 def _add_run(parser: argparse.ArgumentParser) -> None:
     """Add the options of `run`."""
     add = parser.add_argument
-    text = "simulated seconds per second, at most; time slows rather than skipping a step (default 1)"
+    text = "simulated seconds per second, at most; time slows down rather than skipping a step (default 1)"
     add("--speed", type=speed, default=1.0, metavar="N", help=text)
     text = (
-        "a robot in the namespace /NAME, with /tf and /tf_static moved into it, that starts at X, Y (metres) "
-        "looking along YAW (radians), frame map, by default at the world's start; may be repeated. Without it "
+        "a robot in the namespace /NAME, which includes its /tf and /tf_static, at X, Y (metres) with heading YAW "
+        "(radians), frame map, by default at the world's start; may be repeated. Without this option "
         "there is one robot, in the namespace of the command line"
     )
     add("--robot", type=_ROBOT, action="append", default=[], metavar="NAME[:X,Y[,YAW]]", help=text)
     text = (
-        "let something go wrong: navigate_to_pose:abort=PLACE, :code=NUMBER[@PLACE][,after=SECONDS], "
+        "inject a fault: navigate_to_pose:abort=PLACE, :code=NUMBER[@PLACE][,after=SECONDS], "
         ":late=SECONDS[@PLACE][,drives=SECONDS], :starved[@PLACE], :succeed[@PLACE], :delay=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
-        "Each robot of several does so, and counts for itself"
+        "Each of several robots has the fault, with counts of its own"
     )
     add("--fault", type=_FAULT, action="append", default=[], metavar="SPEC", help=text)
     text = (
-        "how Nav2's stand-in drives: to the point and giving up at once (default quick), or as Nav2 does with the "
-        "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and recoveries, which move the robot"
+        "how the simulated Nav2 drives: accurately and without recoveries (default quick), or as Nav2 does with the "
+        "shipped parameters (nav2): 0.4 m/s, within 0.25 m of the goal, and with recoveries, which move the robot"
     )
     add("--like", choices=MANNER_NAMES, default=QUICK_NAME, help=text)
-    text = "keep the robots' places in FILE, and start where they stood when it was written last, also after a kill"
+    text = "store the robots' poses in FILE, and start at the last stored ones, even after a kill"
     add("--keep", type=FILE, metavar="FILE", help=text)
-    text = "let the localisation know where the robots are without being told: for robots that go on where they stood"
+    text = "let the localisation know the robots' poses without an initial pose: for robots that continue from stored ones"
     add("--localised", action="store_true", help=text)
 
 
@@ -126,7 +126,7 @@ def _map(options: argparse.Namespace) -> int:
     line = ProgressLine()
 
     def show(part: float) -> None:
-        line.show(lambda: f"mapping '{world.name}': {part:.0%} of the way driven")
+        line.show(lambda: f"mapping '{world.name}': {part:.0%} of the route driven")
 
     try:
         occupancy = survey(world, seed=options.seed, on_progress=show)
@@ -140,7 +140,7 @@ def _map(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
-    # Before anything that takes time, so that Ctrl-C ends the command in order from its first moment.
+    # Before any slow step, so that Ctrl-C always ends the command gracefully.
     signals = StopSignals()
     require_middleware()
     from sar_compiler.execution.sim_isolation import look_around

@@ -1,4 +1,4 @@
-"""`sar-sim sweep`: how often a mission succeeds in the simulator, by many flights."""
+"""`sar-sim sweep`: the success rate of a mission in the simulator, from many runs."""
 
 import argparse
 import itertools
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from sar_compiler.sim.flights import Flights
 
 _NO_FAULTS = "none"
-# More than any machine does: a flight takes the processor's time.
+# More than any machine reaches: a run takes processor time.
 _SPEED = 1000.0
-# Thirty missions of ten minutes each, a few seconds of the processor's, in several worlds.
+# Thirty missions of ten minutes each, a few seconds of processor time, in several worlds.
 _MAX_SEC = 3600.0
 
 
@@ -40,7 +40,7 @@ def add_sim_sweep(parser: CommandParser) -> None:
     add("tree", type=TREE, metavar="TREE", help=FILE_HELP)
     text = f"a world; may be repeated (default {DEFAULT_WORLD})"
     add("--world", action="append", type=WORLD, metavar="W", help=text)
-    text = f"what goes wrong in one flight, as --fault of sar-run has it, or {_NO_FAULTS}; may be repeated"
+    text = f"a fault of one run, as in --fault of sar-run, or {_NO_FAULTS}; may be repeated"
     add("--fault", action="append", metavar="'SPEC SPEC'", help=text)
     add_varied_parameters(parser, "ROS parameter")
     add("--params", type=YAML_FILE, metavar="FILE", help="a ROS 2 parameter file")
@@ -49,20 +49,20 @@ def add_sim_sweep(parser: CommandParser) -> None:
     add_project_options(parser)
     add_mission(parser)
     add_sweep_options(parser, runs=30, half_width=0.1)
-    add_budget(parser, _MAX_SEC, "the time that passes")
+    add_budget(parser, _MAX_SEC, "elapsed time")
 
 
 def sweep_missions(options: argparse.Namespace) -> int:
-    """Fly the combinations, print the table, and return the exit status: 0 if no flight has failed.
+    """Run the combinations, print the table, and return the exit status: 0 if no run failed.
 
     Raises:
         TreeError: If the tree or a world is not valid.
-        SarError: If a file cannot be read, a fault cannot happen, or a flight ends before its mission begins.
+        SarError: If a file cannot be read, a fault is impossible, or a run ends before its mission starts.
     """
     from sar_compiler.sim.flights import fewest_faults, in_threads
 
     require_middleware()
-    # The flights are stopped in order, however the command is.
+    # The runs are stopped gracefully, however the command ends.
     interruptible(signal.SIGTERM, signal.SIGHUP)
     varied = [len(values) for _, values in options.vary]
     require_rows(len(options.world or [""]), len(options.fault or [""]), *varied)
@@ -75,12 +75,12 @@ def sweep_missions(options: argparse.Namespace) -> int:
         return options.output, shlex.join(["sh", str(options.output)])
 
     budget = budget_of(options, patience_sec=0.0, clock=time.monotonic)
-    kind = "a command that flies it again, with the fewest faults"
+    kind = "a command that repeats it, with the fewest faults"
     return run_sweep(list(rows), 1, in_threads, write, kind, options, budget)
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
-    """Yield a row for each combination, with what it flies; what can be checked beforehand is."""
+    """Yield a row for each combination, with its runs, after all possible checks."""
     from sar_compiler.analysis.sweep import SweptRow
     from sar_compiler.sim.flights import Flights
 
@@ -113,7 +113,7 @@ def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> 
 
 
 def _passed_on(options: argparse.Namespace) -> Iterator[str]:
-    """Yield the options that `sar-run` has as well."""
+    """Yield the options that are passed on to `sar-run`."""
     yield from ("--speed", f"{options.speed:g}")
     if options.params is not None:
         yield from ("--params", str(options.params))

@@ -22,37 +22,37 @@ if TYPE_CHECKING:
 
 
 class ScenarioFolderError(SarError):
-    """A folder given for scenarios contains none."""
+    """A folder of scenarios contains none."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `simulate`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "a scripted run, or a folder of them; may be repeated (default: every leaf gives its usual answer)"
+    text = "a scripted run, or a folder of them; may be repeated (default: every leaf has its usual outcome)"
     add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
     add_tree_id(parser, "tick")
-    add("--ticks", type=count, metavar="N", help="stop after N ticks, without failing for it")
-    text = "end when this is true of facts, keys, 'root', 'tick' and 'time' (default: when the root has succeeded or failed)"
+    add("--ticks", type=count, metavar="N", help="stop after N ticks; this is not a failure")
+    text = "end when this condition on facts, keys, 'root', 'tick' and 'time' is true (default: when the root has succeeded or failed)"
     add("--until", type=script, metavar="SCRIPT", help=text)
     text = "the seed of a scenario's random choices (default 0)"
     add("--seed", type=seed, default=0, metavar="N", help=text)
-    text = "list the nodes and outcomes that the scenarios have not shown"
+    text = "list the nodes and outcomes that the scenarios do not cover"
     add("--coverage", action="store_true", help=text)
     add_params(parser)
     add_project_options(parser)
     add_mission(parser)
     add_budget(parser)
-    text = "for people (default text), for scripts, or for continuous integration"
+    text = "text for people (default), or for scripts, or for continuous integration"
     add("--format", choices=("text", "json", "junit"), default="text", help=text)
     parser.set_defaults(run=simulate_file)
 
 
 def simulate_file(arguments: argparse.Namespace) -> int:
-    """Play the scenarios and return the exit status: 0 if all expectations are met; 130 after Ctrl-C, 1 if the budget did not suffice.
+    """Run the scenarios and return the exit status: 0 if all expectations are met; 130 after Ctrl-C, 1 if the budget was too small.
 
     Raises:
-        TreeError: If the tree has mistakes.
+        TreeError: If the tree has errors.
         UnreadableFileError: If the tree file does not exist or cannot be read.
     """
     from sar_compiler.analysis.simulate.running import Coverage
@@ -68,7 +68,7 @@ def simulate_file(arguments: argparse.Namespace) -> int:
             played.append(_play(path, stage, coverage, budget, arguments))
     _print(played, coverage, arguments)
     if budget.reason:
-        print_error(f"sar-compile: {budget.reason} ({len(played)} of {len(files)} scenarios were begun)")
+        print_error(f"sar-compile: {budget.reason} ({len(played)} of {len(files)} scenarios were started)")
         return budget.exit_status
     if any(each.run is None and not each.is_finding for each in played):
         return USAGE
@@ -79,14 +79,14 @@ def scenario_files(paths: "list[Path]") -> "list[Path | None]":
     """Return the files of scenarios; None for a run without a scenario.
 
     Raises:
-        ScenarioFolderError: If there is none in a folder.
+        ScenarioFolderError: If a folder has none.
     """
     files: list[Path | None] = []
     for path in paths:
         if is_folder(path):
             found = sorted([*path.glob("*.yaml"), *path.glob("*.yml")])
             if not found:
-                raise ScenarioFolderError(f"there is no scenario in {path}: no file in it ends with .yaml")
+                raise ScenarioFolderError(f"{path} has no scenario: no file in it ends with .yaml")
             files += found
         else:
             files.append(path)
@@ -100,7 +100,7 @@ def _play(
     budget: "Budget",
     arguments: argparse.Namespace,
 ) -> "PlayedScenario":
-    """Play a scenario, and print the error if it cannot be played."""
+    """Run a scenario, and print the error if this is impossible."""
     from sar_compiler.analysis.simulate.running import ScenarioPlayer, failures
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
     from sar_compiler.analysis.simulated_tree import OnlyDescribedError
@@ -126,7 +126,7 @@ def _play(
     player = ScenarioPlayer(play.simulated, scenario)
 
     def go() -> "Run":
-        # One that is left behind may go on.
+        # An abandoned run may continue.
         budget.publish(lambda: replace(player.run, ticks=[*player.run.ticks]))
         return player.go(budget.is_spent)
 
@@ -139,7 +139,7 @@ def _play(
 
 
 def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
-    """Return what is wrong with the argument of `--until`, if anything is."""
+    """Return the error in the argument of `--until`, if there is one."""
     from sar_compiler.analysis.leaf_words import names_of, slips
     from sar_compiler.analysis.simulate.scenario_files import OWN
 
@@ -189,5 +189,5 @@ def script(text: str) -> "Script":
     try:
         return parse(text)
     except ScriptError as error:
-        message = f"'{text}' is no condition: {error}{did_you_mean(error.suggestion)}"
+        message = f"'{text}' is no valid condition: {error}{did_you_mean(error.suggestion)}"
         raise argparse.ArgumentTypeError(message) from error

@@ -1,4 +1,4 @@
-"""`sar-compile sweep`: how often a tree succeeds, by many simulated runs; and what `sar-sim sweep` has in common with it."""
+"""`sar-compile sweep`: the success rate of a tree from many simulated runs; also the code shared with `sar-sim sweep`."""
 
 import argparse
 import contextlib
@@ -39,21 +39,21 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.sweep.workers import Workers
     from sar_compiler.analysis.swept import ScenarioRuns
 
-# Half the width of the interval of a tree that always succeeds is below 0.02 after four batches.
+# The half width of the interval of a tree that always succeeds is below 0.02 after four batches.
 _BATCH = 25
 _MAX_SEC = 600.0
 
 
-# Each row takes memory and an interval; nobody reads more of them.
+# Each row takes memory and an interval; a reader does not read more of them.
 MOST_ROWS = 10_000
 
 
 class TooManyRowsError(SarError):
-    """What is varied has too many combinations."""
+    """The varied values have too many combinations."""
 
 
 def require_rows(*counts: int) -> None:
-    """Require that some numbers of values have not too many combinations.
+    """Check that numbers of values do not have too many combinations.
 
     Raises:
         TooManyRowsError: If they have.
@@ -61,9 +61,7 @@ def require_rows(*counts: int) -> None:
     rows = math.prod(counts)
     if rows > MOST_ROWS:
         many = " x ".join(f"{each:,}" for each in counts if each > 1)
-        raise TooManyRowsError(
-            f"{many} = {rows:,} combinations; vary fewer values: {MOST_ROWS:,} are the most"
-        )
+        raise TooManyRowsError(f"{many} = {rows:,} combinations, more than {MOST_ROWS:,}: vary fewer values")
 
 
 class NothingByChanceError(SarError):
@@ -74,12 +72,12 @@ def add_options(parser: CommandParser) -> None:
     """Add the arguments of `sweep`."""
     add = parser.add_argument
     add("file", type=TREE, metavar="FILE", help=FILE_HELP)
-    text = "the leaves' answers, each with its chance; or a folder of such files; may be repeated"
+    text = "the leaves' outcomes with their probabilities; or a folder of such files; may be repeated"
     add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
-    text = "the chance (0 to 1) of an unusual answer from a leaf that the scenario does not mention; with commas, one after the other (default 0)"
+    text = "the probability (0 to 1) of an unusual outcome of a leaf that the scenario does not mention; several with commas (default 0)"
     add("--unusual", type=probabilities, default=(0.0,), metavar="P,P", help=text)
     add_varied_parameters(parser, "parameter")
-    text = "vary the initial value of a fact: each value in turn; may be repeated"
+    text = "vary the initial value of a fact over these values; may be repeated"
     add("--set", action="append", default=[], type=parse_variation, metavar="FACT=A,B", help=text)
     text = "count an event, such as 'NavigateTo halted'; may be repeated"
     add("--count", action="append", default=[], metavar="EVENT", help=text)
@@ -89,16 +87,16 @@ def add_options(parser: CommandParser) -> None:
     add("--until", type=script, metavar="SCRIPT", help=text)
     add_project_options(parser)
     add_sweep_options(parser, runs=1000, half_width=0.02)
-    add_budget(parser, _MAX_SEC, "the time that passes")
+    add_budget(parser, _MAX_SEC, "elapsed time")
     parser.set_defaults(run=sweep_file)
 
 
 def sweep_file(arguments: argparse.Namespace) -> int:
-    """Play the combinations, print the table, and return the exit status: 0 if no run has failed.
+    """Run the combinations, print the table, and return the exit status: 0 if no run failed.
 
     Raises:
-        TreeError: If the tree, a scenario, or what is varied is not valid.
-        SarError: If a file cannot be read, or nothing is left to chance.
+        TreeError: If the tree, a scenario, or a varied value is invalid.
+        SarError: If a file cannot be read, or nothing is random.
     """
     from sar_compiler.analysis.sweep.workers import in_processes
     from sar_compiler.analysis.swept import smallest_scenario
@@ -107,7 +105,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     require_rows(len(arguments.scenario) or 1, len(arguments.unusual), *varied)
     rows = dict(_rows(arguments))
     if not any(runs.are_by_chance() for runs in rows.values()):
-        message = "all runs would be the same: give steps of a scenario a chance: (or after: 4s to 9s), or say --unusual 0.1"
+        message = "all runs would be the same: add chance: (or after: 4s to 9s) to steps of a scenario, or --unusual 0.1"
         raise NothingByChanceError(message)
 
     def write(row: "SweptRow", played: "Played") -> Written | None:
@@ -124,7 +122,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
-    """Yield a row for each combination, with what it plays; all of them are known to be valid."""
+    """Yield a row for each combination, with its runs; all of them are known to be valid."""
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
     from sar_compiler.analysis.sweep import SweptRow
     from sar_compiler.analysis.swept import ScenarioRuns, change_scenario, content_of
@@ -142,11 +140,11 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
         scenario: Mapping[str, object] = {}
         if path is not None:
             if not arguments.vary:
-                # Mistakes in it are reported at their places.
+                # Errors in it are reported at their locations.
                 for finding in read_scenario(path, stage).scenario.warnings:
                     print_error(finding.render())
             document = read_yaml(path, SCENARIO, "")
-            # What varies is checked in each combination, whose text has other lines.
+            # A varied value is checked in each combination, whose text has other lines.
             document.validate("scenario")
             document.raise_findings()
             scenario = document.root.data
@@ -166,7 +164,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
 def _combinations(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[float, Mapping[str, str], Mapping[str, Mapping[str, object]]]]:
-    """Yield the chance of what is unusual, the labels, and the changes of a scenario, for each combination."""
+    """Yield the probability of unusual outcomes, the labels, and the changes of a scenario, for each combination."""
     axes = [("parameters", each) for each in arguments.vary] + [("facts", each) for each in arguments.set]
     for unusual in arguments.unusual:
         for values in itertools.product(*(listed for _, (_, listed) in axes)):
@@ -178,35 +176,35 @@ def _combinations(
 
 
 Variation = tuple[str, list[tuple[str, object]]]
-"""The name of what is varied, and its values: as written, and as data."""
+"""The name of a varied value, and its values: as written, and as data."""
 
 Written = tuple[Path, str]
-"""The file of a sweep's smallest failure, and the command that plays it again."""
+"""The file of a sweep's smallest failure, and the command that repeats it."""
 
 
 def add_varied_parameters(parser: CommandParser, noun: str) -> None:
     """Add `--vary`."""
-    text = f"vary a {noun}: each value in turn; may be repeated"
+    text = f"vary a {noun} over these values; may be repeated"
     add = parser.add_argument
     add("--vary", action="append", default=[], type=parse_variation, metavar="NAME=A,B", help=text)
 
 
 def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) -> None:
-    """Add the options that both commands have; *runs* and *half_width* are the defaults of two."""
+    """Add the common options of both commands; *runs* and *half_width* are the defaults of two."""
     add = parser.add_argument
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
-    text = f"end a row once half the width of its interval is at most W (default {half_width:g}; 0: never)"
+    text = f"end a row once the half width of its interval is at most W (default {half_width:g}; 0: never)"
     half = add("--half-width", type=probability, default=half_width, metavar="W", help=text)
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
     sure = add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = "status 0 if every interval lies at or above this rate (default: if no run has failed)"
+    text = "status 0 if every interval is at or above this rate (default: if no run failed)"
     add("--at-least", type=probability, metavar="RATE", help=text)
-    text = "the seed of the first run of each combination; the next runs have the next numbers (default 0)"
+    text = "the seed of the first run of each combination; further runs have the next numbers (default 0)"
     first = add("--seed", type=seed, default=0, metavar="N", help=text)
-    text = "how many runs go on at the same time (default: as many as there are cores)"
+    text = "number of parallel runs (default: the number of cores)"
     add("--jobs", type=jobs, default=os.cpu_count() or 1, metavar="N", help=text)
-    text = "write the smallest failure to this file, if there is one"
+    text = "write the smallest failure, if any, to this file"
     add("-o", "--output", type=FILE, metavar="FAILING", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
     parser.hide(half, sure, first)
@@ -218,7 +216,7 @@ def probabilities(text: str) -> tuple[float, ...]:
 
 
 def parse_variation(text: str) -> Variation:
-    """Read `NAME=VALUE,VALUE`; a comma in brackets or in quotes separates no values."""
+    """Parse `NAME=VALUE,VALUE`; commas in brackets or in quotes do not separate values."""
     from sar_compiler.documents.yaml_files import parse_yaml
 
     name, sign, listed = text.partition("=")
@@ -240,16 +238,16 @@ def run_sweep(
     arguments: argparse.Namespace,
     budget: Budget,
 ) -> int:
-    """Play rows and print their table, also after Ctrl-C, or once the budget is spent; return the exit status.
+    """Run rows and print their table, even after Ctrl-C or at the end of the budget; return the exit status.
 
     Args:
-        rows: What is to be played.
-        batch: The number of runs after each of which a row may end.
-        workers: Returns as many who play.
-        write: Writes the smallest failure to the file of `-o`; returns None if that is not possible.
-        smallest: What that is, in words.
+        rows: The rows with their runs.
+        batch: The number of runs after which a row may end.
+        workers: Returns this many workers.
+        write: Writes the smallest failure to the file of `-o`; returns None if this is impossible.
+        smallest: A description of it.
         arguments: The command's arguments.
-        budget: What all may take.
+        budget: The budget of all rows.
     """
     from sar_compiler.analysis.sweep import StoppingRule, smallest_failure, sweep
     from sar_compiler.analysis.sweep_table import sweep_as_json, sweep_as_text

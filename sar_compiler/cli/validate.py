@@ -1,4 +1,4 @@
-"""`sar-compile validate`: report mistakes in tree files, and fix obvious ones."""
+"""`sar-compile validate`: report errors in tree files, and fix typos."""
 
 import argparse
 
@@ -17,18 +17,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_mission(parser)
     add("--strict", action="store_true", help="count warnings as errors in the exit status")
     trial = parser.add_mutually_exclusive_group()
-    text = "try the runs of each file for SEC seconds, for errors that a tick raises (default: as far as a fixed amount of work goes)"
+    text = "try the runs of each file for SEC seconds, to find errors raised in ticks (default: a fixed amount of work)"
     trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)
-    trial.add_argument("--no-deep", action="store_true", help="try no runs for errors that a tick raises")
+    trial.add_argument("--no-deep", action="store_true", help="try no runs to find errors raised in ticks")
     add_budget(parser)
-    text = "check every file anew, and keep no results (default: what is as it was is not checked again)"
+    text = "check every file, and store no results (default: unchanged files are not checked again)"
     add("--no-cache", action="store_true", help=text)
-    add("--fix", action="store_true", help="first correct plain slips, in the files themselves")
-    text = "print one file as its findings suggest to write it, also where they guess, instead of the findings; nothing is written"
+    add("--fix", action="store_true", help="first fix typos in the files")
+    text = "print one file with all suggestions applied, including guesses, instead of the findings; no file is changed"
     add("--mended", action="store_true", help=text)
-    text = "in text and for GitHub, tell each place, instead of each cause once"
+    text = "with text and github: report each location, instead of each cause once"
     add("--all", action="store_true", help=text)
-    text = "for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
+    text = "text for people (default), or for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
     add("--format", choices=FORMATS, default=FORMATS[0], help=text)
     parser.set_defaults(run=_validate)
 

@@ -51,11 +51,11 @@ if TYPE_CHECKING:
 _TEXT, _JSON, _SARIF = "text", "json", "sarif"
 _FAILED = "internal-error"
 _ROUNDS = 20
-"""The largest number of passes: a fix may reveal another mistake."""
+"""Largest number of passes: a fix may reveal another error."""
 
 
 def validate_files(arguments: argparse.Namespace) -> int:
-    """Print the findings about files, and return the exit status: 130 after Ctrl-C, with what was found until then."""
+    """Print the findings about files, and return the exit status: 130 after Ctrl-C, with the findings so far."""
     if arguments.mended:
         return _print_mended(arguments)
     validation = _Validation(arguments)
@@ -76,17 +76,17 @@ def validate_files(arguments: argparse.Namespace) -> int:
 
 
 def _print_mended(arguments: argparse.Namespace) -> int:
-    """Print a file as its findings suggest to write it, and return the exit status: whether errors are left.
+    """Print a file with all suggestions applied, and return the exit status: whether errors are left.
 
     Raises:
-        SarError: If it is not one file, or cannot be read.
-        TreeError: If the project's configuration, or a palette, has mistakes.
+        SarError: If the argument is not a single file, or cannot be read.
+        TreeError: If the project's configuration, or a palette, has errors.
     """
     from sar_compiler.agent.mending import mend
     from sar_compiler.project import Workspace
 
     if len(arguments.files) > 1 or arguments.fix:
-        raise SarError("--mended prints one file, and writes none: name one, and leave --fix out")
+        raise SarError("--mended prints a single file: name one file, and remove --fix")
     path, added = find_tree(arguments.files[0]), additions(arguments)
     tree = mend(path, lambda read: Workspace(added, read, tell_note, further_checks()).load_file(path))
     print(tree.source.text, end="")
@@ -94,15 +94,15 @@ def _print_mended(arguments: argparse.Namespace) -> int:
 
 
 class _Validation:
-    """The check of files that are one set: a tree that one lacks is sought in the others.
+    """The check of files as one set: trees missing in one file are searched in the others.
 
     Args:
-        arguments: The command's.
+        arguments: The command's arguments.
 
     Attributes:
-        budget: What the check may take.
-        findings: What was found, each finding once.
-        unreadable: How often files and folders could not be read, checked or written.
+        budget: The budget of the check.
+        findings: The findings, each once.
+        unreadable: Number of files and folders that could not be read, checked or written.
     """
 
     def __init__(self, arguments: argparse.Namespace) -> None:
@@ -121,7 +121,7 @@ class _Validation:
         self._used: tuple[dict[Path, None], dict[Path, None]] = {}, {}
         self._found_in_folders: set[Path] = set()
         self._folders: list[Path] = []
-        # Of several links to a file, and of a file that is also in a folder, the first counts.
+        # Of several links to a file, or a file listed again in a folder, the first one is used.
         files: dict[Path, Path] = {}
         for name in arguments.files:
             for path in self._find_files(name):
@@ -134,13 +134,13 @@ class _Validation:
         return time.process_time() + (0.0 if self._run is None else self._run.others_sec)
 
     def _find_files(self, name: str) -> Iterator[Path]:
-        """Yield the files that an argument names."""
+        """Yield the files of an argument."""
         try:
             files = tree_files_in(Path(name)) if name and is_folder(name) else []
             # A package of leaves can have the name of a shipped tree.
             if name and is_folder(name) and (files or not is_file(resources.find("trees", name, ".xml"))):
                 if not files:
-                    self._tell(f"there is no tree file in {name}")
+                    self._tell(f"{name} has no tree file")
                 self._found_in_folders.update(files)
                 self._folders.append(Path(name))
                 yield from files
@@ -158,13 +158,13 @@ class _Validation:
 
     @property
     def _additions(self) -> "Additions":
-        # One file or folder by itself is no set: what is around it is found with its surroundings.
+        # A single file or folder is no set: its surroundings are searched instead.
         trees = self._files if self.arguments.files[1:] else ()
         added = additions(self.arguments)
         return added._replace(trees=trees, names=self._files, folders=tuple(self._folders))
 
     def mend(self) -> None:
-        """Apply all possible fixes to the files; what is wrong otherwise is found when they are looked at."""
+        """Apply all possible fixes to the files; other errors are found by the check."""
         self._workspace = workspace(self.arguments, **self._additions._asdict())
         for path in self._files:
             if path != STANDARD_INPUT:
@@ -174,7 +174,7 @@ class _Validation:
         for _ in range(_ROUNDS):
             try:
                 tree = self._workspace.load_file(path)
-                tree.project.findings  # noqa: B018 - where a palette is malformed, no file is looked at
+                tree.project.findings  # noqa: B018 - with a malformed palette, no file is checked
             except (TreeError, UnreadableFileError):
                 return
             if not self._apply_fixes(tree):
@@ -239,7 +239,7 @@ class _Validation:
 
     @property
     def unchecked(self) -> int:
-        """How many files were not checked to the end."""
+        """Number of files that were not checked completely."""
         return len(self._files) - self._done
 
     def _guard(self, path: Path) -> None:
@@ -250,7 +250,7 @@ class _Validation:
             self._report(error.findings)
         except SarError as error:
             self._tell(str(error))
-        except Exception as error:  # noqa: BLE001 - whatever it is
+        except Exception as error:  # noqa: BLE001 - any error
             from sar_compiler.checks import failure_of_file
 
             self._report([failure_of_file(path, error, "mending")])
@@ -264,9 +264,9 @@ class _Validation:
                 self._said.add(text)
                 tell_note(text)
         self._checked += check.is_read
-        # A palette that is among the files is spoken of as such.
+        # A palette among the files is reported under its name as written.
         self._report(each for each in check.palettes if real_path(Path(each.source.path)) not in self._places)
-        # A tree of a file that others include is tried in each of them.
+        # A tree of an included file is tried in each of the including files.
         raised = [each for each in check.raised if (each.source.path, each.span) not in self._raising]
         self._raising.update((each.source.path, each.span) for each in raised)
         self._report([*check.findings, *check.further, *raised])
@@ -286,7 +286,7 @@ class _Validation:
             self._clean.append(path)
 
     def _report(self, findings: Iterable[Diagnostic]) -> None:
-        """Report findings, each once: a file may be included by several, or have trees that several use."""
+        """Report findings, each once: several files may include a file, and several trees may use a tree."""
         new = []
         for finding in findings:
             if finding.identity not in self._said:
@@ -297,7 +297,7 @@ class _Validation:
 
     @property
     def _findings_to_tell(self) -> Sequence[Diagnostic]:
-        """The findings as people are told them."""
+        """The findings in the form of the text output."""
         if self.arguments.all or len(self.findings) <= 1:
             return self.findings
         from sar_compiler.views.findings import by_cause
@@ -305,22 +305,22 @@ class _Validation:
         return by_cause(self.findings)
 
     def _sum_up(self, told: Sequence[Diagnostic]) -> None:
-        """Print on standard error how much was found, unless there was only one file without findings."""
+        """Print the number of findings on standard error, unless there was only one file without findings."""
         if not told and self._checked <= 1:
             return
         counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
         listed = [count_text(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
         if any(each.code == "more-findings" for each in self.findings):
-            listed.append("more that are not shown")
+            listed.append("others not shown")
         fixable = f"; {self._fixable:,} fixable with --fix" if self._fixable else ""
         found = ", ".join(listed) or "no findings"
         more = len(self.findings) - len(told)
-        places = f"; --all tells {count_text(len(self.findings), 'place')}" if more else ""
+        places = f"; --all lists {count_text(len(self.findings), 'location')}" if more else ""
         sys.stdout.flush()
         print(f"{found} in {count_text(self._checked, 'file')}{fixable}{places}", file=sys.stderr)
 
     def print_findings(self) -> None:
-        """Print what was found."""
+        """Print the findings."""
         form = self.arguments.format
         if form == _TEXT:
             told = self._findings_to_tell
@@ -359,5 +359,5 @@ def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
 
     path, source = tree.path, tree.source
     if bytes_of(source, source.text) != read_file(path, TREE).data:
-        raise WriteError(f"{path} is not mended: it has changed meanwhile, or its encoding has no way back")
+        raise WriteError(f"{path} is not fixed: it has changed meanwhile, or its encoding cannot be written")
     write_bytes(path, bytes_of(source, apply_fixes(source.text, chosen)))

@@ -43,23 +43,23 @@ def add_options(parser: CommandParser) -> None:
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
     text = (
-        "a tree file from before a change, or a shipped tree: report which verdicts differ from those for it"
+        "the tree file before a change, or a shipped tree: report the verdicts that differ from its verdicts"
     )
     add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
-    text = "a file of properties, which must hold in every run (default: what the mission brings)"
+    text = "a file of properties to prove for every run (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    text = f"explore at most N states, and leave open what would take more (default {MAX_STATES})"
+    text = f"explore at most N states, and leave the rest undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     add_search_options(parser, "verify")
     parser.set_defaults(run=verify_file)
 
 
 def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
-    """Add the options of commands that search all runs of a tree: which one it is, what is so at the start, and how it is told.
+    """Add the options of commands that search all runs of a tree: the tree, the initial state, and the output format.
 
     Args:
-        parser: The command's.
-        use: What is done with the tree, such as `verify`.
+        parser: The command's parser.
+        use: The action on the tree, such as `verify`.
     """
     add_tree_id(parser, use)
     text = "the initial value of a fact, such as points_left=4; may be repeated"
@@ -74,14 +74,14 @@ def add_search_options(parser: argparse.ArgumentParser, use: str) -> None:
 
 
 def verify_file(arguments: argparse.Namespace) -> int:
-    """Verify the tree of a file, or compare it with another one, and print the results, also after Ctrl-C.
+    """Verify the tree of a file, or compare it with another one, and print the results, even after Ctrl-C.
 
     Returns:
         0 if all properties are proved, 1 if one does not hold or is undecided, 130 after Ctrl-C. With another tree:
-        0 if no answer is worse than the one for that, 1 if one is, or where the budget did not suffice for both.
+            0 if no verdict is worse than for that tree, 1 if one is, or if the budget was too small for both.
 
     Raises:
-        TreeError: If a file has mistakes.
+        TreeError: If a file has errors.
     """
     from sar_compiler.analysis.simulated_tree import OnlyDescribedError
     from sar_compiler.tree.diagnostic import TreeError
@@ -96,14 +96,14 @@ def verify_file(arguments: argparse.Namespace) -> int:
             _verify_into(done, files, budget, progress, arguments)
     except TreeError:
         if done:
-            print_error(f"sar-compile: {files[1]} cannot be verified like this")
+            print_error(f"sar-compile: {files[1]} cannot be verified with these options")
         raise
     except OnlyDescribedError as error:
         print_error(str(error))
         return FINDINGS
     except UndecidableError as error:
         whose = f"{files[len(done)]}: " if len(files) > 1 else ""
-        print_error(f"sar-compile: {whose}nothing can be decided: {error}")
+        print_error(f"sar-compile: {whose}verification is impossible: {error}")
         return FINDINGS
     status = _print(done, files, time.monotonic() - started, arguments.format)
     if budget.is_interrupted or done[-1].stopped:
@@ -119,7 +119,7 @@ def _verify_into(
     progress: "ProgressOfSearch",
     arguments: argparse.Namespace,
 ) -> None:
-    """Verify one tree after the other by the same properties, until the budget is spent."""
+    """Verify the trees one after the other by the same properties, until the budget is spent."""
     from sar_compiler.analysis.proofs import default_properties
     from sar_compiler.analysis.tree_analysis import verify_tree
 
@@ -164,7 +164,7 @@ def _print(done: "list[Verification]", files: "list[str]", seconds: float, form:
 
 
 def _print_answers(text: str, form: str) -> None:
-    """Print a result; the answers of one for people in colours, where standard output shows them."""
+    """Print a result; verdicts in text are coloured if standard output supports it."""
     from sar_compiler.tree.showing import visible
 
     paint = painter(sys.stdout)
@@ -178,7 +178,7 @@ def facts_given(pairs: "list[tuple[str, str]]") -> "Document | None":
         return None
     from sar_compiler.documents.yaml_files import parse_yaml
 
-    # One line for each, so that what is wrong with one is shown as in a file.
+    # One line for each, so that an error is shown as in a file.
     text = "".join(f"{name}: {value}\n" for name, value in pairs)
     return parse_yaml(text, "--set", "write FACT=VALUE")
 
@@ -191,9 +191,9 @@ def _assignment(text: str) -> tuple[str, str]:
 
 
 class ProgressOfSearch:
-    """Progress on standard error, and which properties are violated."""
+    """Shows progress and violated properties on standard error."""
 
-    _PATIENCE_SEC = 1.0  # what takes no longer is told with the rest
+    _PATIENCE_SEC = 1.0  # a violation found sooner is part of the result
 
     def __init__(self) -> None:
         self._line = ProgressLine()
@@ -201,16 +201,16 @@ class ProgressOfSearch:
         self.begin("")
 
     def begin(self, whose: str) -> None:
-        """Begin with a tree; *whose* stands before everything, to tell the trees apart where there are several."""
+        """Start with a tree; *whose* is a prefix of all output, to distinguish several trees."""
         self._whose, self._started, self._broken = whose, time.monotonic(), 0
 
     def close(self) -> None:
-        """Remove the line from a terminal; a search that goes on shows nothing more."""
+        """Remove the line from a terminal; a continuing search shows nothing more."""
         self._is_closed = True
         self._line.clear()
 
     def show(self, progress: "Progress") -> None:
-        """Show the progress, if it is due, and what is broken."""
+        """Show the progress if it is due, and violated properties."""
         if self._is_closed:
             return
         is_new = self._line.is_there and len(progress.broken) > self._broken
@@ -225,6 +225,6 @@ class ProgressOfSearch:
     def _numbers(self, progress: "Progress") -> str:
         rate = progress.states / (time.monotonic() - self._started)
         return (
-            f"{self._whose}{progress.states:,} states, {progress.states - progress.expanded:,} of them to go through, "
+            f"{self._whose}{progress.states:,} states, {progress.states - progress.expanded:,} of them unexplored, "
             f"{progress.depth} ticks deep, {rate:,.0f} states/s"
         )

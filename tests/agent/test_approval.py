@@ -223,7 +223,10 @@ def test_what_cannot_be_kept_is_not_approved(tree, capsys):
 
 def test_who_names_no_file_is_told_what_to_name(capsys):
     status, _, said = approve(capsys)
-    assert (status, said) == (2, "sar-compile: name the tree file to approve (or --list what is approved)\n")
+    assert (status, said) == (
+        2,
+        "sar-compile: name the tree file to approve, or list the approved files with --list\n",
+    )
 
 
 TWO = (

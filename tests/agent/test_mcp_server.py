@@ -436,7 +436,7 @@ class TestManyCalls:
         (["--root", "nowhere"], "sar-compile: --root nowhere is not a folder\n"),
         (
             ["--trust"],
-            "sar-compile: --trust would trust what an agent makes of the modules; say it to another command, once\n",
+            "sar-compile: --trust would trust every change that an agent makes to the modules: use it once with another command\n",
         ),
     ],
 )

@@ -59,7 +59,7 @@ def test_one_file_is_printed_and_none_written(more, tmp_path, capsys):
     path = tmp_path / "tree.xml"
     path.write_text(document("<Succes/>"), encoding="utf-8")
     status, _, said = run(capsys, "validate", "--mended", path, *more)
-    assert (status, "--mended prints one file" in said) == (2, True)
+    assert (status, "--mended prints a single file" in said) == (2, True)
     assert path.read_text(encoding="utf-8") == document("<Succes/>")
 
 

@@ -125,7 +125,7 @@ def test_a_file_that_cannot_be_read_is_passed_over_and_named(capsys):
 
 def test_json_is_no_form_of_a_palette(capsys):
     status, _, err = run(capsys, "nodes", "--from-use", "ws", "--format", "json")
-    assert (status, "leave --format json out" in err) == (2, True)
+    assert (status, "remove --format json" in err) == (2, True)
 
 
 def test_a_port_has_the_type_of_a_known_port_that_shares_its_key(capsys):

@@ -152,7 +152,7 @@ def test_a_node_that_an_installed_palette_knows_is_said_to_be_there(capsys, tmp_
     path = tmp_path / "tree.xml"
     path.write_text(document('<FollowPath path="{path}"/>'), encoding="utf-8")
     _, out, _ = run(capsys, "validate", str(path))
-    assert "a palette knows it: --model nav2:jazzy or nav2:kilted or nav2:main" in out
+    assert "add a palette that describes it: --model nav2:jazzy or nav2:kilted or nav2:main" in out
     status, _, err = run(capsys, "nodes", "FollowPath")
     assert status == 2
-    assert "a palette knows it: --model nav2:jazzy or nav2:kilted or nav2:main" in err
+    assert "add a palette that describes it: --model nav2:jazzy or nav2:kilted or nav2:main" in err

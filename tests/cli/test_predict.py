@@ -68,7 +68,7 @@ def test_without_times_there_is_no_plot_and_that_is_said(predict, tmp_path):
     status, out, err = predict("--plot", "{folder}/plot.svg", "--max-states", "3")
     assert status == 1
     assert "Not all states were gone through" in out
-    assert err.endswith("plot.svg is not written: when runs end was not worked out, or none does\n")
+    assert err.endswith("plot.svg is not written: no time of an end was computed, or no run ends\n")
     assert not (tmp_path / "plot.svg").exists()
 
 
@@ -84,7 +84,7 @@ def test_a_time_of_too_many_ticks_is_refused_with_the_period_that_would_do(predi
     status, out, err = predict("--period", "1", sec=30)
     assert (status, out) == (1, "")
     assert err == (
-        "sar-compile: nothing can be predicted: 'DetectSurvivor' takes 30 s, which is 30 ticks; the most are 20. "
+        "sar-compile: no prediction is possible: 'DetectSurvivor' takes 30 s, which is 30 ticks; the most are 20. "
         "Let ticks be further apart: --period 1.5\n"
     )
     assert predict("--period", "1.5", sec=30)[0] == 0

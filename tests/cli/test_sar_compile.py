@@ -129,7 +129,7 @@ def test_a_misspelt_word_of_the_command_line_is_told_what_was_meant(capsys, argu
 def test_without_a_command_all_are_listed(capsys):
     with pytest.raises(SystemExit):
         main([])
-    assert "Report all mistakes in tree files." in capsys.readouterr().err
+    assert "Report all errors in tree files." in capsys.readouterr().err
 
 
 def test_show_draws_the_compiled_tree(capsys):
@@ -371,7 +371,7 @@ def test_a_flowchart_that_github_does_not_draw_is_printed_and_told(capsys, tmp_p
     assert status == 0
     assert out.count(" --> ") == 500
     assert (
-        err == "sar-compile: GitHub and GitLab do not draw so large a flowchart; --format svg has no limit\n"
+        err == "sar-compile: this flowchart is too large for GitHub and GitLab; --format svg has no limit\n"
     )
 
 
@@ -405,4 +405,4 @@ def test_subtrees_are_folded_in_pictures_alone(capsys):
     assert "ResilientSearchAndRescue" in picture
     assert "NavigateToZone" not in picture
     assert main(["show", "search_and_rescue_guarded", "--fold"]) == 2
-    assert "--fold is for pictures: --format svg, mermaid, dot" in capsys.readouterr().err
+    assert "--fold applies to pictures: add --format svg, mermaid, dot" in capsys.readouterr().err

@@ -55,7 +55,7 @@ def test_a_folder_without_scenarios_is_wrong_usage(capsys, tmp_path, tree):
     status, _, err = run(capsys, tree, "--scenario", tmp_path)
     assert (status, err) == (
         2,
-        f"sar-compile: there is no scenario in {tmp_path}: no file in it ends with .yaml\n",
+        f"sar-compile: {tmp_path} has no scenario: no file in it ends with .yaml\n",
     )
 
 

@@ -169,7 +169,7 @@ def many(monkeypatch):
 def test_that_there_are_more_findings_of_a_kind_is_said_to_people(capsys, monkeypatch):
     many(monkeypatch)
     status, out, err = run(capsys, "a.xml")
-    assert (status, err) == (1, "2 errors, more that are not shown in 1 file\n")
+    assert (status, err) == (1, "2 errors, others not shown in 1 file\n")
     assert "info[more-findings]: 3 more of this kind: unknown-node" in out
 
 

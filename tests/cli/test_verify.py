@@ -362,7 +362,7 @@ def test_which_of_two_trees_cannot_be_verified_is_said(run):
     named = FINE.replace("<DetectSurvivor/>", '<DetectSurvivor name="Again"/>')
     status, out, err = run(named, *AGAINST, before=FINE, p=only_before)
     assert (status, out) == (1, "")
-    assert "before.xml cannot be verified like this\n" in err
+    assert "before.xml cannot be verified with these options\n" in err
     model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
     described = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
     status, _, err = run(FINE, *AGAINST, before=described, p="properties: {}")

@@ -113,7 +113,7 @@ def test_every_message_that_is_explained_is_printed_by_the_project():
 BASE = next(block.text for block in blocks(PARAMETERS) if block.file == "params.yaml")
 # Mistakes whose messages say all, so that the page need not.
 FURTHER = [
-    ("zone_order: kitchen", "parameter zone_order: must be a list of zone ids, is the text 'kitchen'"),
+    ("zone_order: kitchen", "parameter zone_order: must be a list of zone ids, is the string 'kitchen'"),
     ('zone_order: ["attic", "attic"]', "parameter zone_order: names 'attic' more than once"),
     (
         'zone_order: ["attic", 2]',
@@ -125,7 +125,7 @@ FURTHER = [
         "attic: {x: 3.5, y: 3.0, yaw: 1.57, z: 0.0}",
         "parameter zones.attic.z: is unknown; expected one of x, y, yaw, poa, pod, look_sec",
     ),
-    ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, is the text 'fast'"),
+    ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, is the string 'fast'"),
     ("set_initial_pose: 3", "parameter set_initial_pose: must be true or false, is the number 3"),
     (
         "geofence: [0.0, 0.0, 5.0]",

@@ -55,7 +55,9 @@ def test_the_summary_and_the_report_tell_the_head_by_which_the_journal_is_checke
     place = tmp_path / "m.journal"
     run = start("sar-run", tree, "--journal", place, "--report", tmp_path / "r.json")
     assert run.end() == 1
-    (head,) = re.findall("The journal's head, for sar-journal check --head: ([0-9a-f]{64})", run.output)
+    (head,) = re.findall(
+        "Journal hash \\(verify with sar-journal check --head\\): ([0-9a-f]{64})", run.output
+    )
     assert json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["runs"][0]["head"] == head
     assert start("sar-journal", "check", place, "--head", head).end() == 0
     run = start("sar-run", tree, "--journal", place, "--format", "json")
@@ -91,7 +93,7 @@ def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_pat
         ),
         (["--report", "r.cot"], "r.cot contains world coordinates. Add georeference"),
         (["--report", "not/there/r.html"], "there is no folder"),
-        (["--check", "--report", "r.html"], "--check begins nothing"),
+        (["--check", "--report", "r.html"], "--check starts no run"),
         (
             ["--report", "r.cap", "--ros-args", "-p", "georeference.lat:=91.0"],
             "parameters:\n  georeference.lon: is missing",

@@ -137,7 +137,7 @@ def test_one_command_flies_the_whole_mission_and_sums_it_up(start):
     ]
     *_, duration, head = run.output.splitlines()
     assert duration.startswith("  duration:        ")
-    assert head.startswith("The journal's head, for sar-journal check --head: ")
+    assert head.startswith("Journal hash (verify with sar-journal check --head): ")
 
 
 @pytest.mark.ros

@@ -181,6 +181,4 @@ def test_supervised_missions_killed_and_stopped_get_to_their_ends(world, start, 
 def test_who_cannot_resume_says_so(start):
     run = start("sar-run", "--supervise", "--journal", "none")
     assert run.end() == 2
-    assert (
-        "--supervise resumes a mission from its journal: leave --journal none and --check out" in run.output
-    )
+    assert "--supervise resumes a mission from its journal: remove --journal none and --check" in run.output

@@ -213,6 +213,6 @@ def test_an_area_that_is_drawn_is_answered_and_told(stage: "Stage") -> None:
     assert answered("c") == (True, "'c' is added")
     assert answered("") == (False, "the area has no name: write one")
     assert stage.lines == ["Command add_area by the operator: 'c' is added."]
-    assert stage.warnings == ["Command add_area by the operator: refused, the area has no name."]
+    assert stage.warnings == ["Command add_area by the operator: refused, the area has no name: write one."]
     leaf.shutdown()
     stage.until(lambda: not client.service_is_ready(), "the end of the service")

@@ -354,7 +354,7 @@ class TestEntryPoints:
         checkout.write("trees/tree.xml", document("<RecoveryNode/>"))
         root, checkout.folder = checkout.folder, checkout.folder / "trees"
         said = checkout.validate(PYTHONPATH=str(root))
-        assert "a palette knows it: --model nav2:jazzy" in said
+        assert "add a palette that describes it: --model nav2:jazzy" in said
         assert not checkout.has_run
 
     def test_cannot_take_the_place_of_what_is_installed(self, checkout):
