@@ -1,14 +1,14 @@
-"""Write a mission as a tree file, have it checked, run it on ROS 2.
+"""Write a mission as a tree file, check it, run it on ROS 2.
 
-What is named in five groups is public and kept. Here is what one does with trees::
+The names in five groups are public and stable. A typical use::
 
     tree = sar_compiler.load("mission.xml")
     for finding in tree.check():
         print(finding.render())
 
-`sar_compiler.leaves` has what leaves, controls and decorators are made of, `sar_compiler.missions` what missions are made of,
-`sar_compiler.execution` runs missions, and `sar_compiler.testing` has what tests of trees are made of. Every other module is the project's own, and changes with it.
-Names are looked up when they are first used: to import a group takes no time, and needs no ROS.
+`sar_compiler.leaves` has the base classes of leaves, controls and decorators, `sar_compiler.missions` those of missions.
+`sar_compiler.execution` runs missions, and `sar_compiler.testing` helps to test trees. Every other module is internal and may change.
+Names are loaded at their first use: importing a group takes no time and needs no ROS.
 """
 
 from typing import TYPE_CHECKING

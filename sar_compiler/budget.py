@@ -1,12 +1,12 @@
 """The limits of an analysis: its time, its memory, and a user who presses Ctrl-C.
 
-A tree of a few lines can have more states than any machine: numbers in it multiply. So every command that analyses has a budget, and
-prints what it has found when the budget is spent. There are two steps, because not everything can be asked to end:
+A tree of a few lines can have more states than any machine can hold, because its numbers multiply. Every analysing command therefore has a
+budget, and prints its results when the budget is spent. There are two steps, because not all code can be asked to stop:
 
-1. The budget is *spent*: a search asks for that every few hundred ticks, ends, and its results are worked out.
-2. After some patience the analysis is *left behind*. It runs in a thread of its own, so that the thread that waits for it answers signals at
-   any time, also while a library computes. The last result that the analysis has published counts (`publish`). An exception is raised in
-   the thread, which ends it at its next instruction of Python.
+1. The budget is *spent*: a search checks this every few hundred ticks, stops, and evaluates its results.
+2. After some patience the analysis is *abandoned*. It runs in a thread of its own, so that the waiting thread handles signals at any time,
+   even while a library computes. The last published result is used (`publish`). An exception is raised in the abandoned thread, which ends
+   it at its next Python instruction.
 """
 
 import math
@@ -25,24 +25,24 @@ from sar_compiler.errors import SarError
 T = TypeVar("T")
 
 MAX_SEC, MAX_MEMORY_MB = 60.0, 2000
-"""What an analysis may take unless its user says otherwise."""
+"""The default limits of an analysis."""
 
 _MB = 1_000_000
 _RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _POLL_SEC = 0.05
-# Of the time that it was given, results may take so much more after a search has used it up; and of the memory, until it is left behind at once.
+# Evaluating results may exceed the time limit by this share, and the memory limit by this share until the analysis is abandoned.
 _MORE_TIME, _MORE_MEMORY = 0.2, 0.5
 
 
 class Progress(NamedTuple):
-    """The progress of the search.
+    """The progress of a search.
 
     Attributes:
-        states: How many states were found.
-        expanded: How many of them were gone through.
-        steps: How many steps there were.
-        depth: How many ticks lead to the state in hand.
-        broken: The properties that are broken so far, by their names.
+        states: Number of states found.
+        expanded: Number of states explored.
+        steps: Number of steps.
+        depth: Number of ticks to the current state.
+        broken: The names of the properties violated so far.
     """
 
     states: int
@@ -53,10 +53,10 @@ class Progress(NamedTuple):
 
 
 class BudgetSpentError(SarError):
-    """An analysis was left behind before it had a result.
+    """An analysis was abandoned before it had a result.
 
     Args:
-        budget: What it had.
+        budget: Its budget.
     """
 
     def __init__(self, budget: "Budget") -> None:
@@ -65,20 +65,20 @@ class BudgetSpentError(SarError):
 
 
 class Budget:
-    """What an analysis may take.
+    """The limits of an analysis.
 
     Args:
         max_sec: Its processor time, seconds, from now on.
         max_memory_mb: The memory of the process, 10^6 bytes.
-        patience_sec: How long it may go on once its user wants it to end, seconds; 0 for what does not ask whether it has to.
-        clock: What measures the time; `time.monotonic` for what works in other processes.
+        patience_sec: How long it may continue after its user stopped it, seconds; 0 for code that never checks whether to stop.
+        clock: The clock of the time limit; `time.monotonic` for work in other processes.
         on_progress: Called now and then with the progress of a search, in the thread of the analysis.
-        memory: Returns the memory of the process, 10^6 bytes: by default the most that it has had, which only a process that ends with
-            the analysis can go by.
+        memory: Returns the memory of the process, 10^6 bytes: by default the peak, which only suits a process that ends with
+                the analysis.
 
     Attributes:
-        reason: Why it is spent, in words; empty while it is not.
-        is_interrupted: Whether that is because the user has pressed Ctrl-C, or another signal has come that ends a command so.
+        reason: Why it is spent, in words; empty before.
+        is_interrupted: Whether the reason is Ctrl-C, or another signal that ends a command like it.
     """
 
     def __init__(
@@ -99,21 +99,21 @@ class Budget:
         self._on_progress, self._memory = on_progress, memory or memory_mb
 
     def report(self, progress: Progress) -> bool:
-        """Report how far a search is; return whether it has to end."""
+        """Report the progress of a search; return whether it must stop."""
         self._on_progress(progress)
         return self.is_spent()
 
     def is_spent(self) -> bool:
-        """Return whether the analysis has to end."""
+        """Return whether the analysis must stop."""
         if not self.reason and self._clock() - self._begun > self._max_sec:
-            self.spend(f"stopped after {self._max_sec:g} s; --max-seconds allows more")
+            self.spend(f"stopped after {self._max_sec:g} s: raise the limit with --max-seconds")
         if not self.reason and self._memory() > self._max_memory_mb:
-            self.spend(f"stopped at {self._max_memory_mb:g} MB of memory; --max-memory allows more")
+            self.spend(f"stopped at {self._max_memory_mb:g} MB of memory: raise the limit with --max-memory")
         return bool(self.reason)
 
     @property
     def exit_status(self) -> int:
-        """The status of a command whose budget is spent: 130 after Ctrl-C, else 1, as for what is not decided."""
+        """The status of a command whose budget is spent: 130 after Ctrl-C, otherwise 1, as for an undecided result."""
         return self._interrupt_status if self.is_interrupted else 1
 
     def spend(self, reason: str) -> None:
@@ -126,19 +126,19 @@ class Budget:
         self._max_memory_mb /= processes
 
     def publish(self, result: Callable[[], object]) -> None:
-        """Set what makes the result so far, which `run` returns if the analysis is left behind."""
+        """Set the function that builds the result so far, which `run` returns for an abandoned analysis."""
         self._published = result
 
     def run(self, work: Callable[[], T]) -> T:
-        """Return the result of an analysis, or the last one that it has published.
+        """Return the result of an analysis, or its last published one.
 
         Args:
-            work: The analysis. It can be left behind at any place, so it must hold no lock and write no file.
+            work: The analysis. It can be abandoned anywhere, so it must hold no lock and write no file.
 
         Raises:
-            BudgetSpentError: If it was left behind, and nothing was published.
+            BudgetSpentError: If it was abandoned before it published a result.
             KeyboardInterrupt: At the second Ctrl-C.
-            Exception: Whatever the work raises.
+            Exception: Any exception of the work.
         """
         self._published = None
         outcome = _Work()
@@ -188,18 +188,18 @@ class _Work:
     def work_out(self, work: Callable[[], object]) -> None:
         try:
             self.result = work()
-        except BaseException as error:  # noqa: BLE001 - it is raised where the result is awaited
+        except BaseException as error:  # noqa: BLE001 - raised again in the waiting thread
             self.error = error
         finally:
             self.is_there.set()
 
 
 class _LeftBehindExit(SystemExit):
-    """Ends an analysis whose result is not awaited any more; threads print nothing of a SystemExit."""
+    """Ends an abandoned analysis; threads print nothing for a SystemExit."""
 
 
 def _end(thread: threading.Thread) -> None:
-    """Raise an exception in a thread at its next instruction of Python."""
+    """Raise an exception in a thread at its next Python instruction."""
     if thread.ident is not None:
         import ctypes
 
@@ -208,7 +208,7 @@ def _end(thread: threading.Thread) -> None:
 
 
 def memory_now_mb() -> float:
-    """Return the memory that this process has now, 10^6 bytes; where the system does not say it, the most that it has had."""
+    """Return the current memory of this process, 10^6 bytes; the peak if the system does not report it."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:
@@ -217,7 +217,7 @@ def memory_now_mb() -> float:
 
 
 def memory_mb() -> float:
-    """Return the most memory that this process has had, 10^6 bytes."""
+    """Return the peak memory of this process, 10^6 bytes."""
     try:
         import resource
     except ImportError:  # in a browser

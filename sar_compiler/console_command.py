@@ -1,7 +1,7 @@
-"""Starts a command of the console: from its first line on, Ctrl-C ends it without a traceback.
+"""Start of a console command: from its first line on, Ctrl-C ends it without a traceback.
 
-The import of a command takes a moment, in which Python would answer Ctrl-C with a traceback. This module therefore
-imports nothing that takes time, and handles Ctrl-C before it imports a command, which then does it in its own way.
+Importing a command takes a moment, in which Python would respond to Ctrl-C with a traceback. This module therefore
+imports nothing slow, and handles Ctrl-C until the imported command handles it in its own way.
 """
 
 import gc
@@ -19,7 +19,7 @@ def console_command(module: str, function: str = "main", *, is_server: bool = Fa
     Args:
         module: The import path of its module.
         function: Its function, which returns the exit status.
-        is_server: Whether to be stopped is its normal end.
+        is_server: Whether being stopped is its regular end.
     """
 
     def leave(number: int, _frame: FrameType | None) -> None:
@@ -39,7 +39,7 @@ def console_command(module: str, function: str = "main", *, is_server: bool = Fa
 def _status_of(module: str, function: str) -> int:
     """Return the exit status of a command, however it ends."""
     try:
-        gc.disable()  # in what is imported there is nothing to collect
+        gc.disable()  # the imports leave nothing to collect
         command = getattr(importlib.import_module(module), function)
         gc.enable()
         return int(command())
@@ -55,19 +55,17 @@ def _status_of(module: str, function: str) -> int:
             sys.excepthook(*sys.exc_info())
             return 1
         name = os.path.basename(sys.argv[0])  # noqa: PTH119 - as below
-        sys.stderr.write(
-            f"{name}: this takes a part of sar_compiler that is not installed: sar_compiler.{part}\n"
-        )
+        sys.stderr.write(f"{name}: a part of sar_compiler is not installed: sar_compiler.{part}\n")
         return 2
-    except BaseException:  # noqa: BLE001 - the interpreter would do the same, and then wait for others' threads
+    except BaseException:  # noqa: BLE001 - the interpreter would do the same, and then wait for other threads
         sys.excepthook(*sys.exc_info())
         return 1
 
 
 def _leave_current_folder() -> None:
-    """Let nothing more be imported from the current folder, which may be a stranger's.
+    """Prevent further imports from the current folder, which may be untrusted.
 
-    An empty or relative part of `PYTHONPATH` means it. What the user names is sought there nonetheless.
+    An empty or relative part of `PYTHONPATH` means this folder. Modules named by the user are still searched there.
     """
     try:
         written = os.environ["PYTHONPATH"].split(os.pathsep)

@@ -1,15 +1,15 @@
-"""The root of what this project raises for its users.
+"""The base class of this project's errors for users.
 
-Every module that raises defines its own errors on top of :class:`SarError`; the commands show any
-of them as a message, without a traceback.
+Every module defines its own errors on top of :class:`SarError`; the commands show them as a message, without a
+traceback.
 """
 
 
 class SarError(Exception):
-    """Something a user did, wrote or lacks; the text says what it is and what to do.
+    """An error caused by the user's input or environment; the text says what is wrong and what to do.
 
     Attributes:
-        exit_status: The status with which a command ends for it.
+        exit_status: The exit status of a command for this error.
     """
 
     exit_status = 2
@@ -20,14 +20,14 @@ class UndecidableError(SarError):
 
 
 class UnsteadyError(UndecidableError):
-    """The same tick, played twice with the same choices, did not ask the same questions."""
+    """Repeating a tick with the same choices requested different choices."""
 
 
 class NodeError(SarError):
-    """A node cannot go on.
+    """A node cannot continue.
 
     Attributes:
-        node: Its name; empty where that is not known.
+        node: Its name; empty if unknown.
     """
 
     def __init__(self, message: str, node: str = "") -> None:

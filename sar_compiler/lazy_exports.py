@@ -1,6 +1,6 @@
-"""What a public group of names is made of: each name is looked up where it lives, when it is first used.
+"""Public groups of names: each name is imported from its module at its first use.
 
-A group says its names once, as imports for type checkers; the look-up reads them there.
+A group lists its names once, as imports for type checkers; this module reads them there.
 """
 
 import importlib
@@ -16,7 +16,7 @@ def lazy(group: str) -> tuple[_LookUp, Callable[[], list[str]], list[str]]:
 
     Args:
         group: The name of the module that is the group. In its source, each public name is a line `from MODULE import X as X`, which only
-            type checkers carry out.
+                type checkers execute.
     """
     spec: Any = sys.modules[group].__spec__
     lines = (line.split() for line in spec.loader.get_data(spec.origin).decode().splitlines())

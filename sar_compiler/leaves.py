@@ -1,4 +1,4 @@
-"""What leaves, controls and decorators of your own are made of: bases, ports, registration.
+"""Base classes, ports and registration for your own leaves, controls and decorators.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What a tree file is to who writes Python: checked, compiled, simulated, proved, watched and predicted."""
+"""A tree file in Python: checking, compiling, simulating, verifying, monitoring and predicting it."""
 
 import warnings
 from collections.abc import Iterable, Mapping
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class LoadedTree(ProjectTree):
-    """A tree file with all that it includes, and the settings of its project; `load` makes it."""
+    """A tree file with all of its included files, and the settings of its project; created by `load`."""
 
     def _repr_svg_(self) -> str | None:
         """Return a picture for a notebook; None, so that it shows the text, if the file is malformed."""
@@ -41,18 +41,18 @@ class LoadedTree(ProjectTree):
         context: Mapping[type, object] | None = None,
         tree_id: str | None = None,
     ) -> "CompiledTree":
-        """Compile a tree, to be ticked.
+        """Compile a tree for ticking.
 
         Args:
-            node: The node that it will be ticked on: its clock is the tree's, its parameters are keys of the root
-                blackboard. Without a node, the steady clock is used.
+            node: The node that ticks it: its clock is the tree's, and its parameters are keys of the root
+                    blackboard. Without a node, the steady clock is used.
             parameters: Further keys of the root blackboard; they override the node's parameters.
             context: Objects that leaves require in their constructors, by their type.
-            tree_id: The tree in the file; by default the one that the file executes.
+            tree_id: The tree in the file; by default the main tree.
 
         Raises:
             TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is
-                not in *context*, or a constructor refuses its arguments.
+                    not in *context*, or a constructor rejects its arguments.
         """
         if node is None:
             return super().compile(parameters=parameters, context=context, tree_id=tree_id)
@@ -75,17 +75,17 @@ class LoadedTree(ProjectTree):
         scenario: Mapping[str, object] | None = None,
         **scripts: object,
     ) -> "Simulated":
-        """Return the tree with scripted leaves, to be ticked on a manual clock.
+        """Return the tree with scripted leaves, for ticking on a manual clock.
 
         The arguments correspond to a scenario file, with Python's lists and dictionaries for YAML's.
 
         Args:
-            leaves: The answers of leaves, by path, name or tag: `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
+            leaves: The outcomes of leaves, by path, name or tag: `{"Patrol/NavigateToZone": ["aborted", "arrived"]}`.
             scenario: The other keys of a scenario: `{"tree": "Main", "facts": {"zones_left": 1}, "period": "0.1s"}`.
-            **scripts: The answers of leaves whose names are Python identifiers: `NavigateToZone=["aborted", "arrived"]`.
+            **scripts: The outcomes of leaves whose names are Python identifiers: `NavigateToZone=["aborted", "arrived"]`.
 
         Raises:
-            TreeError: If there are errors, or the script has an answer that a leaf never gives.
+            TreeError: If there are errors, or the script has an impossible outcome of a leaf.
         """
         from sar_compiler.analysis.simulated import simulate_tree
 
@@ -96,7 +96,7 @@ class LoadedTree(ProjectTree):
 
 
 class _LoadingWorkspace(Workspace):
-    """A workspace whose trees have all analyses."""
+    """A workspace whose trees offer all analyses."""
 
     def load(self, tree: str | Path) -> LoadedTree:
         path = find_tree(str(tree))
@@ -117,27 +117,25 @@ def load(
 
     Args:
         tree: The path of a tree file, or the name of a shipped tree.
-        nodes: Leaves of your own: classes, modules, or import paths of modules.
-        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
-        include_path: Further folders that the file may include from.
-        registry: The registered nodes, instead of the installed ones, *nodes* and palettes that are installed.
-        mission: The name of the mission, whatever the leaves require; by default it is chosen by them.
-        isolated: Whether the surroundings of the file are ignored: configuration, palettes and trees around it.
+        nodes: Your own leaves: classes, modules, or import paths of modules.
+        models: Palettes of nodes that are not installed: files, or names of shipped ones (`nav2:jazzy`).
+        include_path: Further folders for included files.
+        registry: The registered nodes, instead of the installed ones, *nodes* and installed palettes.
+        mission: The name of the mission, which overrides the leaves' requirements; by default these determine it.
+        isolated: Whether to ignore the surroundings of the file: configuration, palettes and trees.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        TreeError: If the project's configuration has mistakes. Findings about the tree are returned by `check`, and
-            raised by `compile`, `simulate` and `verify`.
-        TypeError: If *nodes*, *models* or *include_path* is a single text.
+        TreeError: If the project's configuration has errors. Findings about the tree are returned by `check`, and
+                raised by `compile`, `simulate` and `verify`.
+        TypeError: If *nodes*, *models* or *include_path* is a single string.
     """
     for name, several in (("nodes", nodes), ("models", models), ("include_path", include_path)):
         if isinstance(several, str):
-            raise TypeError(
-                f"{name} is the text '{several}'; write several or one in brackets: {name}=['{several}']"
-            )
+            raise TypeError(f"{name} is the string '{several}': write a collection, {name}=['{several}']")
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
     additions = Additions(
         tuple(nodes), palettes, folders, registry=registry, mission=mission, is_isolated=isolated
     )
-    # The frames between are `_note`, `project_of` and the two `load`.
+    # The frames in between are `_note`, `project_of` and the two `load`.
     return _LoadingWorkspace(additions, note=lambda text: warnings.warn(text, stacklevel=6)).load(tree)

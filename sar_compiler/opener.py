@@ -1,9 +1,9 @@
-"""The one way into a file that a file, a payload, an agent, an editor or the environment names.
+"""The only access to files named by a file, a payload, an agent, an editor or the environment.
 
-A stranger may have made such a file, may have chosen its name, and may exchange it at any moment. So nothing is asked of a
-path and then believed of what stands there later: `read_file` first gets hold of the file without opening it (`O_PATH`, which
-wakes no device and waits for no writer of a pipe), asks the system what that is and where it lies, and then opens and
-reads that same file, whatever stands under its name by now. `tests/test_house.py` forbids other ways.
+Such a file may come from an untrusted source, which may have chosen its name and may replace it at any moment. A check of a path is
+therefore worthless for a later access by the path. `read_file` first gets a handle without opening the file (`O_PATH`, which wakes no
+device and waits for no writer of a pipe), asks the system for its type and location, and then opens and reads that same file, whatever
+has the name by now. `tests/test_house.py` forbids other accesses.
 """
 
 import errno
@@ -25,21 +25,21 @@ else:
     _PathBase = type(Path())  # before Python 3.12 only the class of this system's paths can be derived from
 
 STANDARD_INPUT = Path("<stdin>")
-"""The path under which standard input is read, once, and is called in findings."""
+"""The path that names standard input, which is read once, and its name in findings."""
 
 _MIB = 2**20
-# Where Linux says of each descriptor which file it is.
+# Where Linux lists the file of each descriptor.
 _DESCRIPTORS = Path("/proc/self/fd")
 _HANDLE_ONLY: int | None = getattr(os, "O_PATH", None) if _DESCRIPTORS.is_dir() else None
 _NOT_BLOCKING: int = getattr(os, "O_NONBLOCK", 0)
 _PIPE_SEC = 0.5
-"""How often a file that another library opens is looked at, seconds: a pipe in its place would block."""
+"""Interval at which a file opened by another library is checked, seconds: a pipe in its place would block."""
 _ATTEMPTS = 10
-"""How often a file is sought again that is exchanged in the very moment in which it is opened, as editors do when they save."""
+"""Number of attempts for a file that is replaced at the moment of opening, as editors do when they save."""
 
 
 class _CanClose(Protocol):
-    """What another library has opened."""
+    """An object opened by another library."""
 
     def close(self) -> object:
         """Close it."""
@@ -49,11 +49,11 @@ _Closable = TypeVar("_Closable", bound=_CanClose)
 
 
 class UnreadableFileError(SarError):
-    """A file that does not exist, or cannot or may not be read.
+    """A file does not exist, or cannot or must not be read.
 
     Attributes:
-        path: The file, as it was named.
-        reason: Why.
+        path: The file, as named.
+        reason: The reason.
     """
 
     def __init__(self, path: Path, reason: str, message: str = "") -> None:
@@ -62,20 +62,20 @@ class UnreadableFileError(SarError):
 
 
 class OutsideError(UnreadableFileError):
-    """A file that lies outside the folders from which it may be read."""
+    """A file is outside the folders from which it may be read."""
 
 
 class MissingFileError(UnreadableFileError):
-    """A file that does not exist."""
+    """A file does not exist."""
 
 
 class FileKind(NamedTuple):
     """A kind of file.
 
     Attributes:
-        name: What a message calls it.
-        limit: The most bytes that are read of one.
-        is_installed: Whether it belongs to an installed package, so that a confined process may read it too.
+        name: Its name in messages.
+        limit: The largest number of bytes read.
+        is_installed: Whether it belongs to an installed package, so that a confined process may also read it.
     """
 
     name: str
@@ -86,14 +86,14 @@ class FileKind(NamedTuple):
 TREE = FileKind("tree file", 32 * _MIB)
 """A tree file or a palette; 100,000 leaves need about a third of this."""
 DOCUMENT = FileKind("file beside a tree", _MIB)
-"""Somebody reads these, and each value takes some thousand times its letters in memory."""
+"""People write these files, and each value takes some thousand times its characters in memory."""
 SETTINGS = DOCUMENT._replace(name="settings file")
 PROPERTIES = DOCUMENT._replace(name="file of properties")
 SCENARIO = DOCUMENT._replace(name="scenario")
 WORLD = DOCUMENT._replace(name="world")
 MAP = DOCUMENT._replace(name="map")
 PARAMETERS = FileKind("parameter file", _MIB)
-"""There is room for some 30,000 parameters."""
+"""Sufficient for about 30,000 parameters."""
 IMAGE = FileKind("image of a map", 64 * _MIB)
 RECORDED_OUTPUT = FileKind("recorded output", 32 * _MIB)
 APPROVAL = FileKind("record of an approval", 4 * _MIB)
@@ -104,15 +104,15 @@ METADATA = FileKind("package metadata", _MIB, is_installed=True)
 
 
 class FileIdentity(NamedTuple):
-    """Which file was read, and in which state: equal for two reads of one file that was not written to in between.
+    """Identity and state of a file that was read: equal for two reads of one file without a write in between.
 
     Attributes:
         device: The number of the file system.
         inode: The file's number in it.
         size: Its size, bytes.
-        modified_ns: When it was written last, nanoseconds since 1970.
-        owner: The user to whom it belongs.
-        mode: Who may do what with it (`st_mode`).
+        modified_ns: Time of the last write, nanoseconds since 1970.
+        owner: The user who owns it.
+        mode: Its type and permissions (`st_mode`).
     """
 
     device: int
@@ -127,10 +127,10 @@ class FileContent(NamedTuple):
     """The content of a file, as it was read.
 
     Attributes:
-        path: The file's path, as its user or a file names it.
-        real_path: Where it lies, with links followed.
+        path: The file's path, as named by the user or a file.
+        real_path: Its path with links followed.
         data: Its bytes, at most one more than its kind's limit.
-        identity: Which file it is; None for standard input.
+        identity: Its identity; None for standard input.
         kind: Its kind.
     """
 
@@ -152,7 +152,7 @@ class FileContent(NamedTuple):
         if len(self.data) > self.kind.limit:
             limit = f"{self.kind.limit // _MIB} MiB"
             raise UnreadableFileError(
-                self.path, f"it is larger than {limit}, the most for a {self.kind.name}"
+                self.path, f"it is larger than {limit}, the limit of a {self.kind.name}"
             )
         return self.data
 
@@ -169,10 +169,10 @@ class FileContent(NamedTuple):
 
 
 class NamedPath(_PathBase):
-    """A path that a file or a payload names: the file must lie below certain folders when it is read, links followed.
+    """A path named by a file or a payload: when read, the file must be below certain folders, with links followed.
 
-    It is a path like any other, and carries the folders from where it is checked to where it is opened. Paths that are made
-    of it (`parent`, `/`) carry none.
+    It behaves like any other path, and carries the folders from the check to the opening. Paths derived
+    from it (`parent`, `/`) carry none.
 
     Attributes:
         beneath: The folders; None for any.
@@ -182,13 +182,13 @@ class NamedPath(_PathBase):
 
     @classmethod
     def within(cls, path: Path, folders: Iterable[Path]) -> "NamedPath":
-        """Return a path of a file that must lie below one of some folders."""
+        """Return a path of a file that must be below one of some folders."""
         named = cls(path)
         named.beneath = tuple(folders)
         return named
 
     def __reduce__(self) -> Any:
-        # pathlib's own leaves the folders out, and another process would read anything.
+        # pathlib's own method loses the folders, so another process would read any file.
         return _named_path, (str(self), self.beneath)
 
 
@@ -273,28 +273,28 @@ def _record(kind: str, path: str | Path, answer: str, limit: int = 0) -> None:
 
 
 def is_file(path: str | Path) -> bool:
-    """Return whether there is a regular file; False for a name that no file can have, of which pathlib's `is_file` raises."""
+    """Return whether a regular file exists; False for an impossible name, for which pathlib's `is_file` raises."""
     found = os.path.isfile(path)  # noqa: PTH113 - see above
     _record("file", path, str(found))
     return found
 
 
 def is_folder(path: str | Path) -> bool:
-    """Return whether there is a folder; False for a name that none can have."""
+    """Return whether a folder exists; False for an impossible name."""
     found = os.path.isdir(path)  # noqa: PTH112
     _record("folder", path, str(found))
     return found
 
 
 def is_there(path: str | Path) -> bool:
-    """Return whether there is a file or anything else; False for a name that nothing can have."""
+    """Return whether a file or anything else exists; False for an impossible name."""
     found = os.path.exists(path)  # noqa: PTH110
     _record("there", path, str(found))
     return found
 
 
 def owner_of(path: str | Path) -> int | None:
-    """Return the user to whom a file or a folder belongs; None if it is not there."""
+    """Return the owner of a file or a folder; None if it does not exist."""
     owner = None
     with suppress(OSError, ValueError):
         owner = os.stat(path).st_uid  # noqa: PTH116 - of any path
@@ -303,7 +303,7 @@ def owner_of(path: str | Path) -> int | None:
 
 
 def matching_paths(pattern: str) -> list[str]:
-    """Return the paths that match a glob pattern, in their order."""
+    """Return the paths that match a glob pattern, sorted."""
     import glob
 
     found = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207 - of a text
@@ -313,7 +313,7 @@ def matching_paths(pattern: str) -> list[str]:
 
 
 def state_of(path: str | Path) -> tuple[int, int]:
-    """Return the size of a file in bytes, and when it was written last, in nanoseconds since 1970; zeros if it is not there."""
+    """Return the size of a file in bytes, and the time of its last write in nanoseconds since 1970; zeros if it does not exist."""
     state = 0, 0
     with suppress(OSError, ValueError):
         about = os.stat(path)  # noqa: PTH116 - of any path
@@ -323,7 +323,7 @@ def state_of(path: str | Path) -> tuple[int, int]:
 
 
 class _Confinement(NamedTuple):
-    """Below which folders a file must lie, and how a message says so."""
+    """The folders that a file must be below, and their name in messages."""
 
     folders: tuple[Path, ...]
     said: str
@@ -333,18 +333,18 @@ _confinement: _Confinement | None = None
 
 
 def confine(folders: Iterable[Path], said: str) -> None:
-    """Let this process read files below some folders only, to its end; what is installed is excepted.
+    """Restrict this process to files below some folders, until its end; installed files are excepted.
 
     Args:
         folders: The folders, or single files, with links followed.
-        said: How a message calls them.
+        said: Their name in messages.
     """
-    global _confinement  # noqa: PLW0603 - there is no way back, and no two confinements in one process
+    global _confinement  # noqa: PLW0603 - it is irreversible, and a process has only one
     _confinement = _Confinement(tuple(folders), said)
 
 
 def admit(path: Path) -> None:
-    """Let a confined process read a file, or what is in a folder, that something installed names: a mission, a ROS package."""
+    """Let a confined process read a file, or the files in a folder, named by an installed component: a mission, a ROS package."""
     global _confinement  # noqa: PLW0603 - as above
     if _confinement is not None:
         real = Path(os.path.realpath(path))
@@ -352,7 +352,7 @@ def admit(path: Path) -> None:
 
 
 def may_read(folder: Path) -> bool:
-    """Return whether this process may read what is in a folder, given with links followed."""
+    """Return whether this process may read the files in a folder, given with links followed."""
     return _confinement is None or any(folder.is_relative_to(each) for each in _confinement.folders)
 
 
@@ -364,8 +364,8 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
         kind: Its kind.
 
     Raises:
-        OutsideError: If it lies outside the folders below which it must lie.
-        UnreadableFileError: If it does not exist, is no regular file, or cannot be read.
+        OutsideError: If it is outside the folders that it must be below.
+        UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
     """
     named = path if isinstance(path, Path) else Path(path)
     if named == STANDARD_INPUT:
@@ -383,7 +383,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
 def _read(named: Path, kind: FileKind) -> FileContent:
     with _opened(named, kind) as (descriptor, real):
         about = os.fstat(descriptor)
-        # To the end of the file and not to its size: it may grow, and files of the system have none.
+        # To the end of the file instead of its size: it may grow, and files of the system have no size.
         parts, left = [], kind.limit + 1
         while left and (part := os.read(descriptor, min(left, _MIB))):
             parts.append(part)
@@ -395,10 +395,10 @@ def _read(named: Path, kind: FileKind) -> FileContent:
 
 
 def require_regular(path: str | Path) -> None:
-    """Require that a file that another library opens, such as SQLite, is one.
+    """Check that a file which another library opens, such as SQLite, is a regular one.
 
     Raises:
-        UnreadableFileError: If it does not exist, is no regular file, or cannot be read.
+        UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
     """
     with regular_file(path):
         pass
@@ -409,7 +409,7 @@ def regular_file(path: str | Path) -> Iterator[int]:
     """Hold a regular file open while another library opens it by its name; yield the descriptor for `open_by_name`.
 
     Raises:
-        UnreadableFileError: If it does not exist, is no regular file, or cannot be read.
+        UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
     """
     with _opened(Path(path), _OF_ANOTHER_LIBRARY) as (descriptor, _):
         yield descriptor
@@ -419,16 +419,16 @@ _OF_ANOTHER_LIBRARY = FileKind("file", 0)
 
 
 def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) -> _Closable:
-    """Have a library that takes only names open a file, and require that it has opened the file that was checked.
+    """Let a library that only accepts names open a file, and check that it opened the checked file.
 
-    SQLite replaces links by their targets, those of `/proc/self/fd` as well, so it cannot be given a descriptor. It opens a file
-    when it connects, and reads nothing of it before the first statement. In between, this function looks at what the process
-    has opened. Where the system does not list that (`/dev/fd`), the name is looked up again instead, which misses a file that was
-    exchanged and exchanged back.
+    SQLite replaces links by their targets, even those of `/proc/self/fd`, so it cannot be given a descriptor. It opens a file when it
+    connects, and reads nothing before the first statement. In between, this function examines the open files of the process. If the system
+    does not list them (`/dev/fd`), the name is looked up again instead, which misses a file that was replaced and restored in
+    between.
 
     Args:
         path: The file.
-        descriptor: The file that was checked, open.
+        descriptor: The checked file, open.
         connect: Opens the file by its name.
 
     Raises:
@@ -438,13 +438,13 @@ def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) 
     opened = connect()
     after = _open_files()
     with suppress(OSError):
-        # Nothing new: the library has used a descriptor of this file again.
+        # No new file: the library has reused a descriptor of this file.
         new = {each.identity for each in after - before} or {checked}
         is_same = checked in new if after else os.path.samestat(path.stat(), os.fstat(descriptor))
         if is_same:
             return opened
     opened.close()
-    raise UnreadableFileError(path, "it was exchanged while it was opened")
+    raise UnreadableFileError(path, "it was replaced while it was opened")
 
 
 class _OpenFile(NamedTuple):
@@ -460,18 +460,18 @@ def _identity(descriptor: int) -> tuple[int, int]:
 
 
 def _open_files() -> set[_OpenFile]:
-    """Return what this process has open; nothing where the system does not list it."""
+    """Return the open files of this process; empty if the system does not list them."""
     found = set()
     with suppress(OSError):
         for name in os.listdir("/dev/fd"):  # noqa: PTH208 - numbers
-            with suppress(OSError):  # that of the list itself
+            with suppress(OSError):  # the descriptor of the list itself
                 found.add(_OpenFile(int(name), _identity(int(name))))
     return found
 
 
 @contextmanager
 def released_pipes(*paths: str | Path) -> Iterator[None]:
-    """Keep pipes that take the places of files from blocking a library that opens these: each gets a writer for a moment."""
+    """Prevent pipes in place of files from blocking a library that opens them: each gets a writer for a moment."""
     is_open = threading.Event()
 
     def release() -> None:
@@ -489,11 +489,11 @@ def released_pipes(*paths: str | Path) -> Iterator[None]:
 
 
 def folder_entries(folder: Path) -> list[Path]:
-    """Return what is in a folder, in the order of the names.
+    """Return the entries of a folder, sorted by name.
 
     Raises:
-        OutsideError: If it lies outside the folders to which this process is confined.
-        UnreadableFileError: If it is no folder, or cannot be read.
+        OutsideError: If it is outside the folders to which this process is confined.
+        UnreadableFileError: If it is not a folder, or cannot be read.
     """
     try:
         entries = _entries(folder)
@@ -539,7 +539,7 @@ def _read_once(stream: TextIO | None, limit: int) -> bytes:
 
 @contextmanager
 def _words(path: Path) -> Iterator[None]:
-    """Raise errors of the system as errors about a file."""
+    """Convert errors of the system to errors about a file."""
     try:
         yield
     except FileNotFoundError as error:
@@ -552,7 +552,7 @@ def _words(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _opened(path: Path, kind: FileKind) -> Iterator[tuple[int, Path]]:
-    """Have a regular file open for reading; yield its descriptor, and where it lies."""
+    """Open a regular file for reading; yield its descriptor and its location."""
     limits = [] if kind.is_installed or _confinement is None else [_confinement]
     if isinstance(path, NamedPath) and path.beneath is not None:
         limits.append(_Confinement(path.beneath, ", ".join(dict.fromkeys(map(str, path.beneath)))))
@@ -569,18 +569,18 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
         try:
             handle = os.open(path, os.O_RDONLY | _NOT_BLOCKING | (_HANDLE_ONLY or 0))
         except OSError:
-            # Whether there is a file, and of which kind, is nobody's business either where it may not be read.
+            # Even the existence and the type of a file stay hidden if it must not be read.
             for each in limits:
                 _require_beneath(path, Path(os.path.realpath(path)), each)
             raise
         try:
             mode = os.fstat(handle).st_mode
             place = _place_of(handle) or _place_by_name(path, handle)
-            if place is None:  # it is exchanged just now
+            if place is None:  # it was replaced at this moment
                 continue
             for each in limits:
                 _require_beneath(path, place, each)
-            # A pipe of the shell's (`<(...)`) has no name, and a writer; one with a name may never have a writer.
+            # A pipe of the shell (`<(...)`) has no name, and a writer; a named one may never have a writer.
             is_pipe_of_the_shell = stat.S_ISFIFO(mode) and not place.is_absolute()
             if not is_pipe_of_the_shell:
                 require_regular_mode(mode)
@@ -592,13 +592,13 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
             return descriptor, place
         finally:
             os.close(handle)
-    raise OSError(errno.EBUSY, "it is exchanged again and again while it is opened")
+    raise OSError(errno.EBUSY, "it is replaced again and again while it is opened")
 
 
 def _place_of(handle: int) -> Path | None:
-    """Return where an open file lies, as the system says: without a folder for pipes; None if it has been deleted, or the system does not say."""
+    """Return the location of an open file from the system: without a folder for pipes; None if it is deleted or unknown."""
     try:
-        # The path may end with "(deleted)" for two reasons: that it is, or that somebody named it so.
+        # The path may end with "(deleted)" for two reasons: the file is deleted, or this is part of its name.
         if not os.fstat(handle).st_nlink:
             return None
         return (_DESCRIPTORS / str(handle)).readlink()
@@ -607,7 +607,7 @@ def _place_of(handle: int) -> Path | None:
 
 
 def _place_by_name(path: Path, handle: int) -> Path | None:
-    """Return where an open file lies, where no `/proc` says it; None if something else lies there by now."""
+    """Return the location of an open file on a system without `/proc`; None if the path now has another file."""
     real = Path(os.path.realpath(path))
     try:
         about = _stat_without_links(real)
@@ -617,10 +617,10 @@ def _place_by_name(path: Path, handle: int) -> Path | None:
 
 
 def _stat_without_links(real: Path) -> os.stat_result:
-    """Look at a file by a path of which no part may be a link: one that is exchanged meanwhile could lead anywhere.
+    """Examine a file by a path without links in any part: one that is replaced meanwhile could lead anywhere.
 
     Raises:
-        OSError: If a part is a link, or not there.
+        OSError: If a part is a link, or missing.
     """
     if os.open not in os.supports_dir_fd:
         return real.lstat()
@@ -638,11 +638,11 @@ def _stat_without_links(real: Path) -> os.stat_result:
 
 def _require_beneath(path: Path, place: Path | None, limit: _Confinement) -> None:
     if place is None or not any(place.is_relative_to(folder) for folder in limit.folders):
-        raise OutsideError(path, f"it lies outside {limit.said}")
+        raise OutsideError(path, f"it is outside {limit.said}")
 
 
 def require_regular_mode(mode: int) -> None:
-    """Require of the mode of an open file that it is a regular one, for those that open a file of their own to write it.
+    """Check by its mode that an open file is a regular one, for code that opens its own file for writing.
 
     Raises:
         OSError: If it is not.

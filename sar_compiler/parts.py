@@ -1,4 +1,4 @@
-"""The parts of the package: what is around the core, each of which a distribution may leave out."""
+"""The parts of the package around its core; a distribution may omit each of them."""
 
 import functools
 import importlib.util
@@ -11,7 +11,7 @@ def is_here(part: str) -> bool:
 
 
 def missing_part(error: ImportError) -> str | None:
-    """Return which part is missing where an import has failed for that; None if it has failed for another reason."""
+    """Return the part whose absence caused an import error; None if the error has another cause."""
     package, _, module = (error.name or "").partition(".")
     part = module.partition(".")[0]
     return part if package == "sar_compiler" and part and not is_here(part) else None

@@ -1,8 +1,8 @@
-"""The end of this process: every command ends here, and so does a program that ticks a tree by `sar_compiler.running`.
+"""The end of this process, used by every command, and by a program that ticks a tree with `sar_compiler.running`.
 
-It always goes in the same order: an alarm is set, what happens is printed, what is under way is canceled, what is buffered is
-written, the process exits. The alarm comes first, because everything after it can hang: others' threads, what is registered for
-the exit, the native parts of ROS. Nothing here needs ROS, and importing it takes no time.
+The order is always the same: set an alarm, print the reason, cancel goals, flush buffers, exit the process. The alarm comes first, because
+every later step can hang: other threads, exit functions, the native parts of ROS. This module needs no ROS, and importing it takes no
+time.
 """
 
 import atexit
@@ -19,28 +19,28 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     import ctypes
 
-# How long others' threads have for what they have to finish, and how long the functions that are registered for the exit have, seconds.
+# Time limits for other threads to finish, and for exit functions, seconds.
 _THREADS_SEC, _EXIT_FUNCTIONS_SEC = 3.0, 3.0
-# How long a stream may take to be written, seconds.
+# Time limit for flushing a stream, seconds.
 _FLUSH_SEC = 1.0
-# How long ROS may take to be taken down, seconds.
+# Time limit for shutting down ROS, seconds.
 _TAKING_DOWN_SEC = 3.0
-# How soon a process notices that the one that has started it has ended, seconds.
+# Delay with which a process notices that its parent has ended, seconds.
 _PARENT_SEC = 0.5
 _PARENT = "SAR_PARENT"
 _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
 
 
 def end_process(status: int, take_down: Callable[[], object] | None = None, name: str = "") -> NoReturn:
-    """End this process, whose work is done and written, with its status; no thread, no exit function and no crash prevents that.
+    """End this process, whose work is done and written, with its status; no thread, exit function or crash prevents that.
 
-    A signal from here on ends it at once. ROS is taken down all the same: a participant that ends in order leaves the graph of others at once, and its memory in
-    `/dev/shm`. But what is native in it has crashed there where servers had died, and must not change the status.
+    A further signal ends it at once. ROS is shut down nevertheless: a participant that ends gracefully leaves the graph of others at once, and
+    frees its memory in `/dev/shm`. But its native parts have crashed there when servers had died, which must not change the status.
 
     Args:
         status: The exit status.
-        take_down: Takes ROS down; None where there is none.
-        name: The name of the command, for the line that names a thread which is left behind.
+        take_down: Shuts down ROS; None without ROS.
+        name: The name of the command, for the line that names an abandoned thread.
     """
 
     def leave(_number: int, _frame: FrameType | None) -> None:
@@ -50,7 +50,7 @@ def end_process(status: int, take_down: Callable[[], object] | None = None, name
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, leave)
     _await_threads(name)
-    try_for(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter's own end does not come
+    try_for(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter's regular end never comes
     if take_down is not None:
         shut_down(status, take_down)
     flush()
@@ -58,10 +58,10 @@ def end_process(status: int, take_down: Callable[[], object] | None = None, name
 
 
 def end_after_program(status: int, name: str) -> None:
-    """End this process with its status once its main thread has come to its end, as `end_process` does.
+    """End this process with its status after its main thread has ended, as `end_process` does.
 
-    The interpreter would wait for others' threads for ever. It would also go on in daemon threads while it is taken apart: one that
-    spins an executor crashes then now and again.
+    The interpreter would wait for other threads forever. It would also keep daemon threads running while it is torn down: one that
+    spins an executor then crashes occasionally.
 
     Args:
         status: The exit status.
@@ -74,17 +74,17 @@ def end_after_program(status: int, name: str) -> None:
         flush()
         os._exit(status)
 
-    # `atexit` comes too late: the interpreter waits for the threads before.
+    # `atexit` is too late: the interpreter waits for the threads before it.
     threading._register_atexit(end)  # type: ignore[attr-defined]  # noqa: SLF001
 
 
 def dependent_environment() -> dict[str, str]:
-    """Return the environment of a command that is to end when this process does, however this one ends."""
+    """Return the environment of a command that must end together with this process, however this one ends."""
     return {**os.environ, _PARENT: str(os.getpid())}
 
 
 def end_with_parent() -> None:
-    """End this process by SIGTERM when the one that has started it with `dependent_environment` has ended."""
+    """End this process by SIGTERM when the parent that started it with `dependent_environment` has ended."""
     parent = os.environ.pop(_PARENT, "")
     if not parent:
         return
@@ -98,19 +98,19 @@ def end_with_parent() -> None:
 
 
 def flush() -> None:
-    """Write out what is buffered in Python's streams; the thread that is stuck may hold the lock of one."""
+    """Flush Python's streams; a blocked thread may hold the lock of one."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             try_for(_FLUSH_SEC, stream.flush)
 
 
 def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float) -> NoReturn:
-    """End this process from any thread, whatever the others do.
+    """End this process from any thread, regardless of the others.
 
     Args:
         status: The exit status, if cancelling returns none or takes too long.
-        cancel: Prints what happens and cancels what is under way; returns the exit status, or None for the other one.
-        limit_sec: How long that may take, seconds.
+        cancel: Prints the reason and cancels goals; returns the exit status, or None for *status*.
+        limit_sec: Time limit for it, seconds.
     """
     found: list[int | None] = []
     try_for(limit_sec, lambda: found.append(cancel()))
@@ -119,7 +119,7 @@ def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float)
 
 
 def try_for(limit_sec: float, call: Callable[[], object]) -> None:
-    """Call a function in a thread of its own, and wait for it within a limit."""
+    """Call a function in a thread of its own, and wait for it up to a limit."""
 
     def call_safely() -> None:
         with suppress(Exception):
@@ -135,10 +135,10 @@ def try_for(limit_sec: float, call: Callable[[], object]) -> None:
 
 
 def _await_threads(name: str) -> None:
-    """Wait until the threads that are no daemons have ended, as the interpreter does, but within a limit; name those that have not."""
+    """Wait until non-daemon threads have ended, as the interpreter does, but up to a limit; name those that have not."""
     deadline = time.monotonic() + _THREADS_SEC
     if (pools := sys.modules.get("concurrent.futures.thread")) is not None:
-        try_for(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only when they are told to
+        try_for(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only on request
     for thread in _others():
         thread.join(max(0.0, deadline - time.monotonic()))
     from sar_compiler.commands import print_error
@@ -157,7 +157,7 @@ def _others() -> Iterator[threading.Thread]:
 
 
 def is_of_program(file: str) -> bool:
-    """Return whether a file of Python's is a program's or a package's own: neither of Python's library, nor of what ticks trees."""
+    """Return whether a source file belongs to a program or another package, not to Python's library or to this package."""
     library = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - of a module of the library
     ours = os.path.dirname(__file__) + os.sep  # noqa: PTH120
     is_packaged = f"{os.sep}site-packages{os.sep}" in file
@@ -166,10 +166,10 @@ def is_of_program(file: str) -> bool:
 
 
 def place_of_thread(ident: int | None) -> str:
-    """Return the line of a program that a thread is in, with its function; empty if it is in none."""
+    """Return the line of a program that a thread executes, with its function; empty if it is in none."""
     import traceback
 
-    frame = sys._current_frames().get(ident or 0)  # noqa: SLF001 - the one way to another thread's stack
+    frame = sys._current_frames().get(ident or 0)  # noqa: SLF001 - the only access to another thread's stack
     for each, line in traceback.walk_stack(frame) if frame is not None else ():
         if is_of_program(each.f_code.co_filename):
             return f"{each.f_code.co_filename}:{line}, in {each.f_code.co_name}"
@@ -177,12 +177,12 @@ def place_of_thread(ident: int | None) -> str:
 
 
 def shut_down(status: int, take_down: Callable[[], object]) -> None:
-    """Take ROS down; a crash or a hang in it ends the process with its status."""
+    """Shut down ROS; a crash or a hang in it ends the process with its status."""
     import ctypes
 
     libc = ctypes.CDLL(None)
     _flush(libc)
-    # Python's own handlers would run after what crashed has returned; this one does in the thread that did.
+    # Python's own handlers would run only after the crashing call has returned; this one runs in the crashing thread.
     handler = ctypes.CFUNCTYPE(None, ctypes.c_int)(lambda _: os._exit(status))
     for number in (*_CRASHES, signal.SIGALRM):
         libc.signal(number, handler)
@@ -196,7 +196,7 @@ def shut_down(status: int, take_down: Callable[[], object]) -> None:
 
 
 def _flush(libc: "ctypes.CDLL") -> None:
-    """Write out what is buffered: Python's streams, and ROS' files of its log."""
+    """Flush Python's streams, and the files of ROS's log."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(Exception):
             stream.flush()

@@ -1,4 +1,4 @@
-"""The files that ship with the package (trees, configuration, maps, worlds), and the folder for those of the user."""
+"""The files that ship with the package (trees, configuration, maps, worlds), and the folder for the user's files."""
 
 import os
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.opener import is_file
 
 _PACKAGE = Path(__file__).resolve().parent
-# The file that marks the folder of the shipped files, in a checkout and in an installation.
+# The file that marks the folder of shipped files, in a checkout and in an installation.
 _MANIFEST = "package.xml"
 
 
@@ -17,7 +17,7 @@ class ResourceError(SarError):
 
 
 def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of what is kept for the user; as the XDG base directory specification says, no relative one."""
+    """Return the folder for the user's state; a relative one is ignored, as the XDG base directory specification requires."""
     state = Path(environment.get("XDG_STATE_HOME", ""))
     return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler"
 
@@ -31,9 +31,9 @@ def cache_folder(environment: Mapping[str, str] = os.environ) -> Path:
 def shipped_root(package: Path = _PACKAGE) -> Path:
     """Return the folder of the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
 
-    In a checkout (also an editable installation, also `colcon build --symlink-install`) this is the parent
-    folder of the package. An installed package has them in `share/sar_compiler` of the nearest folder above it
-    that has one: the environment, the user's `~/.local`, `/usr/local`, the install folder of a workspace.
+    In a checkout (or an editable installation, or `colcon build --symlink-install`) this is the parent folder of the package. An installed package
+    has them in `share/sar_compiler` of the nearest folder above it that has one: the environment, the user's `~/.local`, `/usr/local`, the install
+    folder of a workspace.
 
     Args:
         package: The folder of the package's modules.
@@ -45,8 +45,8 @@ def shipped_root(package: Path = _PACKAGE) -> Path:
     found = next((place for place in places if (place / _MANIFEST).is_file()), None)
     if found is None:
         raise ResourceError(
-            f"the files that ship with sar_compiler are not there: the package is in {package}, but no folder "
-            "above it has them in share/sar_compiler; install it again, with pip or colcon"
+            f"the files of sar_compiler are missing: the package is in {package}, but no folder "
+            "above it has share/sar_compiler; install it again with pip or colcon"
         )
     return found
 
@@ -62,7 +62,7 @@ def shipped(kind: str, name: str) -> Path:
     if path.is_file():
         return path
     present = ", ".join(sorted(entry.name for entry in folder.glob("*") if entry.is_file())) or "nothing"
-    raise ResourceError(f"no file '{name}' is shipped in {folder} (there is: {present})")
+    raise ResourceError(f"{folder} has no shipped file '{name}' (it has: {present})")
 
 
 def find(kind: str, name: str, suffix: str) -> Path:
@@ -74,8 +74,8 @@ def find(kind: str, name: str, suffix: str) -> Path:
         suffix: The suffix of shipped files, for instance `.xml`.
 
     Returns:
-        The shipped file if *name* is a bare word and there is one of this name; otherwise the path
-        as written, whether it exists or not.
+        The shipped file if *name* is a bare word and there is one of this name; otherwise the path as written, even if it does not
+            exist.
     """
     path = Path(name)
     if not is_bare_word(name) or is_file(path):
@@ -85,13 +85,13 @@ def find(kind: str, name: str, suffix: str) -> Path:
 
 
 def is_bare_word(name: str) -> bool:
-    """Return whether a name has neither a folder nor a suffix, so that it may mean a shipped file."""
+    """Return whether a name has neither a folder nor a suffix, so that it may name a shipped file."""
     path = Path(name)
     return path.name == name and not path.suffix
 
 
 def not_found(kind: str, name: str, suffix: str) -> str:
-    """Return the message for a name for which `find` has found no file."""
+    """Return the message for a name for which `find` found no file."""
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
     noun = kind.removesuffix("s")

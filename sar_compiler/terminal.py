@@ -1,4 +1,4 @@
-"""What a command's output is shown on: the width of a terminal, whether to use its colours, and how far something is."""
+"""Output of commands: the width and colours of a terminal, and progress."""
 
 import os
 import sys
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import Diagnostic
 
 _SGR = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
-"""The numbers by which terminals know the words of a style."""
+"""Terminal codes of the words of a style."""
 
 
 def has_colours(stream: TextIO) -> bool:
-    """Return whether to colour what is written to a stream: on a terminal, unless the environment says otherwise.
+    """Return whether to colour the output to a stream: on a terminal, unless the environment disables it.
 
     `NO_COLOR` (not empty), `CLICOLOR=0` and `TERM=dumb` mean no; `CLICOLOR_FORCE` (not 0) means yes, in files as well.
     """
@@ -31,15 +31,15 @@ def has_colours(stream: TextIO) -> bool:
 
 
 def draws_in_place(stream: TextIO | None) -> bool:
-    """Return whether what is written to a stream can be overwritten: on a terminal, but for a `dumb` one.
+    """Return whether output to a stream can be overwritten: on a terminal, except for a `dumb` one.
 
-    Whoever passes a process's output on, as launch does, gives it such a terminal.
+    Programs that pass on a process's output, such as launch, use a `dumb` terminal.
     """
     return stream is not None and stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def painter(stream: TextIO) -> Callable[[str, str], str]:
-    """Return a function that colours a text by what it is (a key of `TERMINAL`), if the stream shows colours."""
+    """Return a function that colours a text by its kind (a key of `TERMINAL`), if the stream shows colours."""
     if not has_colours(stream):
         return lambda text, _part: text
     return lambda text, part: f"\x1b[{_sgr(TERMINAL[part])}m{text}\x1b[0m" if text else text
@@ -50,7 +50,7 @@ def _sgr(style: str) -> str:
 
 
 def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:
-    """Return findings as they are shown on a stream."""
+    """Return findings formatted for a stream."""
     from sar_compiler.tree.diagnostic import WIDTH
 
     width, paint = columns(stream) or WIDTH, painter(stream)
@@ -58,9 +58,9 @@ def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:
 
 
 class ProgressLine:
-    """How far something is, on standard error: a line that is overwritten on a terminal; nothing elsewhere, such as in a log.
+    """Progress on standard error: a line that is overwritten on a terminal; nothing elsewhere, such as in a log.
 
-    What takes less than a second says nothing.
+    Work of less than a second shows nothing.
     """
 
     _PATIENCE_SEC = 1.0
@@ -72,7 +72,7 @@ class ProgressLine:
         self._is_shown = False
 
     def show(self, text: Callable[[], str]) -> None:
-        """Show a text, if one is due; it is asked for only then."""
+        """Show a text if an update is due; the text is created only then."""
         now = time.monotonic()
         if now < self._due or not self.is_there:
             return
@@ -88,11 +88,11 @@ class ProgressLine:
 
 
 class RunOutput:
-    """The output of a run for people; the run does not end when its reader does (`| head`).
+    """The output of a run for people; the run continues when its reader ends (`| head`).
 
     Attributes:
         lost: Whether standard output is closed.
-        leave: To be called before anything that must stand below what is drawn in place.
+        leave: Called before output that must appear below a drawing in place.
     """
 
     def __init__(self) -> None:
@@ -105,12 +105,12 @@ class RunOutput:
             self._try(lambda: print_text(text, flush=True))
 
     def draw(self, text: str) -> None:
-        """Write what a terminal is to obey; nothing once standard output is closed."""
+        """Write control sequences to a terminal; nothing once standard output is closed."""
         if not self.lost:
             self._try(lambda: _write(text))
 
     def say(self, text: str) -> None:
-        """Print a text that must be seen; on standard error once standard output is closed."""
+        """Print an important text; on standard error once standard output is closed."""
         self.show(text)
         if self.lost:
             print_error(text)
@@ -122,15 +122,15 @@ class RunOutput:
             self.lost = True
             reason = error.strerror if isinstance(error, OSError) else str(error)
             print_error(
-                f"sar-run: standard output cannot be written any more ({reason}); "
-                "nothing is shown from here on, and the run goes on"
+                f"sar-run: standard output can no longer be written ({reason}); "
+                "the run continues without output"
             )
             if isinstance(error, OSError):
                 discard_output()
 
 
 def _write(text: str) -> None:
-    """Write a text at once, so that nothing comes in between; what the encoding lacks is a question mark."""
+    """Write a text immediately and in one piece; characters missing in the encoding become question marks."""
     stream = sys.stdout.buffer
     sys.stdout.flush()
     stream.write(text.encode(sys.stdout.encoding, "replace"))

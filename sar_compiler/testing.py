@@ -1,7 +1,7 @@
-"""Helpers for tests of your own trees.
+"""Helpers for tests of your trees.
 
-A golden test compares a compiled tree with a committed file, so that a change of the tree, of the registry
-or of the compiler is visible in a review::
+A golden test compares a compiled tree with a committed file, so that a review shows every change of the tree, of the registry
+or of the compiler::
 
     from sar_compiler.testing import assert_matches_golden
 
@@ -10,7 +10,7 @@ or of the compiler is visible in a review::
 
 `SAR_RENEW_GOLDEN=1 pytest` rewrites the files.
 
-A scripted run tests a tree's behaviour for given answers of its leaves, without ROS::
+A scripted run tests a tree's behaviour for given outcomes of its leaves, without ROS::
 
     from sar_compiler.testing import simulate
 
@@ -48,16 +48,16 @@ def compiled(
     registry: Registry | None = None,
     nodes: Iterable[Named] = (),
 ) -> CompiledTree:
-    """Compile a tree file with stand-ins for the objects of a mission.
+    """Compile a tree file with placeholders for the objects of a mission.
 
     Args:
         tree: The file, or the name of a shipped tree.
-        tree_id: The tree in it; by default the one that the file executes.
+        tree_id: The tree in it; by default the main tree.
         registry: The registered nodes; by default the installed ones and *nodes*.
-        nodes: Leaves of your own: classes, modules, or import paths of modules.
+        nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:
-        TreeError: If the tree is not valid.
+        TreeError: If the tree is invalid.
     """
     return load(tree, nodes=nodes, registry=registry).preview(tree_id)
 
@@ -75,9 +75,9 @@ def assert_matches_golden(
         tree: The tree file, or the name of a shipped tree.
         golden: The committed file: with the suffix `.json` the output of `sar-compile show --format json`,
             with any other that of `--format ascii`.
-        tree_id: The tree in the file; by default the one that the file executes.
+        tree_id: The tree in the file; by default the main tree.
         registry: The registered nodes; by default the installed ones and *nodes*.
-        nodes: Leaves of your own: classes, modules, or import paths of modules.
+        nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:
         AssertionError: If they differ, with the difference; or if there is no committed file yet.
@@ -91,7 +91,7 @@ def assert_matches_golden(
     )
     different = compare_golden(Path(golden), text, f"{tree} (compiled now)")
     if different is not None:
-        raise AssertionError(f"the compiled tree is not the committed one:\n{different}")
+        raise AssertionError(f"the compiled tree differs from the committed one:\n{different}")
 
 
 def simulate(
@@ -103,18 +103,18 @@ def simulate(
     scenario: Mapping[str, object] | None = None,
     **scripts: object,
 ) -> Simulated:
-    """Return a tree with scripted leaves, to be ticked on a manual clock.
+    """Return a tree with scripted leaves, for ticking on a manual clock.
 
     Args:
         tree: The file, or the name of a shipped tree.
         registry: The registered nodes; by default the installed ones and *nodes*.
-        nodes: Leaves of your own: classes, modules, or import paths of modules.
-        leaves: The answers of leaves, as for `LoadedTree.simulate`.
-        scenario: The other keys of a scenario, likewise.
-        **scripts: The answers of leaves whose names are Python identifiers.
+        nodes: Your own leaves: classes, modules, or import paths of modules.
+        leaves: The outcomes of leaves, as for `LoadedTree.simulate`.
+        scenario: The other keys of a scenario, as for `LoadedTree.simulate`.
+        **scripts: The outcomes of leaves whose names are Python identifiers.
 
     Raises:
-        TreeError: If the tree is not valid, or the script has an answer that a leaf never gives.
+        TreeError: If the tree is invalid, or the script has an impossible outcome of a leaf.
     """
     return load(tree, nodes=nodes, registry=registry).simulate(leaves=leaves, scenario=scenario, **scripts)
 
@@ -122,16 +122,16 @@ def simulate(
 def assert_scenario_holds(
     tree: str | Path, scenario: str | Path, registry: Registry | None = None, nodes: Iterable[Named] = ()
 ) -> None:
-    """Play a scenario file, and compare the result with its expectations.
+    """Run a scenario file, and compare the result with its expectations.
 
     Args:
         tree: The tree file, or the name of a shipped tree.
         scenario: The scenario file.
         registry: The registered nodes; by default the installed ones and *nodes*.
-        nodes: Leaves of your own: classes, modules, or import paths of modules.
+        nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:
         AssertionError: If an expectation is not met, with the trace.
-        TreeError: If the tree or the scenario is not valid.
+        TreeError: If the tree or the scenario is invalid.
     """
     play_scenario(load(tree, nodes=nodes, registry=registry), scenario)

@@ -29,12 +29,12 @@ def write_bytes(path: Path, data: bytes) -> None:
     """Write a file atomically; its permissions are kept, and a link remains a link.
 
     Raises:
-        WriteError: If that is not possible; the file is then unchanged.
+        WriteError: If this is impossible; the file is then unchanged.
     """
     target = real_path(path)
     try:
         if target.is_symlink():
-            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))  # noqa: TRY301 - told as the others are
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))  # noqa: TRY301 - reported like the others
         if target.exists() and not target.is_file():
             with target.open("wb") as stream:  # a device or a pipe cannot be replaced
                 stream.write(data)

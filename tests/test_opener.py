@@ -54,7 +54,7 @@ def test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on():
     content = read_file("file", SMALL)
     assert len(content.data) == 11
     with pytest.raises(
-        UnreadableFileError, match=r"cannot read file: it is larger than 0 MiB, the most for a small file"
+        UnreadableFileError, match=r"cannot read file: it is larger than 0 MiB, the limit of a small file"
     ):
         content.whole()
 
@@ -120,7 +120,7 @@ class TestBeneathAFolder:
     @pytest.mark.parametrize("path", OUTSIDE)
     def test_what_leads_outside_is_not_read_whether_it_is_there_or_not(self, path, folder):
         named = NamedPath.within(Path(path), [folder / "inside"])
-        with pytest.raises(OutsideError, match=f"it lies outside {folder}/inside$"):
+        with pytest.raises(OutsideError, match=f"it is outside {folder}/inside$"):
             read_file(named, DOCUMENT)
 
     def test_a_pipe_of_the_shell_lies_in_no_folder(self, folder):
@@ -159,7 +159,7 @@ def test_a_link_that_appears_after_its_path_was_resolved_is_not_followed(folder,
     Path(exchanged).rename("before")
     Path(exchanged).symlink_to(outside / "file" if exchanged.endswith("file") else outside)
     monkeypatch.setattr(os.path, "realpath", lambda _: resolved)
-    with pytest.raises(UnreadableFileError, match="exchanged again and again"):
+    with pytest.raises(UnreadableFileError, match="replaced again and again"):
         read_file(NamedPath.within(Path("inside/file"), [folder / "inside"]), DOCUMENT)
 
 
@@ -219,11 +219,11 @@ def test_a_confined_process_reads_what_lies_in_its_folders_and_what_is_installed
     done = subprocess.run([sys.executable, "-c", CONFINED], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [
         "open",
-        "cannot read secret: it lies outside the folder of the agent",
+        "cannot read secret: it is outside the folder of the agent",
         "secret",
-        "cannot read inside/out: it lies outside the folder of the agent",
+        "cannot read inside/out: it is outside the folder of the agent",
         "['file', 'out']",
-        "cannot read .: it lies outside the folder of the agent",
+        "cannot read .: it is outside the folder of the agent",
     ]
 
 
@@ -251,7 +251,7 @@ def test_another_library_opens_the_file_that_was_checked_or_none(monkeypatch, li
             return others[0]
 
         with pytest.raises(
-            UnreadableFileError, match="cannot read inside/file: it was exchanged while it was opened"
+            UnreadableFileError, match="cannot read inside/file: it was replaced while it was opened"
         ):
             open_by_name(path, checked, open_another)
     assert others[0].closed

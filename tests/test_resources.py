@@ -14,7 +14,7 @@ def test_a_shipped_file_is_found_by_kind_and_name():
 def test_a_file_that_is_not_shipped_is_an_error_that_lists_those_that_are():
     with pytest.raises(
         ResourceError,
-        match=r"no file 'x\.xml' is shipped in .* \(there is: failsafes\.xml, search_and_rescue\.xml",
+        match=r"has no shipped file 'x\.xml' \(it has: failsafes\.xml, search_and_rescue\.xml",
     ):
         shipped("trees", "x.xml")
 

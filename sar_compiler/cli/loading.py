@@ -42,11 +42,11 @@ def add_vocabulary_options(
     """Add the options that determine the known nodes; return their group, `--trust` and `--isolated`."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
     add = options.add_argument
-    text = "load a module of leaves (installed, or in the current folder); may be repeated"
+    text = "load a module of leaves (installed, or in this folder); may be repeated"
     add("--nodes", action="append", default=[], type=ArgumentKind("module"), metavar="PKG.MOD", help=text)
     text = (
-        "a palette of nodes that are not installed: a file with a TreeNodesModel, or the nodes of a "
-        "distribution of Nav2 (nav2:jazzy, nav2:kilted, nav2:main); may be repeated"
+        "a palette of nodes that are not installed: a file with a TreeNodesModel, or Nav2's nodes (nav2:jazzy, "
+        "nav2:kilted, nav2:main); may be repeated"
     )
     add("--model", action="append", default=[], type=PALETTE, metavar="NODES.xml", help=text)
     text = (

@@ -288,19 +288,19 @@ def _looks_like_a_tree(world: str) -> bool:
 
 _EPILOG = (
     "Everything after --ros-args is for ROS 2: -p name:=value, -r from:=to, -r __ns:=/robot1. "
-    "Exit status: 0 if the mission is complete (without a mission: the root has succeeded, or the end of --until has come); "
-    "1 if it has failed or is incomplete, with the missing items in the summary (with --check: if a place is unreachable); "
-    "2 for wrong usage, an invalid tree or parameter, or a journal of an unfinished mission: the robot has not moved; "
-    "3 if a requirement of the mission did not appear in time; "
-    "4 if it was stopped and a goal, which is named, may still be active: the robot may still be moving; "
-    "129, 130 or 143 if SIGHUP, SIGINT or SIGTERM stopped it before completion, and all goals have ended."
+    "Exit status: 0 mission complete (without a mission: the root has succeeded, or the end of --until has come); "
+    "1 failed or incomplete, as the summary says (with --check: a place is unreachable); "
+    "2 wrong usage, invalid tree or parameter, or a journal of an unfinished mission: the robot has not moved; "
+    "3 a requirement did not appear in time; "
+    "4 stopped, but a goal, which is named, may still be active: the robot may still be moving; "
+    "129, 130 or 143 stopped by SIGHUP, SIGINT or SIGTERM before completion, and all goals have ended."
 )
 
 
 def _parser() -> Parser:
     text = "Run a mission: check the tree, wait for its requirements, tick it."
     parser = Parser(PROG, text, epilog=_EPILOG)
-    _add_what_is_flown(parser, parser.add_argument_group("what to fly"))
+    _add_what_is_flown(parser, parser.add_argument_group("what to run"))
     _add_simulation(parser, parser.add_argument_group("simulate"))
     _add_companions(parser, parser.add_argument_group("see and record"))
     _add_safety(parser, parser.add_argument_group("safety"))
@@ -315,7 +315,7 @@ def _add_what_is_flown(parser: Parser, group: _ArgumentGroup) -> None:
     from sar_compiler.execution.until import Until
 
     add = group.add_argument
-    text = f"{FILE_HELP} (default: the default tree of --mission, or of the default mission)"
+    text = f"{FILE_HELP} (default: the mission's own)"
     parser.add_argument("tree", nargs="?", type=TREE, metavar="TREE", help=text)
     text = "the tree to run (default: the main tree)"
     add("--tree", dest="tree_id", metavar="ID", help=text)
@@ -323,28 +323,24 @@ def _add_what_is_flown(parser: Parser, group: _ArgumentGroup) -> None:
     text = "a ROS 2 parameter file (default: the mission's own)"
     add("--params", type=YAML_FILE, metavar="FILE", help=text)
     text = (
-        "when to end: once the root succeeds or fails (end; default for trees and missions without an end condition); once the mission "
-        "is complete, or can no longer become so (complete; default with --sim); once the root succeeds, or fails, "
-        "while other ends are logged (success, failure); or never (forever; default otherwise)"
+        "when to end: when the root succeeds or fails (end; default without an end condition); when the mission is complete, "
+        "or can no longer be (complete; default with --sim); when the root succeeds, or fails (success, failure; other "
+        "ends are logged); never (forever; default otherwise)"
     )
     add("--until", choices=[until.value for until in Until], help=text)
 
 
 def _add_simulation(parser: Parser, group: _ArgumentGroup) -> None:
     add = group.add_argument
-    text = (
-        "simulate a world (a file, or a shipped one: disaster_zone, empty), Nav2 and the mission's servers in this process; "
-        "without this option, they must already be running"
-    )
+    text = "simulate a world (a file, or disaster_zone or empty), Nav2 and the mission's servers, instead of using running ones"
     add("--sim", nargs="?", const=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
-    text = "with --sim: simulated seconds per second, at most; time slows down rather than skipping a step (default 1)"
+    text = "with --sim: at most N simulated seconds per second (default 1); no step is skipped"
     add("--speed", type=speed, metavar="N", help=text)
     text = (
-        "with --sim: how the simulated Nav2 drives: accurately (quick, the default), or as Nav2 does with the shipped "
-        "parameters (nav2)"
+        "with --sim: drive accurately (quick, the default), or like Nav2 with the shipped parameters (nav2)"
     )
     add("--like", choices=MANNER_NAMES, help=text)
-    text = "with --sim: inject a fault, for instance navigate_to_pose:reject=1; may be repeated"
+    text = "with --sim: inject a fault, such as navigate_to_pose:reject=1; may be repeated"
     add("--fault", action="append", default=[], metavar="SPEC", help=text)
     parser.hide(add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)"))
 
@@ -353,36 +349,38 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     """Add the options for the page, reports and recordings."""
     add = group.add_argument
     text = (
-        "show the mission during its run: in place on a terminal, otherwise a line for each change (text); on a page for a browser on "
-        "this machine, which remains after the end until Ctrl-C in a terminal (web); or not (default none)"
+        "show the run: in place on a terminal, otherwise a line for each change (text); on a page for a browser on this "
+        "machine, until Ctrl-C in a terminal (web); or not (none, the default)"
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
     web_port = add_page_options(group, "with --view web: ")
     text = f"write a report after the run, {report_forms()}; may be repeated"
     add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
-    text = "record the mission in a new MCAP file: its topics, the tree's log, the mission's log"
+    text = "record topics, the tree's log and the mission's log in a new MCAP file"
     add("--record", type=FILE, metavar="FILE.mcap", help=text)
     text = "publish the tree's log (behavior_tree_log), /diagnostics, and, latched, the tree, its state and markers for RViz"
     add("--publish", action="store_true", help=text)
-    text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2 asks for 1667)"
+    text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2's default: 1667)"
     add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
-    text = "print the result for people (default text), or for scripts in one line: status, reason, duration in seconds, figures"
+    text = "result as text for people (default), or as one line of JSON: status, reason, duration in seconds, figures"
     add("--format", choices=("text", "json"), default="text", help=text)
     parser.hide(web_port)
 
 
 def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
     add = group.add_argument
-    text = "wait until all requirements of the mission are present, plan its route on the map, then end; the robot does not move"
+    text = "wait for all requirements, plan the route on the map, then end; the robot does not move"
     add("--check", action="store_true", help=text)
     text = (
-        "write the mission's journal to this file, or write none (default for a mission that can be resumed: a file of the node's name "
-        "in ~/.local/state/sar_compiler; with --sim: a new one in the folder simulated there, which keeps the last ten)"
+        "the journal, or none (default for a mission that can be resumed: a file of the node's name in "
+        "~/.local/state/sar_compiler; with --sim: a new one in its folder simulated, which keeps the last ten)"
     )
     add("--journal", type=FILE, metavar="FILE", help=text)
-    text = "monitor the properties of this file (default with the option alone: the mission's own); a violation raises an alarm"
+    text = (
+        "monitor the properties of this file (without a file: the mission's own); a violation raises an alarm"
+    )
     add("--properties", nargs="?", const=True, type=YAML_FILE, metavar="FILE", help=text)
-    text = "start the tree only if a person approved exactly this version with sar-compile approve"
+    text = "start the tree only in the version that a person approved with sar-compile approve"
     add("--approved", action="store_true", help=text)
     begun = group.add_mutually_exclusive_group()
     text = "resume the mission in the journal; active goals are cancelled first"
@@ -390,14 +388,11 @@ def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
     text = "start over, and keep an unfinished journal under another name"
     begun.add_argument("--new", action="store_true", help=text)
     text = (
-        "resume the mission if its process crashes, is blocked for 10 s, or lacks a requirement, at most N times "
+        "resume after a crash, a blocked process (10 s) or a missing requirement, at most N times "
         f"(default {_RESUMED})"
     )
     add("--supervise", nargs="?", const=_RESUMED, type=restarts, metavar="N", help=text)
-    text = (
-        "cancel the goals of a run that is killed or crashes, with a small separate process (default with a journal, "
-        "without --sim)"
-    )
+    text = "cancel the goals of a run that is killed or crashes, by a separate process (default with a journal, without --sim)"
     parser.hide(add("--guardian", action=BooleanOptionalAction, help=text))
 
 

@@ -307,13 +307,13 @@ class TestACall:
         (work / "linked").symlink_to(tmp_path / "elsewhere")
         done = limited(*words)
         assert done.returncode == 2
-        assert "it lies outside the folder of the agent" in done.stderr
+        assert "it is outside the folder of the agent" in done.stderr
 
     def test_lists_no_folder_outside_the_folders(self, limited, work, tmp_path):
         (work / "linked").symlink_to(tmp_path)
         done = limited("validate", "linked")
         assert (done.returncode, done.stdout) == (2, "")
-        assert done.stderr == "sar-compile: cannot read linked: it lies outside the folder of the agent\n"
+        assert done.stderr == "sar-compile: cannot read linked: it is outside the folder of the agent\n"
 
     def test_is_nice_and_limited_in_its_memory(self):
         program = (

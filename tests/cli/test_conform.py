@@ -125,8 +125,8 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--max-memory", "1"), "stopped at 1 MB of memory; --max-memory allows more"),
-        (("--max-seconds", "1e-9"), "stopped after 1e-09 s; --max-seconds allows more"),
+        (("--max-memory", "1"), "stopped at 1 MB of memory: raise the limit with --max-memory"),
+        (("--max-seconds", "1e-9"), "stopped after 1e-09 s: raise the limit with --max-seconds"),
     ],
 )
 def test_a_flight_for_which_the_budget_does_not_suffice_is_not_judged(conform, flight, options, reason):

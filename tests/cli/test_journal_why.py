@@ -51,8 +51,8 @@ def test_it_tells_people_what_would_have_succeeded(why):
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--max-memory", "1"), "stopped at 1 MB of memory; --max-memory allows more"),
-        (("--max-seconds", "1e-9"), "stopped after 1e-09 s; --max-seconds allows more"),
+        (("--max-memory", "1"), "stopped at 1 MB of memory: raise the limit with --max-memory"),
+        (("--max-seconds", "1e-9"), "stopped after 1e-09 s: raise the limit with --max-seconds"),
     ],
 )
 def test_where_the_budget_does_not_suffice_the_reasons_are_told_without_it(why, options, reason):

@@ -31,7 +31,7 @@ def run_without(library, *arguments, **environment):
 def test_the_simulator_names_what_it_lacks(library, tmp_path):
     status, said = run_without(library, "sar_compiler.cli.sim:main", "map", "-o", str(tmp_path / "map"))
     assert (status, "Traceback" in said) == (2, False)
-    assert f"a library of the simulator is not here (import of {library}" in said
+    assert f"a library of the simulator is missing (import of {library}" in said
     assert "pip install 'sar_compiler[sim]'" in said
 
 
@@ -44,9 +44,9 @@ SIMULATING = [("sar_compiler.cli.sim:main", "run"), ("sar_compiler.cli.run:main"
 def test_what_the_simulator_lacks_is_not_taken_for_a_missing_ros(library, command):
     status, said = run_without(library, *command)
     assert (status, "Traceback" in said) == (2, False), said
-    assert "a library of the simulator is not here (" in said
+    assert "a library of the simulator is missing (" in said
     assert library in said
-    assert "ROS 2 is not here" not in said
+    assert "ROS 2 is missing" not in said
 
 
 SERVERS = [
@@ -65,7 +65,7 @@ WITHOUT_INTERFACES = [*(("sar_interfaces", command) for command in SERVERS), ("n
 def test_without_ros_a_command_says_where_ros_comes_from(library, command):
     status, said = run_without(library, *command)
     assert (status, "Traceback" in said) == (2, False), said
-    assert "ROS 2 is not here (" in said
+    assert "ROS 2 is missing (" in said
     assert library in said
 
 
@@ -75,7 +75,7 @@ def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_
         library, "sar_compiler.cli.journal_command:main", "replay", str(tmp_path / "m.journal")
     )
     assert (status, "Traceback" in said) == (2, False), said
-    assert "sar-journal: the page takes a library that is not here (" in said
+    assert "sar-journal: the page needs a missing library (" in said
     assert "pip install 'sar_compiler[web]'" in said
 
 
@@ -83,7 +83,7 @@ def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_
 def test_a_mission_whose_page_cannot_be_served_does_not_begin():
     status, said = run_without("uvicorn", "sar_compiler.cli.run:main", "--sim", "--view", "web")
     assert (status, "Traceback" in said, "Looking" in said) == (2, False, False), said
-    assert "sar-run: the page takes a library that is not here (" in said
+    assert "sar-run: the page needs a missing library (" in said
     assert "pip install 'sar_compiler[web]'" in said
 
 
@@ -92,7 +92,7 @@ def test_a_mission_whose_page_cannot_be_served_does_not_begin():
 def test_an_interface_package_that_is_missing_beside_ros_is_named_with_who_has_it(library, command):
     status, said = run_without(library, *command)
     assert (status, "Traceback" in said) == (2, False), said
-    assert f"ROS 2 is here, but not the interface package '{library}' (" in said
+    assert f"ROS 2 is installed, but not the interface package '{library}' (" in said
     assert "--find-links dist 'sar_compiler[interfaces]'" in said
 
 
@@ -134,7 +134,7 @@ def test_a_middleware_that_is_not_installed_is_said_before_ros_is_loaded(command
 def test_a_middleware_that_is_installed_is_left_to_ros(wanted, tmp_path):
     registered(tmp_path, "rmw_other_cpp")
     _, said = run_without("rclpy", *SERVERS[0], RMW_IMPLEMENTATION=wanted, AMENT_PREFIX_PATH=str(tmp_path))
-    assert "ROS 2 is not here (" in said
+    assert "ROS 2 is missing (" in said
 
 
 @pytest.mark.ros

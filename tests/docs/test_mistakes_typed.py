@@ -109,11 +109,11 @@ MAKE = {
     "make: ROS 2 from PyPI exists for x86-64 Linux only": ("uname", "echo Linux aarch64"),
 }
 LACKING = {
-    "ROS 2 is not here (…). On a robot, source its installation and workspace": "rclpy",
-    "ROS 2 is here, but not the interface package '…'": "nav2_msgs",
-    "a library of the simulator is not here (…)": "scipy",
+    "ROS 2 is missing (…). On a robot, source its installation and workspace": "rclpy",
+    "ROS 2 is installed, but not the interface package '…'": "nav2_msgs",
+    "a library of the simulator is missing (…)": "scipy",
 }
-NO_EXTRA = "… takes a library that is not here (…): pip install 'sar_compiler[…]' brings it"
+NO_EXTRA = "… needs a missing library (…): install it with pip install 'sar_compiler[…]'"
 PLACE = "-p georeference.lat:=48.2 -p georeference.lon:=16.4 -p georeference.heading:=90.0"
 # For each extra that an option takes: a module of it, and what is typed.
 EXTRAS = {

@@ -411,7 +411,7 @@ def test_what_is_exchanged_for_a_link_after_the_check_is_not_read(name, capsys, 
     monkeypatch.setattr(opener, "_open", exchange_and_open)
     said = refused(name, path, capsys)
     assert exchanged
-    assert "it lies outside" in said
+    assert "it is outside" in said
 
 
 def _map_of(path: str) -> None:

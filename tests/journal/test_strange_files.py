@@ -191,7 +191,7 @@ def test_a_journal_that_is_exchanged_after_the_check_is_not_read(
     monkeypatch.setattr(database, "_connected", exchange_and_connect)
     monkeypatch.setattr(database, "_is_used", lambda _path: way == "read while it is written")
     # SQLite itself refuses most pipes.
-    reason = None if put is _a_pipe else "it was exchanged while it was opened"
+    reason = None if put is _a_pipe else "it was replaced while it was opened"
     with pytest.raises(JournalError, match=reason):
         (JournalFile.open if way == "written" else JournalFile.read)(place)
 
