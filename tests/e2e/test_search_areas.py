@@ -31,7 +31,7 @@ def test_the_zone_behind_a_wall_comes_later_than_a_straight_line_says(start, tmp
     assert told == WITHOUT_WALLS
     chosen = [line for line in run.log if line.startswith("Next zone by")]
     assert chosen == [f"Next zone by expected_find: {zone}." for zone in WITH_WALLS]
-    assert "straight lines times 1.5: " not in run.output
+    assert "times the straight line: " not in run.output
     show = start("sar-journal", "show", place)
     assert show.end() == 0
     facts = [line.split() for line in show.output.splitlines()]

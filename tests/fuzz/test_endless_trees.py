@@ -89,7 +89,7 @@ def test_every_analysis_of_a_tree_that_need_not_end_ends_by_itself(seed, capsys,
         assert status in (0, 1), f"{command}: {err}"
         # The limit of time is for larger trees; it is processor time, so others on the machine do not count.
         assert "stopped after" not in out + err, command
-        assert out or "nothing can be predicted: " in err, command
+        assert out or "no prediction is possible: " in err, command
         found = json.loads(out) if out and "json" in options else {}
         if command == "conform":
             assert [each["misfit"] for each in found["flights"]] == [None]

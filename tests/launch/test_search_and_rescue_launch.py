@@ -101,7 +101,7 @@ def test_every_word_for_the_journal_is_an_option_of_the_mission():
     options = [word for each in words.values() for word in each if word.startswith("--")]
     assert len(options) == 3
     assert all(f"{option} " in known for option in options)
-    assert "to this file, or none" in known
+    assert "the journal, or none" in known
 
 
 def test_every_parameter_given_to_the_mission_is_one_that_the_docs_list():
