@@ -53,9 +53,7 @@ def read_areas(
         areas[zone["id"]] = Area(poa, pod, look_sec)
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
-        text = (
-            f"the zones' poa sum to {total:g}: the sum must be at most 1, less if a person may be elsewhere"
-        )
+        text = f"the zones' poa sum to {total:g}: write 1 at most, less if the person may be elsewhere"
         reader.report(f"zones.{zones[0]['id']}.poa", text)
     return areas
 

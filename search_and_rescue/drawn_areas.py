@@ -76,9 +76,7 @@ class DrawnAreas:
         like = before or next(iter(self.sweeps.grounds.values()), None)
         reach = request.detection_range
         if math.isnan(reach) and like is None:
-            raise DrawingError(
-                "the detection range is missing: write how far a survivor can be seen, in metres"
-            )
+            raise DrawingError("the detection range is missing: write how far a survivor is seen, metres")
         if reach <= 0.0 or reach > FARTHEST_SEEN_M:
             raise DrawingError(
                 f"the detection range is {reach:g}: write metres above 0, at most {FARTHEST_SEEN_M:g}"

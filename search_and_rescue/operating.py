@@ -115,11 +115,7 @@ class NotHeld(RosLeaf):
     def _add_zone(self, request: Any) -> str:
         zone_id = request.zone_id
         if not zone_id or self.zone_manager.knows(zone_id):
-            return (
-                f"a zone '{zone_id}' already exists: choose another name"
-                if zone_id
-                else "the zone has no name: write one"
-            )
+            return f"zone '{zone_id}' exists: choose another name" if zone_id else "the zone has no name"
         try:
             pose = stamped_pose(request.pose, MAP_FRAME)
         except UnusableValueError as error:

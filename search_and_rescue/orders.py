@@ -244,9 +244,7 @@ COMMANDS = (
             "A person is more or less likely in a zone. Takes effect when the next zone is chosen.",
             "sar_interfaces/srv/AddHint",
             (
-                VerbField(
-                    "zone", "Zone; empty for the zone at the position, or nearest to it", optional=True
-                ),
+                VerbField("zone", "Zone; empty for the one at the position, or the nearest", optional=True),
                 VerbField("x", "x, metres", "number", optional=True),
                 VerbField("y", "y, metres", "number", optional=True),
                 VerbField("times", "likelihood ratio: 3 for more likely, 0.3 for less", "number"),

@@ -137,10 +137,7 @@ class Search(MissionRun):
         soon = f"{tour.expected_find(order):.0f} s to the first detection, if there is one"
         largest = max(map(len, groups), default=0)
         how = f"; {largest} zones are ordered by {found}" if (found := approximation(largest)) else ""
-        return [
-            f"By expected_find ({soon}; paths are estimated as {DETOUR:g} times the straight line{how}):",
-            *lines,
-        ]
+        return [f"By expected_find ({soon}; paths are {DETOUR:g} times the straight line{how}):", *lines]
 
     def identity(self) -> dict[str, object]:
         """Return the zones in order, with their probabilities if any, and the base station."""

@@ -102,9 +102,7 @@ class PoaMap:
             if not 0.0 <= value <= 1.0:
                 raise ValueError(f"{area} has the probability {value:g}: write a number from 0 to 1")
         if lacking := sorted(set(self.poa) - set(self.pod)):
-            raise ValueError(
-                f"{lacking[0]} has no POD: write the probability that a search there detects a person"
-            )
+            raise ValueError(f"{lacking[0]} has no POD: write the probability of detection by a search")
         total = math.fsum(self.poa.values())
         if total > 1.0 + ROUNDING:
             raise ValueError(f"the areas' POA sum to {total:g}: the sum must be at most 1")

@@ -68,9 +68,7 @@ def sweep(
         stops = [(here[0] + x, here[1] + y) for x, y in path]
         stops = [stop for stop in stops if shapely.intersects_xy(free, *stop)]
     if not stops:
-        raise GroundError(
-            "the robot cannot drive to any stop: all ground is blocked, unknown or beyond the map"
-        )
+        raise GroundError("the robot cannot drive to any stop: all is blocked, unknown or off the map")
     return _facing(stops)
 
 
@@ -94,7 +92,7 @@ def _require_small(
     reach = shapely.hausdorff_distance(shapely.Point(here), ground)
     if pattern == "expanding_square" and (2.0 * reach / spacing) ** 2 > _MOST_STOPS:
         raise GroundError(
-            f"it reaches {reach:.0f} m from the zone's pose: move the pose inside, or divide the zone"
+            f"it reaches {reach:.0f} m from the zone's pose: move the pose inside, or divide it"
         )
 
 

@@ -321,9 +321,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
         from sar_compiler.nodes.palettes import palettes_with
         from sar_compiler.tree.guessing import did_you_mean
 
-        others = (
-            "; list the known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
-        )
+        others = "; list known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
         advice = did_you_mean(registry.nearest(arguments.tag)) or others
         if known := palettes_with(arguments.tag):
             advice = f"; add a palette that describes it: --model {' or '.join(known)}"

@@ -22,13 +22,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
     add("--period", type=tick_period, metavar="SEC", help=text)
-    text = (
-        f"explore at most N states; the behaviour after unexplored states is unknown (default {MAX_STATES})"
-    )
+    text = f"explore at most N states; behaviour after the others is unknown (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
-    text = (
-        "write a plot (SVG) of the probabilities, over time, that a run has ended, and that it has succeeded"
-    )
+    text = "write a plot (SVG) of the probabilities that a run has ended, and has succeeded, over time"
     add("--plot", type=FILE, metavar="OUT.svg", help=text)
     add_search_options(parser, "predict")
     parser.set_defaults(run=predict_file)

@@ -376,9 +376,7 @@ def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
         "~/.local/state/sar_compiler; with --sim: a new one in its folder simulated, which keeps the last ten)"
     )
     add("--journal", type=FILE, metavar="FILE", help=text)
-    text = (
-        "monitor the properties of this file (without a file: the mission's own); a violation raises an alarm"
-    )
+    text = "monitor these properties (without FILE: the mission's own); a violation raises an alarm"
     add("--properties", nargs="?", const=True, type=YAML_FILE, metavar="FILE", help=text)
     text = "start the tree only in the version that a person approved with sar-compile approve"
     add("--approved", action="store_true", help=text)
@@ -397,9 +395,7 @@ def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
 
 
 def _add_for_experts(parser: Parser, group: _ArgumentGroup) -> None:
-    text = (
-        "the engine that ticks the tree: the project's own (default own), or py_trees_ros if it is installed"
-    )
+    text = "the engine that ticks the tree: the project's (own, the default), or an installed py_trees_ros"
     engine = group.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help=text)
     text = (
         "the executor of rclpy for the mission's node: EventsExecutor, if rclpy has it and it can serve the "

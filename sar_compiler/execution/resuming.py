@@ -50,10 +50,7 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
         )
     then = _mapping(there.get("identity"))
     problems = [
-        Problem(
-            key,
-            f"is {now!r}, but {then.get(key)!r} in the journal {journal.place}: use that value, {_ADVICE}",
-        )
+        Problem(key, f"is {now!r}, but {then.get(key)!r} in the journal {journal.place}: use that, {_ADVICE}")
         for key, now in about["identity"].items()
         if now != then.get(key)
     ]

@@ -154,9 +154,7 @@ class Runs:
         for each in found:
             if self._trees[each.tree_id] is not each:
                 other = self._trees[each.tree_id].path
-                raise ServedTreesError(
-                    f"{each.path} and {other} both have a tree '{each.tree_id}': rename one of them"
-                )
+                raise ServedTreesError(f"{each.path} and {other} both have a tree '{each.tree_id}'")
         return sorted(self._trees)
 
     def _trees_of(self, workspace: "Workspace", name: str) -> list[ServedTree]:

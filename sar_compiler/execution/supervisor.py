@@ -61,9 +61,7 @@ def supervise(
         life.watch(signals)
         status, death = life.end()
         if life.is_adrift:
-            print_error(
-                "sar-run: the mission has crashed, and one of its goals may still be active: check that the robot stands still"
-            )
+            print_error("sar-run: the mission has crashed, and one of its goals may still be active")
             return ADRIFT
         if signals.came and death:
             return signals.exit_status
@@ -71,9 +69,7 @@ def supervise(
             life.report(report)
             return signals.exit_status if signals.came and status > 128 else status  # noqa: PLR2004
         if len(deaths) == limit:
-            print_error(
-                f"sar-run: the mission has crashed ({death}), and was already restarted {limit} times"
-            )
+            print_error(f"sar-run: the mission has crashed ({death}) after {limit} restarts")
             return status
         deaths.append(death)
         has_begun = has_begun or life.has_begun

@@ -356,10 +356,8 @@ class TreeRun:
         """Finish a check whose requirements are all present; returns the exit status."""
         if route is not None and (problems := route.tell(self.executor, self._output.say)):
             count = "one problem" if problems == 1 else f"{problems} problems"
-            return self._fail(
-                f"all requirements of the tree are present, but the route has {count} (see above)"
-            )
-        self._output.say("All requirements of the tree are present.")
+            return self._fail(f"all requirements are present, but the route has {count} (see above)")
+        self._output.say("All requirements are present.")
         return OK
 
     def _tick(self) -> int:

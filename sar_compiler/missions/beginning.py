@@ -142,7 +142,7 @@ def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the parameters, or their prefixes, that are only read before the start."""
+    """Return the parameters, or their prefixes, that are only read at the start."""
     own = mission.parameter_names if mission is not None else ()
     names = (*RUN_PARAMETER_NAMES, *own, *(key for key in _keys(binding) if key.startswith("@")))
     return {"use_sim_time", *(name.removeprefix("@").partition(".")[0] for name in names)}

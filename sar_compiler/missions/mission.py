@@ -122,7 +122,7 @@ def _is_number(value: Any) -> bool:
 
 
 class SearchedArea(NamedTuple):
-    """An area that the robot will search, for the check before the run.
+    """An area that the robot will search, for the route check.
 
     Attributes:
         name: Its name.
@@ -147,7 +147,7 @@ class MissionRun:
     kinds: Sequence[LandmarkKind] = ()
 
     def greeting(self) -> list[str]:
-        """Return the lines to log before the start."""
+        """Return the lines to log at the start."""
         return []
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
@@ -213,7 +213,7 @@ class MissionRun:
         return None
 
     def route(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions of the robot's targets, in order, for a check before the run.
+        """Return the names and positions of the robot's targets, in order, for the route check.
 
         x and y in metres, frame `map`; by default its `places`.
         """
@@ -224,7 +224,7 @@ class MissionRun:
         return []
 
     def searched_areas(self) -> Sequence[SearchedArea]:
-        """Return the areas that the robot will search; the check before the run computes the reachable part of each."""
+        """Return the areas that the robot will search; the route check computes the reachable part of each."""
         return ()
 
     def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses

@@ -297,9 +297,7 @@ class _Walk:
     def _events(self) -> Iterator[Any]:
         for number, event in enumerate(yaml.parse(self._text, Loader=_LOADER)):
             if number > _MAX_EVENTS:
-                text = (
-                    f"the file has more than {_MAX_EVENTS:,} names and values, the limit of a parameter file"
-                )
+                text = f"more than {_MAX_EVENTS:,} names and values, the limit of a parameter file"
                 self._report(event, text)
                 return
             yield event
@@ -329,9 +327,7 @@ class _Walk:
             self._report(key, f"'{key.value}': did you mean '{_SECTION}' (two underscores)?")
         elif isinstance(value, yaml.MappingNode):
             if _SECTION in key.value or not _NODE_NAME.fullmatch(key.value):
-                text = (
-                    "is no valid node name or namespace: write letters, digits and _, / between them, * or **"
-                )
+                text = "is no valid node name or namespace: write letters, digits, _, / between them, * or **"
                 self._report(key, f"'{key.value}' {text}")
             self._nodes(value, key.value, f"{above}/{key.value.strip('/')}")
         else:

@@ -127,9 +127,8 @@ class _HomingLeaf(RosLeaf):
 class ReturnInReach(_HomingLeaf):
     """Check that the battery and the time suffice for the next leg and the way home: SUCCESS if so; FAILURE if the robot must go home first.
 
-    The drive to the current zone, or to the open piece of its sweep, the search there and the way home must leave the reserve in the battery.
-    They must also end before the mission's time limit. The leaf is RUNNING until the first battery message, for `max_age_sec` at most. A battery
-    that is silent for longer is treated as empty.
+    The drive to the current zone or open piece, the search there and the way home must leave the reserve, and end within the mission's time.
+    RUNNING until the first battery message, for `max_age_sec` at most; a battery that is silent for longer is treated as empty.
 
     Args:
         homing: Estimates the way home.

@@ -199,9 +199,7 @@ class ChooseZone(RosLeaf):
 
         how = approximation(len(zones)) if self._order == "expected_find" else ""
         if how and how != self._approximation:
-            self.say(
-                f"'{self.name}': {len(zones)} zones are ordered by {how}, which is close to the best order."
-            )
+            self.say(f"'{self.name}': {len(zones)} zones are ordered by {how}, close to the best order.")
         self._approximation = how
         return begin_beside(self._wake, ordered, self._order, self._zones.tour(zones))
 

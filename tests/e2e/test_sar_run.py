@@ -192,7 +192,7 @@ def test_only_what_is_missing_is_waited_for_and_the_mission_starts_when_it_comes
 def test_a_check_sees_that_everything_is_there_and_ends(start):
     run = start("sar-run", "--sim", "--speed", 20, "--check")
     assert run.end() == 0
-    assert run.output.endswith("All requirements of the tree are present.")
+    assert run.output.endswith("All requirements are present.")
     assert "Navigating" not in run.output
     way = [line.split() for line in run.output.splitlines() if re.fullmatch(r"  \w.* m +\d+ s", line)]
     assert [words[0] for words in way] == ["zone_a", "zone_b", "zone_c", "zone_d", "base", "total"]
@@ -209,7 +209,7 @@ def test_a_check_names_the_places_that_cannot_be_reached(start):
         "zone_b (99.00, 3.00): it is outside the map.",
         "zone_c (4.00, 0.00): the robot does not fit on free ground there.",
         "zone_d (-3.50, -3.00): it is outside the geofence.",
-        "all requirements of the tree are present, but the route has 3 problems (see above)",
+        "all requirements are present, but the route has 3 problems (see above)",
     ):
         assert f"sar-run: {problem}" in run.output, run.output
 

@@ -314,7 +314,7 @@ def test_a_tree_without_a_name_is_refused(serve):
 def test_two_trees_of_one_name_are_refused(serve):
     server = serve(SHORT, SHORT)
     assert server.end() == 2
-    assert "have a tree 'Short' both" in server.output
+    assert "both have a tree 'Short'" in server.output
 
 
 def test_a_fault_that_there_is_not_ends_the_server_before_anybody_can_start_a_run(start):

@@ -526,7 +526,7 @@ class TestOrders:
     @pytest.mark.parametrize(
         ("zone_id", "x", "frame", "said"),
         [
-            ("zone_a", 1.0, "map", "there is a zone 'zone_a' already"),
+            ("zone_a", 1.0, "map", "zone 'zone_a' exists: choose another name"),
             ("", 1.0, "map", "the zone has no name"),
             ("zone_e", 1.0, "odom", "the pose is in the frame 'odom', and must be in 'map'"),
             ("zone_e", float("nan"), "map", "(nan, 2.0) is not a position"),

@@ -79,7 +79,7 @@ def test_without_probabilities_there_is_no_map() -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"a__poa": 0.6}, "zones.a.poa: the zones' poa sum to 1.1: the sum must be at most 1"),
+        ({"a__poa": 0.6}, "zones.a.poa: the zones' poa sum to 1.1: write 1 at most"),
         ({"a__poa": 1.5}, "zones.a.poa: must be a share from 0 to 1, is 1.5"),
         ({"b__pod": -0.5}, "zones.b.pod: must be a share from 0 to 1, is -0.5"),
         ({"b__poa": None}, "zones.b.poa: is missing"),
@@ -182,7 +182,7 @@ def test_other_probabilities_make_another_mission() -> None:
 def test_the_plan_is_told_before_the_flight_with_its_times_and_chances() -> None:
     # 3 m, 1 m and 1 m at 0.5 m/s are 9, 3 and 3 s with the detours; each look takes 5 s.
     assert searching().greeting()[2:] == [
-        "By expected_find (18 s to the first detection, if there is one; paths are estimated as 1.5 times the straight line):",
+        "By expected_find (18 s to the first detection, if there is one; paths are 1.5 times the straight line):",
         "  c: searched after 14 s, POS 30%",
         "  b: searched after 22 s, POS 40%",
         "  a: searched after 30 s, POS 45%",
@@ -477,7 +477,7 @@ class TestChooseZone:
             assert stage.run(leaf) is Status.SUCCESS
         first, *others = stage.lines
         assert first == (
-            "'ChooseZone': 60 zones are ordered by probability per second, which is close to the best order."
+            "'ChooseZone': 60 zones are ordered by probability per second, close to the best order."
         )
         assert [line.partition(":")[0] for line in others] == ["Next zone by expected_find"] * 2
 
