@@ -125,7 +125,9 @@ class _Life:
                 self._is_frozen = not self._is_deaf
                 self._process.kill()
                 self._process.wait()
-        # Its guardian holds the pipe as well, until it has ended.
+        # The next run must not start beside the last one: two missions would command one robot. That is why a blocked process is killed,
+        # which could continue later. Its guardian then still cancels goals. The guardian has inherited the pipe, so the pipe closes, and the
+        # listener ends, only when the guardian has ended. The journal may be locked for a moment longer. Both waits have a limit.
         self._listener.join(_GUARDIAN_SEC)
         if (place := self._place) is not None:
             from sar_compiler.journal.database import is_locked
@@ -137,6 +139,8 @@ class _Life:
     def end(self) -> tuple[int, str]:
         """Return the exit status and the crash in words; empty if the run ended without one."""
         status = self._process.returncode
+        # The journal takes precedence over the process: a run that recorded its end is over, even if native code crashed while ROS was
+        # shut down. Resuming it would repeat a finished mission.
         ended = self._run_in_journal()
         if ended is not None and ended.status is not None and ended.status != NOT_READY:
             return ended.status, ""

@@ -370,6 +370,9 @@ class TreeRun:
 
     def _fly(self) -> int:
         """Tick the tree until it is over, and close the journal; returns the exit status."""
+        # The order of the end matters. Properties are evaluated before the tree is halted, because halting is not an event of the run. The
+        # journal is closed last: its end records whether every goal was observed to have ended, and a crash before it leaves a journal that
+        # can be resumed.
         engine = self.engine
         engine.add_post_tick_handler(self._look_for_end)
         self._signals.ends_unnoticed = False
