@@ -107,7 +107,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
 
 
 def is_tree_error(error: SarError) -> "TypeGuard[TreeError]":
-    """Return whether an error is a `TreeError`: of what was not imported there is none, and the import takes a third of the time of `--help`."""
+    """Return whether an error is a `TreeError`, without importing the class: no such error exists before that, and the import is slow."""
     diagnostic = sys.modules.get("sar_compiler.tree.diagnostic")
     return diagnostic is not None and isinstance(error, diagnostic.TreeError)
 

@@ -199,12 +199,12 @@ def _named_path(path: str, beneath: tuple[Path, ...] | None) -> NamedPath:
 
 
 class Question(NamedTuple):
-    """A question about the disk.
+    """A query of the file system.
 
     Attributes:
-        kind: Which function answers it, by its name in `_ASKED`.
-        path: The path, as the function was given it.
-        limit: How many bytes of a file are read; 0 for other questions.
+        kind: The function that answers it, by its name in `_ASKED`.
+        path: The path, as passed to the function.
+        limit: Largest number of bytes read of a file; 0 for other queries.
     """
 
     kind: str
@@ -213,23 +213,23 @@ class Question(NamedTuple):
 
 
 class Observation(dict[Question, str]):
-    """The questions about the disk that a computation has asked, with the answers: its result holds as long as these do.
+    """The file-system queries of a computation with their answers: its result is valid as long as these are.
 
-    Answers are short: of a file the SHA-256 of what was read, and where it lies. A question about what is not there is one, too.
+    Answers are short: for a file, the SHA-256 of its content, and its location. Queries of missing files are included.
 
     Attributes:
-        is_consistent: Whether each question that was asked again had the same answer.
+        is_consistent: Whether each repeated query had the same answer.
     """
 
     is_consistent = True
 
     def record(self, question: Question, answer: str) -> None:
-        """Add a question."""
+        """Add a query."""
         if self.setdefault(question, answer) != answer:
             self.is_consistent = False
 
     def holds(self) -> bool:
-        """Return whether every question has the same answer now."""
+        """Return whether every query still has the same answer."""
         now = Observation()
         with now.recording():
             for question, answer in self.items():
@@ -242,8 +242,8 @@ class Observation(dict[Question, str]):
 
     @contextmanager
     def recording(self) -> Iterator[None]:
-        """Record the questions that are asked meanwhile; of nested observations the innermost records it."""
-        global _observation  # noqa: PLW0603 - questions are asked everywhere, and results do not depend on it
+        """Record the queries made in the block; of nested observations, the innermost one records."""
+        global _observation  # noqa: PLW0603 - queries are made everywhere, and results do not depend on it
         before, _observation = _observation, self
         try:
             yield
@@ -255,13 +255,13 @@ _observation: Observation | None = None
 
 
 def mark_unrepeatable() -> None:
-    """Have what is computed just now not be kept: it depends on more than on answers about the disk."""
+    """Exclude the current computation from the cache, because it depends on more than file-system queries."""
     if _observation is not None:
         _observation.is_consistent = False
 
 
 def digest(data: bytes) -> str:
-    """Return the SHA-256 of some bytes, as hexadecimal digits."""
+    """Return the SHA-256 of bytes, as hexadecimal digits."""
     import hashlib  # takes a moment, and most commands need none
 
     return hashlib.sha256(data).hexdigest()
@@ -360,7 +360,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
     """Read a file.
 
     Args:
-        path: The file; a `NamedPath` must lie below its folders. `STANDARD_INPUT` is read once.
+        path: The file; a `NamedPath` must be below its folders. `STANDARD_INPUT` is read once.
         kind: Its kind.
 
     Raises:

@@ -23,7 +23,7 @@ def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def cache_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of what is kept to save time, and can be deleted at any time."""
+    """Return the folder of the cache, which can be deleted at any time."""
     cache = Path(environment.get("XDG_CACHE_HOME", ""))
     return (cache if cache.is_absolute() else Path.home() / ".cache") / "sar_compiler"
 

@@ -73,7 +73,7 @@ def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
 
 @contextmanager
 def collection_saved() -> Iterator[None]:
-    """Import much: the collector would look several times through it, and find nothing; so it would afterwards and at the end."""
+    """Disable garbage collection for large imports: it would search the new objects several times in vain, also afterwards and at the end."""
     with gc_paused(LARGE):
         yield
     atexit.register(gc.freeze)
@@ -89,10 +89,10 @@ def further_checks() -> "Sequence[FurtherCheck]":
 
 
 def require_there(name: str | Path) -> None:
-    """Require that a tree file is there, before all is imported that reads one.
+    """Check that a tree file exists, before the slow imports that read it.
 
     Raises:
-        UnreadableFileError: If *name* is plainly a path, and nothing is there.
+        UnreadableFileError: If *name* is clearly a path, and nothing exists there.
     """
     from sar_compiler.opener import STANDARD_INPUT, TREE, is_there, read_file
     from sar_compiler.resources import is_bare_word

@@ -1,4 +1,4 @@
-"""The work of `sar-compile validate`, whose imports take longer than to tell that a file is missing."""
+"""The work of `sar-compile validate`, in a module of its own because its imports are slow and a missing file is reported without them."""
 
 import argparse
 import os
@@ -181,7 +181,7 @@ class _Validation:
                 return
 
     def check(self) -> None:
-        """Check the files, as far as the budget goes."""
+        """Check the files within the budget."""
         from sar_compiler.project.check_run import CheckRun
 
         arguments, is_tried = self.arguments, not self.arguments.no_deep and is_here("analysis")
@@ -211,7 +211,7 @@ class _Validation:
             with suppress(BudgetSpentError):
                 self.budget.run(lambda: self._receive_checks(run))
         finally:
-            # What a check that was left behind still finds does not count.
+            # Findings of an abandoned check are ignored.
             self._is_left = True
             run.end()
         if any(self._used):
@@ -243,7 +243,7 @@ class _Validation:
         return len(self._files) - self._done
 
     def _guard(self, path: Path) -> None:
-        """Mend a file; if that fails, there is something to say about the other files all the same."""
+        """Fix a file; an error must not prevent findings about the other files."""
         try:
             self._mend_file(path)
         except TreeError as error:

@@ -88,7 +88,7 @@ def begin_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) 
 
     Raises:
         ParameterFileError: If ROS would refuse or misread the file.
-        ParameterError: If the mission cannot begin with the parameters.
+        ParameterError: If the mission cannot start with the parameters.
     """
     mission = mission_of(tree, binding)
     node = f"/{node_name(mission)}"
@@ -109,7 +109,7 @@ def read_parameters(
 
     Raises:
         TreeError: If there are errors.
-        ParameterFileError, ParameterError: If the mission cannot begin with the parameters.
+        ParameterFileError, ParameterError: If the mission cannot start with the parameters.
     """
     binding = tree.binding(tree_id)
     mission = mission_of(tree, binding)

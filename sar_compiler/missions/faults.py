@@ -21,7 +21,7 @@ NAVIGATION_FAULTS = {
     NAVIGATION: ("abort", "code", "late", "starved", "succeed", "delay", "reject", "die"),
     LOCALISATION: ("die",),
 }
-"""The faults of the stand-in for Nav2, the same for every mission."""
+"""The faults of the Nav2 substitute, the same for every mission."""
 
 
 class _FaultForm(NamedTuple):
@@ -245,7 +245,7 @@ class FaultPlan:
         return ServiceFaults([fault for fault in self.faults if fault.target == name])
 
     def for_navigation(self) -> NavigationFaults:
-        """Return the unused faults of the stand-in for Nav2."""
+        """Return the unused faults of the Nav2 substitute."""
         return NavigationFaults([fault for fault in self.faults if fault.target in NAVIGATION_FAULTS])
 
 

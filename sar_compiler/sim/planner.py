@@ -38,7 +38,7 @@ _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
 class NavCode(IntEnum):
-    """The error codes of Nav2 that the stand-in uses."""
+    """The error codes of Nav2 that the substitute uses."""
 
     NONE = 0
     FAILED_TO_MAKE_PROGRESS = 105

@@ -172,7 +172,7 @@ def find_world(name: str) -> World:
 
     Raises:
         WorldError: If there is no such file.
-        TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
+        TreeError: If the file has errors, or the robot starts inside an obstacle; carries all findings.
     """
     path = resources.find("worlds", name, ".yaml")
     if not is_there(path):
@@ -185,7 +185,7 @@ def load_world(path: Path) -> World:
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        TreeError: If the file has mistakes, or the robot starts inside an obstacle; carries all findings.
+        TreeError: If the file has errors, or the robot starts inside an obstacle; carries all findings.
     """
     document = read_yaml(path, WORLD, _EMPTY_HINT)
     said = document.validate("world").data
