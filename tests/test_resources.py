@@ -77,7 +77,7 @@ def test_a_package_without_its_files_says_that_it_has_to_be_installed_again(tmp_
 
 
 def test_where_nothing_of_a_kind_is_shipped_the_error_says_so():
-    with pytest.raises(ResourceError, match="there is: nothing"):
+    with pytest.raises(ResourceError, match="it has: nothing"):
         shipped("moons", "luna.yaml")
 
 

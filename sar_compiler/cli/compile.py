@@ -169,7 +169,7 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "describe this node with its attributes (default: list all)"
     add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
-    text = "text for people (default), json for scripts, groot2 for a palette, or specs of the leaves of --nodes for its package"
+    text = "for people (default text), for scripts, as a palette for Groot2, or as specs of the leaves of --nodes for its package"
     add("--format", choices=("text", "json", "groot2", "specs"), default="text", help=text)
     text = "print a palette of undescribed nodes that the trees in a folder use, with guesses of their ports"
     add("--from-use", type=FOLDER, metavar="FOLDER", help=text)

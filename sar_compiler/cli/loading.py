@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FILE_HELP = "a tree file, or the name of a shipped tree"
 INPUT_HELP = "a tree file, the name of a shipped tree, or - for standard input"
-FORMAT_HELP = "text for people (default), or for scripts"
+FORMAT_HELP = "for people (default text), or for scripts"
 PROJECT_OPTIONS = "options that add to the project's configuration"
 """The title of these options in `--help`; the page of the commands lists them once."""
 

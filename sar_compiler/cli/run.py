@@ -350,7 +350,7 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     add = group.add_argument
     text = (
         "show the run: in place on a terminal, otherwise a line for each change (text); on a page for a browser on this "
-        "machine, until Ctrl-C in a terminal (web); or not (none, the default)"
+        "machine, until Ctrl-C in a terminal (web); or not (default none)"
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
     web_port = add_page_options(group, "with --view web: ")
@@ -362,7 +362,7 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     add("--publish", action="store_true", help=text)
     text = "show the tree live in Groot2, on this port of 127.0.0.1 and the next one (Groot2's default: 1667)"
     add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
-    text = "result as text for people (default), or as one line of JSON: status, reason, duration in seconds, figures"
+    text = "result for people (default text), or as one line of JSON: status, reason, duration in seconds, figures"
     add("--format", choices=("text", "json"), default="text", help=text)
     parser.hide(web_port)
 
@@ -395,7 +395,7 @@ def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
 
 
 def _add_for_experts(parser: Parser, group: _ArgumentGroup) -> None:
-    text = "the engine that ticks the tree: the project's (own, the default), or an installed py_trees_ros"
+    text = "the engine that ticks the tree: the project's (default own), or an installed py_trees_ros"
     engine = group.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help=text)
     text = (
         "the executor of rclpy for the mission's node: EventsExecutor, if rclpy has it and it can serve the "

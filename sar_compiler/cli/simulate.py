@@ -43,7 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_mission(parser)
     add_budget(parser)
-    text = "text for people (default), or for scripts, or for continuous integration"
+    text = "for people (default text), for scripts, or for continuous integration"
     add("--format", choices=("text", "json", "junit"), default="text", help=text)
     parser.set_defaults(run=simulate_file)
 

@@ -28,7 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--mended", action="store_true", help=text)
     text = "with text and github: report each location, instead of each cause once"
     add("--all", action="store_true", help=text)
-    text = "text for people (default), or for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
+    text = "for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
     add("--format", choices=FORMATS, default=FORMATS[0], help=text)
     parser.set_defaults(run=_validate)
 

@@ -150,7 +150,7 @@ def test_what_is_not_as_it_was_proposed_is_not_approved(tree, capsys):
     proposed = json.loads(approve(capsys, tree, "--propose")[1])
     write("part.xml", PART.replace("Success", "Failure"))
     status, _, said = approve(capsys, tree, "--digest", proposed["digest"])
-    assert (status, "it is not what was proposed" in said) == (2, True)
+    assert (status, "it differs from the proposal" in said) == (2, True)
     assert refusal(tree) is not None
 
 
@@ -405,7 +405,7 @@ class TestTheProperties:
         proposed = json.loads(approve(capsys, "looking.xml", "--propose", "--properties", "p.yaml")[1])
         Path("p.yaml").write_text(NEVER, encoding="utf-8")
         status, _, said = approve(capsys, *proposed["approve"].split()[2:])
-        assert (status, "it is not what was proposed" in said) == (2, True)
+        assert (status, "it differs from the proposal" in said) == (2, True)
 
 
 class TestAFolderOfOthers:

@@ -68,7 +68,7 @@ def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monke
 def test_what_somebody_should_see_is_said_on_standard_error_then(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
         RunOutput().say("a summary")
-    assert capsys.readouterr().err.endswith("and the run goes on\na summary\n")
+    assert capsys.readouterr().err.endswith("the run continues without output\na summary\n")
 
 
 def test_a_drawing_that_the_terminal_cannot_show_does_not_end_the_run(capsys, monkeypatch, tmp_path):

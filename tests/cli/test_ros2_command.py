@@ -112,11 +112,11 @@ def test_run_has_the_options_and_the_status_of_the_command(mission):
 def test_without_a_verb_the_verbs_are_told(mission):
     status, said = mission()
     assert status == 0
-    assert "orders" in said
+    assert "commands" in said
 
 
 def test_where_no_mission_drives_a_robot_the_list_says_so(mission):
-    assert mission("list") == (0, "No mission that drives a robot is in sight.\n")
+    assert mission("list") == (0, "No mission that drives a robot was found.\n")
 
 
 def test_the_list_has_the_missions_with_what_they_drive_and_heed(mission, robots):
@@ -161,7 +161,7 @@ def test_an_order_that_a_mission_does_not_heed_is_told_beside_those_that_it_does
 def test_of_several_missions_one_has_to_be_named(mission, robots):
     given = robots("digger", HEEDS)
     robots("flyer", HEEDS)
-    said = "ros2 mission pause: several missions run (/digger, /flyer): say --node\n"
+    said = "ros2 mission pause: several missions run (/digger, /flyer): choose one with --node\n"
     assert mission("pause") == (2, said)
     assert mission("pause", "--node", "flyer") == (0, "held\n")
     assert given == [("flyer", "pause")]

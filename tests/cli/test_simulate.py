@@ -131,8 +131,8 @@ def test_a_tree_that_cannot_be_played_has_status_1_and_one_that_cannot_be_read_2
 @pytest.mark.parametrize(
     ("option", "said"),
     [
-        (("--ticks", "0"), "'0' is not a whole number above 0"),
-        (("--until", "at == 'base"), "is no condition"),
+        (("--ticks", "0"), "'0' is not an integer above 0"),
+        (("--until", "at == 'base"), "is no valid condition"),
         (("--until", "root === 1"), "did you mean '=='?"),
     ],
 )

@@ -182,7 +182,7 @@ def test_what_cannot_be_played_is_said(capsys, arguments, words):
         (["--vary", "tries=[1"], "is not NAME=VALUE,VALUE"),
         (["--unusual", "2"], "'2' is not a number between 0 and 1"),
         (["--confidence", "1"], "'1' is not a number above 0 and below 1"),
-        (["--seed", "-1"], "'-1' is not a whole number, 0 or above"),
+        (["--seed", "-1"], "'-1' is not an integer, 0 or above"),
         (["--jobs", "100000"], f"'100000' is not a number of processes from 1 to {MOST_JOBS}"),
     ],
 )

@@ -63,7 +63,7 @@ def test_a_folder_without_findings_is_counted(capsys):
 
 def test_a_folder_without_tree_files_has_status_2(capsys):
     write("ws/package.xml", "<package/>")
-    assert run(capsys, "ws") == (2, "", "sar-compile: there is no tree file in ws\n")
+    assert run(capsys, "ws") == (2, "", "sar-compile: ws has no tree file\n")
 
 
 def test_a_file_that_is_named_twice_is_checked_once(capsys):

@@ -238,7 +238,7 @@ answers: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -=
         (["--set", "zones_lef=1"], "did you mean 'zones_left'?"),
         (["--set", "zones_left=many"], "the fact 'zones_left' is a whole number"),
         (["--set", "zones_left"], "'zones_left' is not FACT=VALUE"),
-        (["--max-states", "none"], "'none' is not a whole number above 0"),
+        (["--max-states", "none"], "'none' is not an integer above 0"),
         (["--properties", "nowhere.yaml"], "cannot read nowhere.yaml"),
         (["--tree", "Other"], "sar-compile: there is no tree 'Other'; the file has"),
     ],

@@ -117,7 +117,7 @@ FURTHER = [
     ('zone_order: ["attic", "attic"]', "parameter zone_order: names 'attic' more than once"),
     (
         'zone_order: ["attic", 2]',
-        "'zone_order' mixes text with a whole number: a list must be all of one type",
+        "'zone_order' mixes text with an integer: a list must be all of one type",
     ),
     ("attic: {x: 3.5, y: .nan, yaw: 1.57}", "parameter zones.attic.y: must be a finite number, is nan"),
     ("attic: {x: 3.5, y: 3.0}", "parameter zones.attic.yaw: is missing: write a number"),

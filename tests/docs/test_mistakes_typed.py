@@ -68,7 +68,7 @@ IN_A_SHELL = {
     "cannot read …: it is a device, not a file": "sar-compile validate /dev/zero",
     "cannot read …: it is a pipe, not a file": "mkfifo {folder}/pipe; sar-compile validate {folder}/pipe",
     "the name of a tree file is empty": "sar-compile validate ''",
-    "there is no tree file in …": "mkdir {folder}/empty; sar-compile validate {folder}/empty",
+    "… has no tree file": "mkdir {folder}/empty; sar-compile validate {folder}/empty",
     "standard output cannot be written: …": "sar-compile validate {folder}/plain.xml > /dev/full",
     "standard output is closed": "sar-compile validate {folder}/plain.xml >&-",
 }

@@ -85,7 +85,7 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["--fault", "report_survivor:drop=1"], "--fault is for the simulator"),
         (["--sim", "--speed", "0"], "'0' is not a number from 0.001 to 10000"),
         (["--sim", "--speed", "1e300"], "'1e300' is not a number from 0.001 to 10000"),
-        (["--supervise", "1000000"], "'1000000' is not a whole number from 1 to 1000"),
+        (["--supervise", "1000000"], "'1000000' is not an integer from 1 to 1000"),
         (["--sim", "--fault", "report_survivor:drp=1"], "drop"),
         (["--sim", "moon"], "there is no world file 'moon'"),
         (["--sim", "my_tree.xml"], "put the tree before --sim"),

@@ -119,7 +119,7 @@ def test_without_a_payload_there_are_no_parameters(payload):
     [
         ("a: 3", "the payload is no JSON"),
         ("[" * 100_000, "the payload is no JSON"),
-        ("[1]", "the payload is a JSON object"),
+        ("[1]", "the payload must be a JSON object"),
         ('{"a": ' * 900 + "1" + "}" * 900, "the payload is nested too deeply"),
         ('{"a": NaN}', "the payload is no JSON: NaN is no number of JSON"),
         ('{"a": {"b": [Infinity]}}', "the payload is no JSON: Infinity is no number of JSON"),

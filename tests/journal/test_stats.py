@@ -125,7 +125,7 @@ def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
 @pytest.mark.parametrize(
     ("children", "words"),
     [
-        ([leaf("Drive"), leaf("Fly")], "'Fly' (a.Leaf) stands where 'Look' (a.Leaf) does"),
+        ([leaf("Drive"), leaf("Fly")], "'Fly' (a.Leaf) replaces 'Look' (a.Leaf)"),
         ([leaf("Drive"), leaf("Look", attributes={"x": 2})], "'Look' has other attributes"),
         ([leaf("Drive")], "it has 2 nodes instead of 3"),
     ],

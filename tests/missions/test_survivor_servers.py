@@ -142,7 +142,7 @@ class TestDetecting:
     def test_warns_of_a_name_that_is_nearly_that_of_its_table_once(self, ros: Ros, said: Said) -> None:
         caller = self.serve(ros, "survivor.kitchen.x:=1.0", "survivor.kitchen.y:=2.0", "tick_rate:=1.0")
         assert not caller.detect("kitchen").found
-        warnings = [line.partition("]: ")[2] for line in said.lines() if "is not read" in line]
+        warnings = [line.partition("]: ")[2] for line in said.lines() if "is not used" in line]
         assert warnings == ["parameter 'survivor' is not used: did you mean 'survivors'?"]
 
     def test_its_service_follows_its_namespace(self, make_ros: Callable[..., Ros]) -> None:

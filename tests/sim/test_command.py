@@ -110,7 +110,7 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
     [
         (["run", "--speed", "0"], "'0' is not a number from 0.001 to 10000"),
         (["run", "--speed", "fast"], "'fast' is not a number from 0.001 to 10000"),
-        (["run", "--seed", "-1"], "'-1' is not a whole number"),
+        (["run", "--seed", "-1"], "'-1' is not an integer"),
         (["run", "--fault", "navigate_to_pose:abrt=zone_a"], "did you mean 'abort'?"),
         (
             ["run", "--fault", "report_survivor:drop=1"],

@@ -70,8 +70,8 @@ class TestNames:
             ("/robot1", "'/robot1' is no valid namespace"),
             ("robot-1:0,0", "'robot-1' is no valid namespace"),
             ("r" * 101, "is no valid namespace"),
-            ("a__b:1,1", "'a__b' cannot be a namespace"),
-            ("___", "'___' cannot be a namespace"),
+            ("a__b:1,1", "'a__b' is no valid namespace"),
+            ("___", "'___' is no valid namespace"),
             ("robot1:", "'' is not a finite number"),
             ("robot1:1", "'1' has 1 number;"),
             ("robot1:1,2,3,4", "'1,2,3,4' has 4 numbers;"),
@@ -128,7 +128,7 @@ class TestPlaces:
 
     def test_two_at_the_world_s_start_touch_and_are_told_how_to_be_placed(self) -> None:
         with pytest.raises(
-            PlacementError, match=r"touching robot 'robot1' at .*\(give a start: robot2:X,Y\)"
+            PlacementError, match=r"touching robot 'robot1' at .*write a start, robot2:X,Y"
         ):
             check_placements(OPEN, [Placement("robot1"), Placement("robot2")])
 
