@@ -175,7 +175,10 @@ class TestBudget:
 
     def test_work_that_has_published_nothing_is_an_error_with_the_reason(self):
         budget, is_over = Budget(0.0, patience_sec=0.0), threading.Event()
-        with pytest.raises(BudgetSpentError, match="nothing is known yet: stopped after 0 s: raise the limit with --max-seconds"):
+        with pytest.raises(
+            BudgetSpentError,
+            match="nothing is known yet: stopped after 0 s: raise the limit with --max-seconds",
+        ):
             budget.run(is_over.wait)
         is_over.set()
 

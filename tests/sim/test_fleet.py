@@ -127,9 +127,7 @@ class TestPlaces:
             check_placements(disaster_zone, [Placement("far", Pose2D(100.0, 100.0))])
 
     def test_two_at_the_world_s_start_touch_and_are_told_how_to_be_placed(self) -> None:
-        with pytest.raises(
-            PlacementError, match=r"touching robot 'robot1' at .*write a start, robot2:X,Y"
-        ):
+        with pytest.raises(PlacementError, match=r"touching robot 'robot1' at .*write a start, robot2:X,Y"):
             check_placements(OPEN, [Placement("robot1"), Placement("robot2")])
 
     def test_two_may_stand_closely_side_by_side(self) -> None:

@@ -388,7 +388,12 @@ class Binder:
             return f"{message}, which is known from {other.engine}", None, hint, f"these are like <{tag}>"
         if known := palettes_with(tag):
             names = " or ".join(known)
-            return message, None, f"add a palette that describes it: --model {names}", f"these are nodes of {names}"
+            return (
+                message,
+                None,
+                f"add a palette that describes it: --model {names}",
+                f"these are nodes of {names}",
+            )
         return message, near, _UNKNOWN_HINT, _UNKNOWN
 
     def _own_children(self, element: Element, tree_id: str) -> Sequence[Element]:
