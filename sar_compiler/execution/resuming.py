@@ -1,8 +1,8 @@
 """Compatibility checks before a mission resumes from a journal: the same tree, and the same mission.
 
 A crashed process takes the state of its tree with it; only the events in the journal remain. A resumed tree therefore starts over, and its
-leaves skip the work that the events show as done. This is only right if the events mean the same as before: a zone that was moved since
-would be skipped although its new position was never searched. So every difference is an error before the first tick.
+leaves skip the work that the events show as done. This is only right if the events mean the same as before: a place that was moved since
+would be skipped although the robot never visited its new position. So every difference is an error before the first tick.
 """
 
 from collections.abc import Mapping
