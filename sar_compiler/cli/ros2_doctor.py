@@ -1,7 +1,7 @@
-"""What `ros2 doctor` checks and reports of this project: whether all that a mission takes is installed.
+"""Checks and reports of this project for `ros2 doctor`: whether everything that a mission needs is installed.
 
-It looks at the installed files, and for a second at the ROS graph: sources that exclude each other. Whether a robot is ready for a tree is
-asked by `ros2 mission run TREE --check`.
+They examine the installed files, and the ROS graph for a second, for conflicting sources. Use `ros2 mission run TREE --check` to check that
+a robot is ready for a tree.
 """
 
 from collections.abc import Callable
@@ -21,14 +21,14 @@ _CATEGORY = "mission"
 
 
 class MissionCheck(DoctorCheck):
-    """Whether missions can be run here."""
+    """Checks that missions can be run on this machine."""
 
     def category(self) -> str:
-        """Return what check and report have in common."""
+        """Return the category of check and report."""
         return _CATEGORY
 
     def check(self) -> Result:
-        """Say what is missing, and count it."""
+        """Report and count missing items."""
         result = Result()
         loads: list[Callable[[], object]] = [partial(import_module, package) for package in INTERFACES]
         for load in [*loads, load_missions]:
@@ -45,14 +45,14 @@ class MissionCheck(DoctorCheck):
 
 
 class MissionReport(DoctorReport):
-    """What missions are run with."""
+    """Versions of the software that runs missions."""
 
     def category(self) -> str:
-        """Return what check and report have in common."""
+        """Return the category of check and report."""
         return _CATEGORY
 
     def report(self) -> Report:
-        """Return versions, the kernel, and the missions that are installed."""
+        """Return versions, the kernel, and the installed missions."""
         report = Report("MISSION")
         for package in ("sar_compiler", "py_trees"):
             report.add_to_report(package, version(package))
@@ -72,7 +72,7 @@ def _conflicts() -> list[str]:
 
 
 def _trouble_with(load: Callable[[], object]) -> str:
-    """Return why something cannot be loaded; empty if it can."""
+    """Return why loading fails; empty if it succeeds."""
     try:
         load()
     except ImportError as error:
