@@ -336,9 +336,7 @@ def _add_simulation(parser: Parser, group: _ArgumentGroup) -> None:
     add("--sim", nargs="?", const=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
     text = "with --sim: at most N simulated seconds per second (default 1); no step is skipped"
     add("--speed", type=speed, metavar="N", help=text)
-    text = (
-        "with --sim: drive accurately (default quick), or like Nav2 with the shipped parameters (nav2)"
-    )
+    text = "with --sim: drive accurately (default quick), or like Nav2 with the shipped parameters (nav2)"
     add("--like", choices=MANNER_NAMES, help=text)
     text = "with --sim: inject a fault, such as navigate_to_pose:reject=1; may be repeated"
     add("--fault", action="append", default=[], metavar="SPEC", help=text)

@@ -31,7 +31,7 @@ FILES = {
 
 # What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
 TYPED = {
-    "… cannot be run like this; nothing has moved": "sar-run {folder}/wrong.xml",
+    "… cannot be run with these options; the robot has not moved": "sar-run {folder}/wrong.xml",
     "there is no journal … to resume. Omit --resume": "sar-run --resume --journal {folder}/none",
     "cannot read …: …": "sar-run nowhere.xml",
     "there is no tree file '…', nor a shipped tree of that name": "sar-run nowhere",
@@ -80,7 +80,7 @@ BESIDE_A_JOURNAL = {
 # Messages that need no row on the page, because they say what to write instead.
 PLAIN = {
     "there is no journal … to resume. Omit --resume",
-    "… cannot be run like this; nothing has moved",
+    "… cannot be run with these options; the robot has not moved",
     "… already exists and is not overwritten. Choose another name",
     "the name of a tree file is empty",
     "there is no tree file '…', nor a shipped tree of that name",
@@ -132,7 +132,7 @@ EXTRAS = {
     "view": ("rich", "sar-run {folder}/plain.xml --view text"),
     "web": ("uvicorn", "sar-run {folder}/plain.xml --view web"),
 }
-NOT_SHIPPED = "no file '…' is shipped in …"
+NOT_SHIPPED = "… has no shipped file '…'"
 NO_MIDDLEWARE = "RMW_IMPLEMENTATION is '…', which is not installed. Installed: …"
 BROKEN_ENGINE = "--engine py_trees_ros: it is installed but cannot be loaded: …"
 NO_ENGINE = "--engine py_trees_ros: it is not installed here (…)"

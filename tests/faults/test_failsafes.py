@@ -396,9 +396,7 @@ class TestFence:
         assert record.alarm == "the robot, at (3.00, 1.00), is outside the geofence"
         comes_to(Status.SUCCESS, 1.0)
         comes_to(Status.FAILURE, float("nan"))
-        assert (
-            record.alarm == "the last pose of the localisation cannot be used: (nan, 1.0) is not a position"
-        )
+        assert record.alarm == "the last pose of the localisation is unusable: (nan, 1.0) is not a position"
         comes_to(Status.SUCCESS, 1.0)
 
     def test_between_two_poses_of_the_localisation_the_odometry_says_where_it_is(

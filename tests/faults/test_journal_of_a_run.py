@@ -150,8 +150,8 @@ def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
     ("arguments", "words"),
     [
         (["--resume", "--new"], "not allowed with"),
-        (["--check", "--resume"], "--check begins nothing"),
-        (["--journal", "none", "--resume"], "--journal none does not go with"),
+        (["--check", "--resume"], "--check starts no run"),
+        (["--journal", "none", "--resume"], "--journal none excludes"),
         (["--resume"], " to resume. Omit --resume"),
     ],
 )

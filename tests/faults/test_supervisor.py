@@ -80,8 +80,8 @@ def test_a_mission_that_has_died_is_resumed_and_it_is_told(misbehave, how):
     run = misbehave(2, how, "--supervise")
     assert run.end() == 0, run.output
     for number in (1, 2):
-        assert f"sar-run: the mission has died (by {how}): it is resumed ({number} of 3)" in run.output
-    assert f"The mission was begun again 2 times by its supervisor: by {how}; by {how}." in run.output
+        assert f"sar-run: the mission has crashed (by {how}): it is resumed ({number} of 3)" in run.output
+    assert f"The supervisor restarted the mission 2 times: by {how}; by {how}." in run.output
     assert shown().count(f"by its supervisor (the previous process has died: by {how})") == 2
 
 

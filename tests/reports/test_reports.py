@@ -613,7 +613,7 @@ class TestThePage:
     def test_somebody_whose_position_cannot_be_used_is_an_alarm_until_the_zone_is_searched_again(self):
         unplaced = ("survivor_unplaced", {"zone": "zone_c", "reason": "(nan, 1.0) is not a position"})
         again = ("zone_searched", {"zone": "zone_c", "survivor": None})
-        said = "There is a survivor at no usable position in zone_c: (nan, 1.0) is not a position"
+        said = "There is a survivor at an unusable position in zone_c: (nan, 1.0) is not a position"
         for told, is_over in (([unplaced], False), ([unplaced, again], True)):
             (alarm,) = report_data(mission(*told))["alarms"]
             assert (alarm["text"], alarm["is_over"]) == (said, is_over)
