@@ -145,7 +145,7 @@ def test_ctrl_c_ends_the_comparison_and_what_is_known_is_shown(conform, flight, 
 def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):
     status, out, _ = conform(flight(tree_id="Elsewhere"))
     assert status == 1
-    assert "not compared: the tree has nodes other than those that ran; it is of 'Elsewhere' of " in out
+    assert "not compared: the tree's nodes differ from those of the run; it is of 'Elsewhere' of " in out
 
 
 def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
@@ -168,7 +168,7 @@ def test_a_journal_without_a_tree_is_told_so(conform, place):
         journal.end(Ending.STOPPED, 0)
     status, out, _ = conform(place / "bare.journal")
     assert status == 1
-    assert out.endswith("bare.journal: not compared: there is no run of a tree in it\n")
+    assert out.endswith("bare.journal: not compared: it has no run of a tree\n")
 
 
 def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkeypatch):
