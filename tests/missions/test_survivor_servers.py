@@ -282,7 +282,10 @@ class TestCommands:
         ("arguments", "part"),
         [
             (["--ros-args", "-p", "survivors.cave.x:=1.0"], r"survivors\.cave\.y: is missing"),
-            (["--ros-args", "-p", "survivors:=[]"], "parameter survivors: an empty list"),
+            (
+                ["--ros-args", "-p", "survivors:=[]"],
+                "parameter survivors: ROS cannot infer the type of an empty list",
+            ),
             (["--ros-args", "-r", "nothing"], "'-r nothing' is not understood"),
             (["--ros-args", "--params-file", "none.yaml"], "cannot read none.yaml: No such file"),
         ],

@@ -339,7 +339,9 @@ class TestArguments:
         assert all(part in text for part in parts), text
 
     def test_an_empty_list_names_its_parameter(self, launch: Launch) -> None:
-        assert "parameter zone_order: an empty list" in launch.error("-p", "zone_order:=[]")
+        assert "parameter zone_order: ROS cannot infer the type of an empty list" in launch.error(
+            "-p", "zone_order:=[]"
+        )
 
     def test_use_sim_time_must_be_true_or_false(self, launch: Launch) -> None:
         assert "use_sim_time must be true or false, not 3" in launch.error("-p", "use_sim_time:=3")
