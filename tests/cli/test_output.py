@@ -60,8 +60,7 @@ def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monke
         output.show("another tree")
     assert output.lost
     assert capsys.readouterr().err == (
-        "sar-run: standard output cannot be written (Broken pipe); "
-        "nothing is shown from here on, and the run goes on\n"
+        "sar-run: standard output can no longer be written (Broken pipe); the run continues without output\n"
     )
 
 

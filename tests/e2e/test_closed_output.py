@@ -28,6 +28,6 @@ def test_a_reader_who_goes_away_does_not_stop_the_robot():
         finally:
             run.kill()
     assert run.returncode == 0, log
-    assert log.count("standard output cannot be written (Broken pipe)") == 1
+    assert log.count("standard output can no longer be written (Broken pipe)") == 1
     assert "zones visited:   1 of 1 (zone_b)" in log
     assert "Traceback" not in log
