@@ -878,6 +878,6 @@ class TestTheWait:
     ) -> None:
         from sar_compiler.ros import readiness as module
 
-        monkeypatch.setattr(module, "_PROGRESS_PERIOD_SEC", 0.1)
+        monkeypatch.setattr(module, "_PROGRESS_PERIOD_SEC", 0.0)
         missing(ros, readiness(ros.node(), Use.service("a"), Use.topic("c")))
         assert said.has("Waiting for: service a: no server; topic c: no publisher")
