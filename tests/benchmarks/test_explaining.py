@@ -23,4 +23,4 @@ def test_a_cause_is_planted_in_a_tree_that_has_the_place_for_it(cause):
         text = Path(f"trees/{name}.xml").read_text(encoding="utf-8")
         assert [old for old, _ in edits if old not in text] == []
     # Something named by any line would always be found.
-    assert not re.search(cause.named, "0:00  run ENDED, The time limit of 1:00 was reached.")
+    assert not re.search(cause.named, "0:00  run ENDED, The time limit of 1:00 has expired.")

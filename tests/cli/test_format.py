@@ -33,7 +33,7 @@ def rough(request, tmp_path):
 
 
 def test_a_file_is_written_anew_in_its_own_form_with_its_comments_and_permissions(capsys, rough):
-    assert run(capsys, rough) == (0, f"{rough}: written anew\n", "")
+    assert run(capsys, rough) == (0, f"{rough}: rewritten\n", "")
     assert rough.read_text(encoding="utf-8") == NEAT[rough.suffix[1:]]
     assert rough.stat().st_mode & 0o777 == 0o640
 
@@ -66,7 +66,7 @@ def test_encoding_byte_order_mark_and_line_ends_stay_as_they_are(capsys, rough, 
     rough.write_bytes((mark + before.replace("\n", end)).encode(encoding))
     neat = NEAT[form].replace("why", "wä€r" if "utf" in encoding else "wär")
     after = mark + neat.replace("UTF-8", DECLARED[encoding]).replace("\n", end)
-    assert run(capsys, rough) == (0, f"{rough}: written anew\n", "")
+    assert run(capsys, rough) == (0, f"{rough}: rewritten\n", "")
     assert rough.read_bytes() == after.encode(encoding)
     assert run(capsys, "--check", rough) == (0, "", "")
 
@@ -82,7 +82,7 @@ def test_a_malformed_file_is_left_alone_and_the_others_are_written(capsys, rough
     broken = tmp_path / "broken.xml"
     broken.write_text("<root>", encoding="utf-8")
     status, out, err = run(capsys, broken, rough)
-    assert (status, out) == (1, f"{rough}: written anew\n")
+    assert (status, out) == (1, f"{rough}: rewritten\n")
     assert f"{broken}:1:7: error[malformed-xml]" in err
     assert broken.read_text(encoding="utf-8") == "<root>"
 
@@ -97,7 +97,7 @@ def test_text_that_would_be_lost_is_a_finding_and_stays(capsys, tmp_path):
 
 def test_a_file_that_is_not_there_has_status_2(capsys, rough):
     status, out, err = run(capsys, "nowhere.xml", rough)
-    assert (status, out) == (2, f"{rough}: written anew\n")
+    assert (status, out) == (2, f"{rough}: rewritten\n")
     assert "cannot read nowhere.xml" in err
 
 

@@ -34,7 +34,7 @@ def test_a_name_that_is_unknown_in_several_files_is_told_once_with_the_other_pla
     _, out, err = run(capsys, "ws")
     assert len(heads(out)) == 1
     assert "no node is called 'Grasp'; and in 2 more places: ws/b.xml:3, ws/c.xml:3" in out
-    assert err == "1 error in 3 files; --all tells 3 places\n"
+    assert err == "1 error in 3 files; --all lists 3 locations\n"
 
 
 @pytest.mark.parametrize(("places", "told"), [(1, 1), (3, 3), (4, 1), (12, 1)])

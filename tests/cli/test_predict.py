@@ -67,7 +67,7 @@ def test_a_plot_has_both_lines_and_seconds_that_can_be_read(predict, tmp_path):
 def test_without_times_there_is_no_plot_and_that_is_said(predict, tmp_path):
     status, out, err = predict("--plot", "{folder}/plot.svg", "--max-states", "3")
     assert status == 1
-    assert "Not all states were gone through" in out
+    assert "Not all states were explored" in out
     assert err.endswith("plot.svg is not written: no time of an end was computed, or no run ends\n")
     assert not (tmp_path / "plot.svg").exists()
 

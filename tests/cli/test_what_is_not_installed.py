@@ -153,4 +153,4 @@ def test_an_engine_that_cannot_be_loaded_says_what_is_missing(line, said, tmp_pa
         "nothing", "sar_compiler.cli.run:main", "--engine", "py_trees_ros", PYTHONPATH=str(tmp_path)
     )
     assert (status, "Traceback" in err, "not installed here" in err) == (2, False, False), err
-    assert f"sar-run: --engine py_trees_ros: it is here, and {said}" in err
+    assert f"sar-run: --engine py_trees_ros: it is installed but {said}" in err

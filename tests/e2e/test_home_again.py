@@ -47,7 +47,7 @@ def test_the_robot_comes_home_where_its_battery_would_not_bring_it_home_again_an
         "Next zone by expected_find: zone_d.",
         "Navigating to base station...",
         "Reached base station.",
-        "The battery is at 100%: on to zone_d.",
+        "The battery is at 100%: the robot continues to zone_d.",
         "Navigating to zone_d...",
         "Mission complete.",
     ]
@@ -61,5 +61,5 @@ def test_no_property_is_broken_in_it_and_the_report_has_its_reason_and_its_figur
     assert "Monitored 10 properties: none violated." in run.output
     text = json.dumps(report)
     assert "the reserve is 15%: home first" in text
-    assert "and suffices" in text
+    assert ", suffices" in text
     assert "metres to the point of no return" in text

@@ -133,4 +133,4 @@ def test_a_parameter_that_is_nearly_what_a_tree_takes_is_warned_of(start, tmp_pa
     run.wait_for(f"{written}:1:25: {note}" if is_in_file else f" {note}")
     run.wait_for("Waiting for")
     run.stop()
-    assert run.output.count("is not read") == 1, run.output
+    assert run.output.count("is not used") == 1, run.output

@@ -80,15 +80,15 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["--groot2", "1667", "--check"], "--check starts no run to observe"),
         (["--groot2", "65535"], "'65535' is not a port that has a next one, 1 to 65534"),
         (["--groot2", "0"], "'0' is not a port that has a next one, 1 to 65534"),
-        (["--speed", "2"], "--speed is for the simulator"),
-        (["--seed", "0"], "--seed is for the simulator"),
-        (["--fault", "report_survivor:drop=1"], "--fault is for the simulator"),
+        (["--speed", "2"], "--speed applies to the simulator"),
+        (["--seed", "0"], "--seed applies to the simulator"),
+        (["--fault", "report_survivor:drop=1"], "--fault applies to the simulator"),
         (["--sim", "--speed", "0"], "'0' is not a number from 0.001 to 10000"),
         (["--sim", "--speed", "1e300"], "'1e300' is not a number from 0.001 to 10000"),
         (["--supervise", "1000000"], "'1000000' is not an integer from 1 to 1000"),
         (["--sim", "--fault", "report_survivor:drp=1"], "drop"),
         (["--sim", "moon"], "there is no world file 'moon'"),
-        (["--sim", "my_tree.xml"], "put the tree before --sim"),
+        (["--sim", "my_tree.xml"], "write the tree before --sim"),
         (
             ["--sim", "search_and_rescue"],
             "'search_and_rescue' looks like a tree: write the tree before --sim",
@@ -157,7 +157,7 @@ def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, ca
     run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", "--journal", journal, env=path)
     assert run.end() == 3
     assert "did not start (status 3): the mission cannot start:\n  Nav2: the world" in why(journal, capsys)
-    assert "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map, and" in run.output
+    assert "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map for navigation" in run.output
     assert "Waiting for" not in run.output
 
 
@@ -346,7 +346,7 @@ def test_a_zone_out_of_reach_is_tried_ever_more_rarely(start, witness):
         "--ros-args", "-p", "use_sim_time:=true", "-p", f"time_limit_sec:={limit}",
     )  # fmt: skip
     assert run.end() == 1
-    assert "The time limit of 1:00 was reached." in run.output
+    assert "The time limit of 1:00 has expired." in run.output
     assert "zone_b, zone_c and zone_d were not visited." in run.output
     # To zone_a, and then to zone_b and back home in turns, each after pauses of 0, 1, 2, 4 and from then on 8 s.
     assert 8 < len(watching.goals()) <= 30

@@ -122,7 +122,7 @@ def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve)
     server = serve(SHORT, FAILING)
     assert client.trees() == ["Failing", "Short"]
     assert client.run("Failing") == (ABORTED, FAILURE, "The root of the tree ended with FAILURE.")
-    server.wait_for("Run of 'Failing' begins.")
+    server.wait_for("Run of 'Failing' starts.")
     server.wait_for("Run of 'Failing' ended with FAILURE: The root of the tree ended with FAILURE.")
     # Nobody hears what is published before he is known of, which he is by now, or what comes behind the end that he has asked for.
     client.told.clear()
@@ -167,7 +167,7 @@ def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
     assert not client.ask("Short", json.dumps({"a\0b": 1})).accepted
     server.wait_for("Goal refused: the payload has a parameter 'a\\x00b': use letters")
     assert not client.ask("Zones", json.dumps({"areas_file": "/etc/passwd"})).accepted
-    server.wait_for("Goal refused: the payload cannot set areas_file, which is the path of a file")
+    server.wait_for("Goal refused: the payload cannot set areas_file, which is a file path")
     assert client.ask("Long").accepted
     assert not client.ask("Short").accepted
     server.wait_for("Goal refused: a mission is running")

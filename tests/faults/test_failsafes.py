@@ -321,7 +321,7 @@ class TestConditions:
         assert leaf.update() is Status.SUCCESS
         clock.advance(31.0)
         assert leaf.update() is Status.FAILURE
-        assert record.alarm == "nothing on 'battery_state' for 30 s"
+        assert record.alarm == "no message on 'battery_state' for 30 s"
 
     @pytest.mark.ros
     @pytest.mark.parametrize("percentage", [85.0, float("nan")])
@@ -340,7 +340,7 @@ class TestConditions:
         assert leaf.update() is Status.SUCCESS
         clock.advance(31.0)
         assert leaf.update() is Status.FAILURE
-        assert record.alarm.startswith("nothing on 'battery_state' for 30 s (percentage is ")
+        assert record.alarm.startswith("no message on 'battery_state' for 30 s (percentage is ")
 
     def test_a_battery_that_falls_silent_counts_as_low(
         self, listening: Listening, record: MissionRecord
@@ -688,7 +688,7 @@ def test_base_is_lost_when_it_was_away_for_longer_than_the_patience(ros: Any, re
     assert leaf.update() is Status.SUCCESS
     clock.advance(61.0)
     assert leaf.update() is Status.FAILURE
-    assert record.alarm == "base ('report_survivor') is out of reach for 61 s"
+    assert record.alarm == "base ('report_survivor') has been unreachable for 61 s"
     leaf.shutdown()
 
 
@@ -725,7 +725,7 @@ def test_the_operator_holds_skips_and_calls_home_a_flight(start: Any, ros: Any) 
         "Command skip_zone by a service call.",
         "Navigating to zone_c...",
         "Failsafe: the robot was called home by a service call.",
-        "zone_d is given up: the robot was called home by a service call.",
+        "zone_d is abandoned: the robot was called home by a service call.",
         "Reached base station.",
     ]
     assert in_order(told, run.log) is None, run.output

@@ -127,7 +127,7 @@ def test_goals_are_canceled_in_a_context_of_their_own_and_what_does_not_end_is_n
     requested: list[GoalNews] = []
     apart = Canceller("canceller")
     try:
-        assert apart.cancel(goals, 3.0, requested.append) == ["/navigate_to_pose"]
+        assert apart.cancel(goals, 6.0, requested.append) == ["/navigate_to_pose"]
     finally:
         apart.close()
     assert requested == goals

@@ -224,7 +224,7 @@ class TestJudging:
     @pytest.mark.parametrize(
         ("survivor_id", "verdict", "same_as", "said"),
         [
-            ("survivor_9", 1, "", "there is no 'survivor_9'"),
+            ("survivor_9", 1, "", "unknown survivor 'survivor_9'"),
             ("survivor_1", 7, "", "unknown verdict 7"),
             ("survivor_1", 3, "survivor_9", "'survivor_1' cannot be merged with 'survivor_9'"),
             ("survivor_1", 3, "survivor_1", "'survivor_1' cannot be merged with 'survivor_1'"),

@@ -233,7 +233,7 @@ sys.exit(status)
 """
 
 
-@pytest.mark.parametrize("moment", [1, 5, 40])
+@pytest.mark.parametrize("moment", [1, 5, 20])
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_ctrl_c_in_the_first_moments_ends_every_command_without_a_traceback(command, moment):
     arguments = {

@@ -140,7 +140,7 @@ def test_the_time_limit_ends_what_is_not_over_by_itself(mission):
     assert result is not None
     assert (result.achieved, result.reason) == (
         False,
-        "The time limit of 0:10 was reached. a was not visited. The robot did not return to the base station.",
+        "The time limit of 0:10 has expired. a was not visited. The robot did not return to the base station.",
     )
 
 

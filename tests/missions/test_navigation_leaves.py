@@ -401,7 +401,7 @@ class TestFailure:
         under_way(stage, leaf, server)
         host.close()
         assert stage.run(leaf) is Status.FAILURE
-        assert "gone for 0.5 s. The robot may still be moving" in stage.warnings[0]
+        assert "missing for 0.5 s. The robot may still be moving" in stage.warnings[0]
         assert leaf.settled(), "nobody is there to answer the cancel"
 
     def test_a_server_that_was_replaced_before_its_first_feedback_is_found_out(self, stage: "Stage") -> None:

@@ -41,8 +41,8 @@ def test_the_values_of_a_complete_order_are_taken():
         ({"x": None}, "go: x is None, and must be a number"),
         ({"how": ""}, "go: how is '', and must be one of FAST, SLOW"),
         ({"whom": 1}, "go: whom is 1, and must be a text"),
-        ({"why": "so"}, "go takes no 'why'"),
-        ({"\ud800": "so"}, r"go takes no '\ud800'"),
+        ({"why": "so"}, "go has no field 'why'"),
+        ({"\ud800": "so"}, r"go has no field '\ud800'"),
     ],
 )
 def test_what_is_wrong_with_an_order_is_said(values, words):

@@ -617,7 +617,7 @@ def test_a_localisation_that_dies_ends_the_drive_and_is_back_without_a_pose(
     spy, navigation = Spy(client), Navigation(client)
     result = navigation.result(navigation.send(3.5, 3.0))
     assert (result.status, result.result.error_code) == (ABORTED, 0)
-    assert "pose is not known" in result.result.error_msg
+    assert "pose is unknown" in result.result.error_msg
     client.wait(spy.stands, "the robot's standing still")
     assert client.state_of("bt_navigator") == "active", "it lives on"
     assert client.state_of("amcl") == "active", "back"

@@ -125,7 +125,7 @@ def test_who_may_only_look_takes_no_time_from_a_run(run):
 def test_before_there_is_a_tree_nothing_can_be_asked():
     tools = LiveTools(lambda *_: None)
     for tool in ("entries", "breakpoints"):
-        with pytest.raises(ToolError, match="not made yet"):
+        with pytest.raises(ToolError, match="not built yet"):
             ask(tools, tool)
 
 

@@ -87,7 +87,7 @@ def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginn
     orders, _, _ = team
     assert orders.know(0, beginning) == []
     assert orders.available(0) == []
-    with pytest.raises(VerbError, match="not known here"):
+    with pytest.raises(VerbError, match="not installed here"):
         orders.give("pause", {}, OrderGiver("", 0))
 
 
