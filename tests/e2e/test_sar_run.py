@@ -157,7 +157,10 @@ def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, ca
     run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", "--journal", journal, env=path)
     assert run.end() == 3
     assert "did not start (status 3): the mission cannot start:\n  Nav2: the world" in why(journal, capsys)
-    assert "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map for navigation" in run.output
+    assert (
+        "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map for navigation"
+        in run.output
+    )
     assert "Waiting for" not in run.output
 
 

@@ -64,7 +64,10 @@ def test_a_robot_far_from_home_charges_at_the_place_that_is_nearer_and_goes_on(s
     assert "Mission complete." in run.output
     told = [line for line in run.log if "dock" in line or line.startswith("The battery is at")]
     assert ": dock first, " in told[0], told
-    assert told[-2:] == ["Reached charging place dock.", "The battery is at 100%: the robot continues to zone_a."]
+    assert told[-2:] == [
+        "Reached charging place dock.",
+        "The battery is at 100%: the robot continues to zone_a.",
+    ]
     show = start("sar-journal", "show", place)
     assert show.end() == 0
     kinds = [word for line in show.output.splitlines() for word in line.split()]
