@@ -99,12 +99,12 @@ def _server():
 
 
 def import_all():
-    """Import all modules of the package."""
-    import sar_compiler
-
-    for module in pkgutil.walk_packages(sar_compiler.__path__, "sar_compiler."):
-        with suppress(ImportError):  # of what is optional
-            importlib.import_module(module.name)
+    """Import all modules of the package and of the shipped mission."""
+    for name in ("sar_compiler", "search_and_rescue"):
+        package = importlib.import_module(name)
+        for module in pkgutil.walk_packages(package.__path__, f"{name}."):
+            with suppress(ImportError):  # of what is optional
+                importlib.import_module(module.name)
 
 
 def _tell_tracing_of_forks():
