@@ -251,7 +251,7 @@ CAUSES = (
     ),
     _edit(
         "the mission's time",
-        r"MissionTimeLeft\? FAILURE.*20 s is up",
+        r"MissionTimeLeft\? FAILURE.*20 s has expired",
         'limit="30min"',
         'limit="20s"',
         GUARDED,
@@ -314,7 +314,7 @@ CAUSES = (
     ),
     _edit(
         "a battery that says nothing",
-        r"BatterySuffices\? FAILURE.*nothing on",
+        r"BatterySuffices\? FAILURE.*no message on",
         'at_least="0.2"',
         'at_least="0.2" max_age_sec="0.000001"',
         GUARDED,
