@@ -23,7 +23,7 @@ FINDINGS = 1
 USAGE = 2
 RULE_FAILED = 3
 """The status of `sar-compile` if one of the project's own rules failed; findings of the others are reported."""
-ADRIFT = 4
+ROBOT_MAY_MOVE = 4
 """The status of a stopped run with a goal that may still be active."""
 INTERRUPTED = 130
 PIPE_CLOSED = 141

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from sar_compiler.analysis.tree_analysis import predict_tree, verify_tree
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Named, Registry
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.project.workspace import Workspace
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.gathering import find_tree
+from sar_compiler.tree.discovery import find_tree
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -134,7 +134,7 @@ def load(
         if isinstance(several, str):
             raise TypeError(f"{name} is the string '{several}': write a collection, {name}=['{several}']")
     palettes, folders = (tuple(Path(path) for path in each) for each in (models, include_path))
-    additions = Additions(
+    additions = CommandLineSettings(
         tuple(nodes), palettes, folders, registry=registry, mission=mission, is_isolated=isolated
     )
     # The frames in between are `_note`, `project_of` and the two `load`.

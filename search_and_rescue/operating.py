@@ -18,7 +18,7 @@ from sar_compiler.leaves import (
     stamped_pose,
 )
 from search_and_rescue.orders import OperatorOrders
-from search_and_rescue.record import MissionRecord, Standing
+from search_and_rescue.record import DetectionVerdict, MissionRecord
 from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
 
 _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
@@ -135,7 +135,7 @@ class NotHeld(RosLeaf):
             return f"unknown verdict {request.verdict}"
         if self.record.survivor(survivor_id) is None:
             return f"unknown survivor '{survivor_id}'"
-        merged = standing is Standing.MERGED
+        merged = standing is DetectionVerdict.MERGED
         if merged and (same_as == survivor_id or self.record.survivor(same_as) is None):
             return f"'{survivor_id}' cannot be merged with '{same_as}'"
         self.record.survivor_judged(survivor_id, standing, same_as if merged else None)
@@ -178,4 +178,4 @@ class AwaitStandstill(RosLeaf):
 
 
 # The constants of sar_interfaces/srv/JudgeSurvivor.
-_STANDINGS = {1: Standing.CONFIRMED, 2: Standing.REJECTED, 3: Standing.MERGED}
+_STANDINGS = {1: DetectionVerdict.CONFIRMED, 2: DetectionVerdict.REJECTED, 3: DetectionVerdict.MERGED}

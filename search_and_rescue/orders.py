@@ -5,7 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.leaves import alive, find_interface, turn_by
-from sar_compiler.missions import CommandAuthor, Journal, JournalEntry, Verb, VerbField, mission_context
+from sar_compiler.missions import (
+    CommandAuthor,
+    CommandField,
+    Journal,
+    JournalEntry,
+    OperatorCommand,
+    mission_context,
+)
 from search_and_rescue import search_events
 from search_and_rescue.zone_manager import MAP_FRAME
 
@@ -172,7 +179,7 @@ class CommandSpec(NamedTuple):
         done: Its effect, followed by `by` and the author in messages; empty for a command that only changes the plan or the probabilities.
     """
 
-    verb: Verb
+    verb: OperatorCommand
     served_by: tuple[str, ...]
     fact: str = search_events.COMMAND_GIVEN
     sentence: Callable[..., str] | None = _said_given
@@ -181,15 +188,17 @@ class CommandSpec(NamedTuple):
 
 COMMANDS = (
     CommandSpec(
-        Verb("pause", "Pause", "The robot stops, and its goal is cancelled.", role="hold"),
+        OperatorCommand("pause", "Pause", "The robot stops, and its goal is cancelled.", role="hold"),
         ("NotHeld",),
         done="paused",
     ),
     CommandSpec(
-        Verb("resume", "Resume", "The mission resumes.", role="release"), ("NotHeld",), done="resumed"
+        OperatorCommand("resume", "Resume", "The mission resumes.", role="release"),
+        ("NotHeld",),
+        done="resumed",
     ),
     CommandSpec(
-        Verb(
+        OperatorCommand(
             "skip_zone",
             "Skip zone",
             "The current zone is abandoned.",
@@ -200,16 +209,16 @@ COMMANDS = (
         None,
     ),
     CommandSpec(
-        Verb(
+        OperatorCommand(
             "add_zone",
             "Add zone",
             "A further zone is added at the end of the plan.",
             "sar_interfaces/srv/AddZone",
             (
-                VerbField("zone", "Name"),
-                VerbField("x", "x, metres", "number"),
-                VerbField("y", "y, metres", "number"),
-                VerbField("heading", "heading, degrees counterclockwise from x", "number"),
+                CommandField("zone", "Name"),
+                CommandField("x", "x, metres", "number"),
+                CommandField("y", "y, metres", "number"),
+                CommandField("heading", "heading, degrees counterclockwise from x", "number"),
             ),
             fill=_add_zone,
         ),
@@ -218,16 +227,16 @@ COMMANDS = (
         _said_added,
     ),
     CommandSpec(
-        Verb(
+        OperatorCommand(
             "add_area",
             "Draw an area",
             "A further area is swept. An area whose search has not started can be changed.",
             "sar_interfaces/srv/AddArea",
             (
-                VerbField("zone", "Name; an existing name changes that area"),
-                VerbField("corners", "Corners", "polygon", optional=True),
-                VerbField("poa", "probability that a person is there, 0 to 1", "number", optional=True),
-                VerbField(
+                CommandField("zone", "Name; an existing name changes that area"),
+                CommandField("corners", "Corners", "polygon", optional=True),
+                CommandField("poa", "probability that a person is there, 0 to 1", "number", optional=True),
+                CommandField(
                     "detection_range", "how far a survivor can be seen, metres", "number", optional=True
                 ),
             ),
@@ -238,16 +247,18 @@ COMMANDS = (
         _said_drawn,
     ),
     CommandSpec(
-        Verb(
+        OperatorCommand(
             "add_hint",
             "Add a hint",
             "A person is more or less likely in a zone. Takes effect when the next zone is chosen.",
             "sar_interfaces/srv/AddHint",
             (
-                VerbField("zone", "Zone; empty for the one at the position, or the nearest", optional=True),
-                VerbField("x", "x, metres", "number", optional=True),
-                VerbField("y", "y, metres", "number", optional=True),
-                VerbField("times", "likelihood ratio: 3 for more likely, 0.3 for less", "number"),
+                CommandField(
+                    "zone", "Zone; empty for the one at the position, or the nearest", optional=True
+                ),
+                CommandField("x", "x, metres", "number", optional=True),
+                CommandField("y", "y, metres", "number", optional=True),
+                CommandField("times", "likelihood ratio: 3 for more likely, 0.3 for less", "number"),
             ),
             fill=_add_hint,
         ),
@@ -256,14 +267,14 @@ COMMANDS = (
         _said_hint,
     ),
     CommandSpec(
-        Verb(
+        OperatorCommand(
             "judge_survivor",
             "Review a detection",
             "Decide whether a detection is a survivor.",
             "sar_interfaces/srv/JudgeSurvivor",
             (
-                VerbField("survivor", "Detection", "found"),
-                VerbField(
+                CommandField("survivor", "Detection", "found"),
+                CommandField(
                     "verdict",
                     "It is",
                     "choice",
@@ -273,7 +284,7 @@ COMMANDS = (
                         ("SAME", "a duplicate of another"),
                     ),
                 ),
-                VerbField("same_as", "Duplicate of", "found", optional=True),
+                CommandField("same_as", "Duplicate of", "found", optional=True),
             ),
             fill=_judge,
         ),
@@ -282,7 +293,7 @@ COMMANDS = (
         _said_judged,
     ),
     CommandSpec(
-        Verb(
+        OperatorCommand(
             "go_home",
             "Go home",
             "The robot returns to the base station.",
@@ -292,7 +303,7 @@ COMMANDS = (
         done="called home",
     ),
     CommandSpec(
-        Verb(
+        OperatorCommand(
             "abort",
             "Abort",
             "The mission ends, and the robot stays where it is.",

@@ -23,7 +23,7 @@ UNSEARCHED = "visited, not searched"
 """State of a zone that the robot visited without finishing a search."""
 
 
-class Standing(str, Enum):
+class DetectionVerdict(str, Enum):
     """The operator's review of a detection."""
 
     CANDIDATE = "candidate"
@@ -61,7 +61,7 @@ class FoundSurvivor:
     acknowledged: bool = False
     kept: bool = False
     possibly: str | None = None
-    standing: Standing = Standing.CANDIDATE
+    standing: DetectionVerdict = DetectionVerdict.CANDIDATE
     found_at: EventTime | None = field(default=None, compare=False)
     sent_at: EventTime | None = field(default=None, compare=False)
     acknowledged_at: EventTime | None = field(default=None, compare=False)
@@ -69,16 +69,16 @@ class FoundSurvivor:
     def __str__(self) -> str:
         name = self.survivor_id or "a survivor without a name"
         place = f" in {self.zone_id}" if self.zone_id else ""
-        said = "" if self.standing is Standing.CANDIDATE else f", {self.standing.value}"
+        said = "" if self.standing is DetectionVerdict.CANDIDATE else f", {self.standing.value}"
         if self.possibly is not None:
-            how = " with" if self.standing is Standing.MERGED else ", possibly"
+            how = " with" if self.standing is DetectionVerdict.MERGED else ", possibly"
             said += f"{how} {self.possibly}"
         return f"{name}{place} at ({self.x:.2f}, {self.y:.2f}){said}"
 
     @property
     def counts(self) -> bool:
         """Whether base must receive its report: the operator has not rejected it or merged it with another survivor."""
-        return self.standing in (Standing.CANDIDATE, Standing.CONFIRMED)
+        return self.standing in (DetectionVerdict.CANDIDATE, DetectionVerdict.CONFIRMED)
 
     @property
     def report(self) -> str:
@@ -171,7 +171,7 @@ class KeptReports:
             self._reports.pop(data["survivor"], None)
 
 
-class DoneBefore:
+class ResumedOutcomes:
     """Results of earlier runs that a resumed tree, which starts over, must not repeat.
 
     Searches and names are those of the zone, or of the piece of its sweep, that the earlier run had not left. Each is returned once, in order, so
@@ -188,7 +188,7 @@ class DoneBefore:
         self.home = False
 
     @classmethod
-    def of(cls, facts: Iterable[JournalEntry]) -> "DoneBefore":
+    def of(cls, facts: Iterable[JournalEntry]) -> "ResumedOutcomes":
         """Return the results contained in the events of earlier runs of the same mission."""
         before = cls()
         for fact in facts:
@@ -274,7 +274,7 @@ class MissionRecord:
 
     def __init__(self, duplicate_radius_m: float = DUPLICATE_RADIUS_M) -> None:
         self.journal = Journal(apply=self.apply)
-        self.before = DoneBefore()
+        self.before = ResumedOutcomes()
         self._duplicate_radius_m = duplicate_radius_m
         self._zones: dict[str, ZoneRecord] = {}
         self._survivors: list[FoundSurvivor] = []
@@ -388,7 +388,9 @@ class MissionRecord:
             if each.survivor_id and math.dist((each.x, each.y), (x, y)) <= within
         ]
 
-    def survivor_judged(self, survivor_id: str, standing: Standing, same_as: str | None = None) -> None:
+    def survivor_judged(
+        self, survivor_id: str, standing: DetectionVerdict, same_as: str | None = None
+    ) -> None:
         """Record the operator's review of a detection.
 
         Args:
@@ -488,7 +490,7 @@ class MissionRecord:
 
     def _on_survivor_judged(self, _: EventTime, survivor: str, standing: str, same_as: str | None) -> None:
         said = {"possibly": same_as} if same_as else {}
-        self._set(survivor, standing=Standing(standing), **said)
+        self._set(survivor, standing=DetectionVerdict(standing), **said)
 
     def _on_report_sent(self, at: EventTime, survivor: str) -> None:
         self._set(survivor, sent_at=at)

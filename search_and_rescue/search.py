@@ -17,8 +17,8 @@ from sar_compiler.missions import (
     Level,
     MissionPhase,
     MissionRun,
+    OperatorCommand,
     SearchedArea,
-    Verb,
     clock_text,
 )
 from search_and_rescue import search_events
@@ -26,11 +26,11 @@ from search_and_rescue.homing import Homing
 from search_and_rescue.orders import SENTENCES, VERBS, OperatorOrders
 from search_and_rescue.record import (
     UNSEARCHED,
-    DoneBefore,
+    DetectionVerdict,
     FoundSurvivor,
     KeptReports,
     MissionRecord,
-    Standing,
+    ResumedOutcomes,
     how_given_up,
 )
 from search_and_rescue.sweep_record import Sweeps
@@ -150,7 +150,7 @@ class Search(MissionRun):
             JournalError: If the events are not those of a search.
         """
         journal.attach(self, self.kinds)
-        self.record.before = DoneBefore.of(journal.facts())
+        self.record.before = ResumedOutcomes.of(journal.facts())
         self._share(journal)
 
     def _share(self, journal: Journal) -> None:
@@ -310,7 +310,7 @@ class Search(MissionRun):
         """Return the limits: any number of pieces in a sweep, and any number of commands."""
         return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
-    def verbs(self) -> Sequence[Verb]:
+    def verbs(self) -> Sequence[OperatorCommand]:
         """Return the commands that trees with these leaves execute."""
         return VERBS
 
@@ -387,7 +387,7 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
     given_up = Level.GIVEN_UP if not survivor.counts else None
     level = given_up or (Level.DONE if survivor.acknowledged else Level.IN_HAND)
     name, standing = survivor.survivor_id or f"find {number}", survivor.standing
-    who = f"{'the same as' if standing is Standing.MERGED else 'possibly'} {survivor.possibly}"
+    who = f"{'the same as' if standing is DetectionVerdict.MERGED else 'possibly'} {survivor.possibly}"
     details = {
         "report": survivor.report,
         "found": survivor.found_at,
@@ -401,9 +401,9 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
         survivor.y,
         standing.value,
         level,
-        who if survivor.possibly or standing is Standing.MERGED else "",
+        who if survivor.possibly or standing is DetectionVerdict.MERGED else "",
         within=survivor.zone_id,
-        is_certain=standing is Standing.CONFIRMED,
+        is_certain=standing is DetectionVerdict.CONFIRMED,
         details=details,
     )
 

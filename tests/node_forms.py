@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.semantics import Order
-from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, ParameterRole
 from sar_compiler.nodes.values import NO_VALUE, ConversionError, ValueType
 from sar_compiler.runtime.expressions import Script
 
@@ -62,7 +62,7 @@ def forms(registry: Registry | None = None) -> list[Form]:
 
 
 def _forms_of(spec: NodeSpec) -> Iterator[Form]:
-    samples = {p.name: _samples(p) for p in spec.parameters.values() if p.role is Role.ATTRIBUTE}
+    samples = {p.name: _samples(p) for p in spec.parameters.values() if p.role is ParameterRole.ATTRIBUTE}
     samples = {name: texts for name, texts in samples.items() if name not in spec.fixed}
     usual = {p.name: samples[p.name][0] for p in spec.required}
     seen: set[tuple[tuple[str, str], ...]] = set()

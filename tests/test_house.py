@@ -442,7 +442,7 @@ OPENED_ELSEWHERE = {
         "sqlite3.connect": "SQLite takes names alone; open_by_name requires that it opens the file that was checked",
     },
     "journal/opening.py": {"JournalFile.open": "the method above"},
-    "journal/reserve.py": {"os.open": "to write; fstat says that it is a file"},
+    "journal/spill_file.py": {"os.open": "to write; fstat says that it is a file"},
     "nodes/declared.py": {"path.read_text": OWN},
     "nodes/nav2/__init__.py": {"Path(__file__).with_name('nodes.yaml').read_text": OWN, "yaml.load": TEXT},
     "nodes/schemas/xml_schema.py": {"Path(__file__).with_name('frame.xsd').read_text": OWN},
@@ -547,7 +547,7 @@ def test_no_text_outside_its_home_names_a_node():
 OF_A_MISSION = re.compile(r"\w*(?:zone|survivor|rescue|base_station)\w*|\bhome\b", re.IGNORECASE)
 """Words of the mission that ships, which no room that shows, keeps or runs any mission knows."""
 SAID_ELSEWHERE = {
-    "journal/situation.py": {"timezone"},
+    "journal/display.py": {"timezone"},
     "reports/report_exchange.py": {"timezone", "RESCUE"},  # a category of the Common Alerting Protocol
     "reports/report_html.py": {"astimezone"},
     "web/static/tree_view.js": {"Home"},  # a key of the keyboard

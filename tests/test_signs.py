@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.journal.situation import Level
+from sar_compiler.journal.display import Level
 from sar_compiler.style import LEVELS, colour_of, literal, rgb, sign_of, style
 
 

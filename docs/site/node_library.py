@@ -13,7 +13,7 @@ import sar_compiler
 from sar_compiler.compiler.outline import unicode_tree, with_tags
 from sar_compiler.nodes.models.palette import value_text
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole
 from sar_compiler.testing import compiled
 
 FOLDER = Path(__file__).parents[1] / "reference/nodes"
@@ -151,21 +151,21 @@ def _attributes(spec: NodeSpec) -> Iterator[str]:
     items = [
         f"- `{each.name}` ({_type(each)}, {_default(each)}): {each.doc}"
         for each in spec.attributes
-        if each.role is not Role.NAME and each.name not in spec.fixed
+        if each.role is not ParameterRole.NAME and each.name not in spec.fixed
     ]
     if items:
         yield "\n".join(["Attributes:\n", *items]).replace("<", "\\<")
 
 
 def _type(parameter: Parameter) -> str:
-    if parameter.role is Role.REFERENCE:
+    if parameter.role is ParameterRole.REFERENCE:
         return f"name of a {parameter.target_name}"
     direction = f"{parameter.direction.words.partition(',')[0]}, " if parameter.direction else ""
     return f"{direction}{parameter.value_type.label}"
 
 
 def _default(parameter: Parameter) -> str:
-    if parameter.role is Role.REFERENCE:
+    if parameter.role is ParameterRole.REFERENCE:
         return "default: the only one"
     if parameter.required:
         return "required"

@@ -7,8 +7,8 @@ from sar_compiler.checks.fixing import apply_fixes, fixes
 from sar_compiler.project import ProjectTree
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic
+from sar_compiler.tree.discovery import parse_tree, read_tree_file
 from sar_compiler.tree.forest import Read
-from sar_compiler.tree.gathering import parse_tree, read_tree_file
 from sar_compiler.tree.model import TreeFile
 
 _ROUNDS = 20

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from sar_compiler.analysis.approval import ApprovalError, Fingerprint, approve_command
+from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.analysis.tree_analysis import verify_tree
 from sar_compiler.analysis.trial import try_tree
 from sar_compiler.analysis.trial_work import WORK
-from sar_compiler.analysis.trying import TrialBudget
 from sar_compiler.analysis.verification_view import verification_data
 from sar_compiler.errors import UndecidableError
 from sar_compiler.project import ProjectTree
@@ -20,7 +20,7 @@ def all_findings(tree: ProjectTree) -> list[Diagnostic]:
     Raises:
         SarError: As `ProjectTree.check` does.
     """
-    return [*tree.check(), *try_tree(tree, lambda: TrialBudget(WORK))]
+    return [*tree.check(), *try_tree(tree, lambda: SearchBudget(WORK))]
 
 
 def has_errors(findings: list[Diagnostic]) -> bool:

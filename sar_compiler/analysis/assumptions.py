@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from sar_compiler.analysis.leaf_words import LeafWords, report_script, unknown_in, word
+from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary, report_script, unknown_in, word
 from sar_compiler.analysis.simulated_tree import (
     Assumptions,
     SimulatedTree,
@@ -22,7 +22,7 @@ from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placehold
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.models import described_specs
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.nodes.spec import NodeSpec, Role
+from sar_compiler.nodes.spec import NodeSpec, ParameterRole
 from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 from sar_compiler.runtime.expressions import name_uses
 from sar_compiler.runtime.script import parse
@@ -82,7 +82,7 @@ def read_assumptions(
         answers: The value of its `answers:`, if it has any.
         simulated: The tree, simulated without any of it.
     """
-    said = {} if answers is None else _read_answers(answers, LeafWords(document, simulated))
+    said = {} if answers is None else _read_answers(answers, LeafVocabulary(document, simulated))
     used = {use for options in said.values() for answer in options for use in _names_in(answer)}
     values = {} if facts is None else _read_facts(document, facts, simulated.fact_values(), used)
     return Assumptions(values, said)
@@ -110,7 +110,7 @@ def _read_facts(
     return facts
 
 
-def _read_answers(value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...]]:
+def _read_answers(value: Value, words: LeafVocabulary) -> dict[str, tuple[Answer, ...]]:
     said: dict[str, tuple[Answer, ...]] = {}
     for key, inner in value.entries or ():
         leaves = words.find(key)
@@ -125,7 +125,7 @@ def _read_answers(value: Value, words: LeafWords) -> dict[str, tuple[Answer, ...
 
 
 def _declared(
-    words: LeafWords,
+    words: LeafVocabulary,
     key: Value,
     items: Sequence[Value],
     leaves: Sequence[StubLeaf],
@@ -193,7 +193,7 @@ def _check_chances(document: Document, value: Value, answers: Sequence[Answer]) 
         )
 
 
-def check_answers(value: Value | None, words: LeafWords) -> None:
+def check_answers(value: Value | None, words: LeafVocabulary) -> None:
     """Report unknown names in the assumed answers of leaves, once all assumptions are known.
 
     Args:
@@ -234,7 +234,7 @@ def _can(spec: NodeSpec, status: str) -> bool:
 
 
 def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer, spec: NodeSpec) -> bool:
-    known = [SELF, *(p.name for p in spec.parameters.values() if p.role is Role.REFERENCE)]
+    known = [SELF, *(p.name for p in spec.parameters.values() if p.role is ParameterRole.REFERENCE)]
     mistake = mistake_in(answer, known, [p.name for p in spec.parameters.values() if p.is_whole_number])
     if mistake is not None:
         part, _, error = mistake

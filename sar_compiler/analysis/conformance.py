@@ -11,7 +11,7 @@ from itertools import takewhile
 from operator import and_, or_
 from typing import NamedTuple
 
-from sar_compiler.analysis.property_watch import PropertyWatch, WatchAlarm, only_when, undeclared
+from sar_compiler.analysis.runtime_monitor import RuntimeMonitor, WatchAlarm, only_when, undeclared
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.stub_leaf import StubLeaf
@@ -139,7 +139,7 @@ def conform(
     if lost is None:
         judged.conclude(is_over=is_over)
     elif file is not None:
-        judged.go_on(PropertyWatch(flight.at_start(), file, tags), lost, is_over=is_over)
+        judged.go_on(RuntimeMonitor(flight.at_start(), file, tags), lost, is_over=is_over)
     ticks = flight.record[-1].tick if flight.record else 0
     misfit = None if lost is None else flight.misfit(lost)
     return Conformance(ticks, misfit, judged.found(), properties.left_out)
@@ -412,7 +412,7 @@ class _Judged:
         count = self._properties.rules.monitors.count
         return (1 << len(self._properties.names)) - (1 << count)
 
-    def go_on(self, watch: PropertyWatch, lost: LostTick, *, is_over: bool) -> None:
+    def go_on(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
         """Evaluate the rest of a run that is no longer possible for the tree, by its events alone."""
         times, names = {}, self._properties.names
         for tick in ticks_of(self._flight.record):

@@ -14,9 +14,9 @@ from sar_compiler.analysis.assumptions import (
     start_assumptions,
     take_controls,
 )
-from sar_compiler.analysis.leaf_words import LeafWords
+from sar_compiler.analysis.bounded_search import SearchBudget, can_prepare, findings_of_runs, mark
+from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary
 from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated
-from sar_compiler.analysis.trying import TrialBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.analysis.verify.properties import PropertyFile, read_property_file
 from sar_compiler.documents.located import Document
 from sar_compiler.errors import SarError
@@ -68,17 +68,17 @@ def search_runs(
         for each in others if file is None else [file, *others]:
             tree.report_warnings(each.document.warnings)
         if file is not None:
-            check_answers(file.answers, LeafWords(file.document, simulated))
+            check_answers(file.answers, LeafVocabulary(file.document, simulated))
         return search(simulated, file, {spec.tag for spec in tree.project.registry if spec.kind.is_leaf})
 
 
-def begin_with(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
+def set_initial_facts(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
     """Set the initial facts to those of one run; a file of properties defines those of proofs."""
     for name in facts.keys() & simulated.fact_values().keys():
         simulated.facts.resolve(name).write(facts[name])
 
 
-def try_runs(tree: ProjectTree, binding: Binding, budget: TrialBudget, how_to_see: str) -> list[Diagnostic]:
+def try_runs(tree: ProjectTree, binding: Binding, budget: SearchBudget, how_to_see: str) -> list[Diagnostic]:
     """Return findings about ticks of a bound tree that raise; see `tree_analysis.try_tree`."""
     if not can_prepare(binding, budget):
         return []

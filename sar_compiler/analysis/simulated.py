@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from sar_compiler.analysis.leaf_words import LeafWords
+from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary
 from sar_compiler.analysis.simulate.running import Failure, Run, ScenarioPlayer, failures
 from sar_compiler.analysis.simulate.scenario_files import Play, read_expectations, read_scenario, understand
 from sar_compiler.analysis.trace_view import failure_line, trace
@@ -96,7 +96,7 @@ class Simulated:
         run = self.run
         document = _document({"expect": expectations})
         said = document.validate("scenario").mapping["expect"]
-        expect = read_expectations(said, LeafWords(document, run.simulated))
+        expect = read_expectations(said, LeafVocabulary(document, run.simulated))
         document.raise_findings()
         if "ends" not in expectations:
             expect = replace(expect, ends=run.ended)

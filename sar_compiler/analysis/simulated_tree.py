@@ -21,7 +21,7 @@ from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_answer, f
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.instances import Instance
 from sar_compiler.nodes.binding.skips import SkipAnalysis, by_itself, report_misread
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.outcome_sets import ALLOWED, WORD_OF, F, R, S
 from sar_compiler.nodes.palettes import palettes_with
@@ -38,7 +38,7 @@ from sar_compiler.runtime.kernel.table import is_known_class
 from sar_compiler.runtime.kernel.timing import TimeoutNode
 from sar_compiler.runtime.kernel.turning import SubTreeNode, TurningNode
 from sar_compiler.runtime.leaf_protocol import NoStatusError
-from sar_compiler.runtime.parents import Parent
+from sar_compiler.runtime.parents import EngineParent
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.ticking import OwnDecorator, behaviour_class
@@ -280,7 +280,7 @@ def compile_simulated(
             stand_ins[node] = made
     if unknown:
         raise OnlyDescribedError(unknown)
-    collector = Collector()
+    collector = FindingCollector()
     arguments = SimulationArguments({Clock: clock}, parameters, collector, binding.enums)
     arguments.stand_ins = stand_ins
     builder = SimulationBuilder(binding, arguments, collector, assumptions or Assumptions())
@@ -351,7 +351,11 @@ class SimulationBuilder(Builder):
     """
 
     def __init__(
-        self, binding: Binding, arguments: SimulationArguments, collector: Collector, assumptions: Assumptions
+        self,
+        binding: Binding,
+        arguments: SimulationArguments,
+        collector: FindingCollector,
+        assumptions: Assumptions,
     ) -> None:
         super().__init__(binding, arguments, collector)
         self._stand_ins = arguments.stand_ins
@@ -418,7 +422,7 @@ class SimulationBuilder(Builder):
         if not bound.spec.asks:
             return super()._make(instance, bound, children)
         made = super()._make(instance, bound, children)
-        assert isinstance(made, Parent)  # noqa: S101 - a stand-in is one of ours
+        assert isinstance(made, EngineParent)  # noqa: S101 - a stand-in is one of ours
         made.ask(self._stub(instance, bound))
         return made
 

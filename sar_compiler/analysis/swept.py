@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.analysis.leaf_words import EventPattern, LeafWords
+from sar_compiler.analysis.leaf_vocabulary import EventPattern, LeafVocabulary
 from sar_compiler.analysis.simulate.replaying import ReusedTree
 from sar_compiler.analysis.simulate.running import Drawn, Failure, Player, ScenarioPlayer, failures
 from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
@@ -19,7 +19,7 @@ from sar_compiler.analysis.sweep import Played
 from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml
 from sar_compiler.errors import SarError, UndecidableError
-from sar_compiler.project import Additions, ProjectTree, Workspace
+from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
 
 # py_trees' blackboard is global to the process, and a worker may have several threads.
 _ALONE = threading.Lock()
@@ -53,7 +53,7 @@ class ScenarioRuns:
 
     tree: Path
     content: str
-    additions: Additions
+    additions: CommandLineSettings
     scenario: str
     path: str
     unusual: float = 0.0
@@ -92,7 +92,7 @@ class ScenarioRuns:
         if not self.counted:
             return []
         document = document_of({"count": list(self.counted)}, "--count", "")
-        words = LeafWords(document, simulated)
+        words = LeafVocabulary(document, simulated)
         found = [words.deed(item) for item in document.root.mapping["count"].listed]
         document.raise_findings()
         return [each for each in found if each is not None]
@@ -158,7 +158,7 @@ def content_of(tree: ProjectTree) -> str:
 
 
 @functools.lru_cache
-def _stage(path: Path, content: str, additions: Additions) -> Stage:
+def _stage(path: Path, content: str, additions: CommandLineSettings) -> Stage:
     tree = Workspace(additions).load(path)
     if content_of(tree) != content:
         raise ChangedTreeError(f"{path}, or one of its files, has changed since the sweep started")

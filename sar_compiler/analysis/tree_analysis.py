@@ -14,7 +14,7 @@ from sar_compiler.runtime.answers import Fact
 if TYPE_CHECKING:
     from sar_compiler.analysis.conformance import Conformance
     from sar_compiler.analysis.predict import Prediction
-    from sar_compiler.analysis.property_watch import PropertyWatch
+    from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
     from sar_compiler.analysis.simulate.scenario_files import Stage
     from sar_compiler.analysis.simulated_tree import SimulatedTree
     from sar_compiler.analysis.verify.properties import PropertyFile
@@ -107,7 +107,7 @@ def watch_tree(
     parameters: Mapping[str, object] | None = None,
     tree_id: str | None = None,
     clock: Callable[[], float] = lambda: 0.0,
-) -> "PropertyWatch":
+) -> "RuntimeMonitor":
     """Return the monitor of a run of a tree for properties.
 
     Args:
@@ -122,17 +122,17 @@ def watch_tree(
     Raises:
         TreeError, UndecidableError: As `LoadedTree.verify`.
     """
-    from sar_compiler.analysis.proofs import begin_with, search_runs
-    from sar_compiler.analysis.property_watch import PropertyWatch
+    from sar_compiler.analysis.proofs import search_runs, set_initial_facts
+    from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
     from sar_compiler.analysis.verify.limits import limits_of
 
     known = facts or {}
 
     def watch(
         simulated: "SimulatedTree", file: "PropertyFile | None", tags: Collection[str]
-    ) -> PropertyWatch:
-        begin_with(simulated, known)
-        return PropertyWatch(simulated, file, tags, watched, clock, limits_of(simulated, known))
+    ) -> RuntimeMonitor:
+        set_initial_facts(simulated, known)
+        return RuntimeMonitor(simulated, file, tags, watched, clock, limits_of(simulated, known))
 
     start = StartValues(parameters or {}, known)
     return search_runs(tree, tree.binding(tree_id), properties, None, start, watch)
@@ -168,7 +168,7 @@ def conform_tree(  # noqa: PLR0913 - each has its default
         OtherTreeError: If the tree has nodes other than those that ran.
     """
     from sar_compiler.analysis.conformance import conform
-    from sar_compiler.analysis.proofs import begin_with, search_runs
+    from sar_compiler.analysis.proofs import search_runs, set_initial_facts
 
     binding = tree.binding(tree_id)
     said = _start_values(tree, params, binding)
@@ -178,7 +178,9 @@ def conform_tree(  # noqa: PLR0913 - each has its default
     def search(
         simulated: "SimulatedTree", file: "PropertyFile | None", tags: Collection[str]
     ) -> "Conformance":
-        begin_with(simulated, {name: value for name, value in start.facts.items() if name not in given})
+        set_initial_facts(
+            simulated, {name: value for name, value in start.facts.items() if name not in given}
+        )
         return conform(simulated, file, tags, record, names, is_over=is_over)
 
     return search_runs(tree, binding, properties, facts, begun, search)

@@ -14,7 +14,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
 from sar_compiler.tree.model import Element
 
 if TYPE_CHECKING:
-    from sar_compiler.analysis.trying import TrialBudget
+    from sar_compiler.analysis.bounded_search import SearchBudget
 
 
 def try_within(
@@ -28,12 +28,12 @@ def try_within(
         seconds: The processor time for it; None for any.
         is_spent: Returns whether the user wants it to end.
     """
-    budgets: list[TrialBudget] = []
+    budgets: list[SearchBudget] = []
 
-    def budget() -> "TrialBudget":
-        from sar_compiler.analysis.trying import TrialBudget
+    def budget() -> "SearchBudget":
+        from sar_compiler.analysis.bounded_search import SearchBudget
 
-        budgets.append(TrialBudget(work, seconds, is_spent))
+        budgets.append(SearchBudget(work, seconds, is_spent))
         return budgets[0]
 
     found = try_tree(tree, budget)
@@ -42,7 +42,7 @@ def try_within(
     return TrialOutcome(found, budgets[0].spent, budgets[0].is_limited, budgets[0].is_cut)
 
 
-def try_tree(tree: ProjectTree, budget: "Callable[[], TrialBudget]") -> list[Diagnostic]:
+def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Diagnostic]:
     """Return findings about ticks that raise, within a budget; none for a file with errors.
 
     A tree without keys and scripts cannot raise, and is not even compiled.

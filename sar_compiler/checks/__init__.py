@@ -29,8 +29,8 @@ from sar_compiler.checks.rules import (
 from sar_compiler.checks.suppressions import without_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.btcpp import Version
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.models import compare_models, described_specs, read_models, yielding
+from sar_compiler.nodes.collector import FindingCollector
+from sar_compiler.nodes.models import compare_models, described_specs, read_models, registry_without
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.spec import RegistrationError
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, Span
@@ -62,9 +62,9 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
     """Return the findings about palettes themselves, whatever tree files they are for."""
-    collector, palettes = Collector(), tuple(palettes)
+    collector, palettes = FindingCollector(), tuple(palettes)
     models = read_models(palettes, collector)
-    compare_models(models, yielding(registry, models), collector)
+    compare_models(models, registry_without(registry, models), collector)
     return [*_recoveries(palettes), *collector.findings]
 
 
@@ -107,7 +107,7 @@ def context_of(
 ) -> CheckContext:
     """Return a forest with what its tags mean; arguments as for `check`."""
     palettes = tuple(palettes)
-    registry = yielding(registry, read_models([*forest.files, *palettes], Collector()))
+    registry = registry_without(registry, read_models([*forest.files, *palettes], FindingCollector()))
     return CheckContext(forest, registry, palettes, btcpp)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from sar_compiler.checks.rules import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import slip_in_note
 from sar_compiler.nodes.binding.tree_ids import find_main_tree, is_node
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.registry import Registry, subtree
 from sar_compiler.nodes.spec import Provenance
@@ -114,7 +114,7 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
 def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield trees with the ID of a node that a palette describes, and that the program registers which runs the tree."""
     named = [palette for palette in context.palettes if palette.is_named]
-    models = read_models(named, Collector()).nodes if named else {}
+    models = read_models(named, FindingCollector()).nodes if named else {}
     for tree in context.forest.iterate() if models else ():
         tree_id = tree.attributes.get("ID", "")
         model = models.get(tree_id)

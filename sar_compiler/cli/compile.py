@@ -263,7 +263,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     from sar_compiler.nodes.btcpp.port_types import is_same
     from sar_compiler.nodes.cpp_names import normalized
     from sar_compiler.tree.difference import difference, difference_as_text, difference_data
-    from sar_compiler.tree.gathering import find_tree, read_tree_file
+    from sar_compiler.tree.discovery import find_tree, read_tree_file
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
 
@@ -346,7 +346,7 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
     """
     from sar_compiler.nodes.models.from_use import UseOfNodes
     from sar_compiler.nodes.models.palette import palette_of
-    from sar_compiler.tree.gathering import tree_files_in
+    from sar_compiler.tree.discovery import tree_files_in
 
     files = tree_files_in(arguments.from_use)
     loader = workspace(arguments, folders=(arguments.from_use,))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sar_compiler.budget import Budget
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.project import ProjectTree
-    from sar_compiler.reports.compared_flights import Flight
+    from sar_compiler.reports.compared_runs import Flight
     from sar_compiler.runtime.events import Event
 
 
@@ -49,7 +49,7 @@ def conform_flights(arguments: argparse.Namespace) -> int:
         TreeError: If a file has errors.
         JournalError: If a journal cannot be read.
     """
-    from sar_compiler.reports import compared_flights as views
+    from sar_compiler.reports import compared_runs as views
 
     (tree,) = load_checked(arguments, arguments.file)
     # Its code never checks whether to stop.
@@ -67,7 +67,7 @@ def _flight(place: Path, tree: "ProjectTree", budget: "Budget", arguments: argpa
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
-    from sar_compiler.reports.compared_flights import Flight
+    from sar_compiler.reports.compared_runs import Flight
     from sar_compiler.reports.journals import journal_word
 
     with JournalFile.reading(place) as file:

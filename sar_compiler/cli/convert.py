@@ -36,7 +36,7 @@ def convert_file(arguments: argparse.Namespace) -> int:
         WriteError: If the output is the input file, or cannot be written.
         UnreadableFileError: If the file does not exist or cannot be read.
     """
-    from sar_compiler.tree.gathering import find_tree
+    from sar_compiler.tree.discovery import find_tree
 
     path = find_tree(arguments.file)
     output: Path | None = arguments.output
@@ -63,6 +63,6 @@ def _convert(path: Path, arguments: argparse.Namespace) -> "Converted":
         loader.note_use()
         return convert_to_btcpp(tree.forest, project.registry, palettes, project.configuration.btcpp)
     from sar_compiler.tree.conversion import convert
-    from sar_compiler.tree.gathering import read_tree_file
+    from sar_compiler.tree.discovery import read_tree_file
 
     return convert(read_tree_file(path), Form(arguments.to))

@@ -9,7 +9,7 @@ from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, read_file
 from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.gathering import parse_tree, path_named
+from sar_compiler.tree.discovery import parse_tree, path_named
 from sar_compiler.writing import write_bytes
 
 

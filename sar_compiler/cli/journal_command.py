@@ -91,17 +91,17 @@ def _serve(options: argparse.Namespace) -> None:
 def _show(options: argparse.Namespace) -> None:
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.reports.journals import journal_json, journal_lines
-    from sar_compiler.reports.why import Inquiry, first_to_look_at
+    from sar_compiler.reports.why import FailureAnalysis, likeliest_cause
 
     # Checking the lock releases the locks of other readers of the file in this process.
     with JournalFile.reading(options.journal) as file:
-        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT, is_condensed=True))
+        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, is_condensed=True))
         state, show_all = inquiry.state, options.all
         state.look_at_process(is_gone=not file.is_written)
         if options.format == "json":
             lines = journal_json(file, state, with_watched=show_all)
         else:
-            lines = journal_lines(file, state, first_to_look_at(inquiry.why()), with_watched=show_all)
+            lines = journal_lines(file, state, likeliest_cause(inquiry.why()), with_watched=show_all)
         for line in lines:
             print(line)
 

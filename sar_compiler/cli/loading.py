@@ -15,7 +15,7 @@ from sar_compiler.parts import is_here
 from sar_compiler.tree.gc_pause import LARGE, gc_paused
 
 if TYPE_CHECKING:
-    from sar_compiler.project import Additions, ProjectTree, Workspace
+    from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
     from sar_compiler.project.project_tree import FurtherCheck
     from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -65,7 +65,7 @@ def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> 
 
 
 def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
-    """Return a workspace with the options of a command; *added* are further fields of `Additions`."""
+    """Return a workspace with the options of a command; *added* are further fields of `CommandLineSettings`."""
     with collection_saved():
         from sar_compiler.project.workspace import Workspace
     return Workspace(additions(arguments)._replace(**added), note=tell_note, further_checks=further_checks())
@@ -137,14 +137,14 @@ def report_findings(findings: "Sequence[Diagnostic]") -> int:
     return FINDINGS if any(each.severity is Severity.ERROR for each in findings) else OK
 
 
-def additions(arguments: argparse.Namespace) -> "Additions":
+def additions(arguments: argparse.Namespace) -> "CommandLineSettings":
     """Return the additions of a command's options to a project's configuration."""
-    from sar_compiler.project import Additions
+    from sar_compiler.project import CommandLineSettings
 
     models, folders = tuple(arguments.model), tuple(arguments.include_path)
     mission = getattr(arguments, "mission", None)  # some commands have no such option
     isolated = arguments.isolated
-    return Additions(
+    return CommandLineSettings(
         tuple(arguments.nodes), models, folders, arguments.trust, mission=mission, is_isolated=isolated
     )
 

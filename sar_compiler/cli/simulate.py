@@ -140,7 +140,7 @@ def _play(
 
 def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
     """Return the error in the argument of `--until`, if there is one."""
-    from sar_compiler.analysis.leaf_words import names_of, slips
+    from sar_compiler.analysis.leaf_vocabulary import names_of, slips
     from sar_compiler.analysis.simulate.scenario_files import OWN
 
     slip = next(slips(until, names_of(simulated), OWN), None)

@@ -36,13 +36,13 @@ from sar_compiler.parts import is_here
 from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.content import bytes_of, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
-from sar_compiler.tree.gathering import find_tree, tree_files_in
+from sar_compiler.tree.discovery import find_tree, tree_files_in
 from sar_compiler.tree.plain import count_text
 from sar_compiler.tree.showing import visible
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
-    from sar_compiler.project import Additions, ProjectTree
+    from sar_compiler.project import CommandLineSettings, ProjectTree
     from sar_compiler.project.check_cache import CheckCache
     from sar_compiler.project.check_run import CheckRun
     from sar_compiler.project.file_check import FileCheck, TrialOutcome
@@ -157,7 +157,7 @@ class _Validation:
             print_error(f"sar-compile: {why}")
 
     @property
-    def _additions(self) -> "Additions":
+    def _additions(self) -> "CommandLineSettings":
         # A single file or folder is no set: its surroundings are searched instead.
         trees = self._files if self.arguments.files[1:] else ()
         added = additions(self.arguments)

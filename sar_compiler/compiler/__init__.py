@@ -19,9 +19,9 @@ from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.binding.instances import Instance, expand
 from sar_compiler.nodes.binding.skips import SkipAnalysis
 from sar_compiler.nodes.binding.tree_ids import find_main_tree
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.registry import Registry, is_own_word
-from sar_compiler.nodes.spec import Direction, Kind, Parameter, Role, Use
+from sar_compiler.nodes.collector import FindingCollector
+from sar_compiler.nodes.registry import Registry, is_library_tag
+from sar_compiler.nodes.spec import Direction, Kind, Parameter, ParameterRole, Use
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Board, Entry, Scope
@@ -145,7 +145,7 @@ def file_and_line_of(behaviour: Behaviour) -> str | None:
 def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) -> dict[str, object]:
     attributes: dict[str, object] = {}
     for name, parameter in bound.spec.parameters.items():
-        if parameter.role is Role.ATTRIBUTE:
+        if parameter.role is ParameterRole.ATTRIBUTE:
             if name in known:
                 attributes[name] = known[name]
             elif name in bound.keys:
@@ -186,7 +186,7 @@ class Arguments:
         self,
         context: Mapping[type, object],
         parameters: Mapping[str, object],
-        collector: Collector,
+        collector: FindingCollector,
         enums: Mapping[str, int],
     ) -> None:
         # Time passes in every tree.
@@ -340,7 +340,7 @@ _NodeInInstance = tuple[Instance, BoundNode]
 """A node of an instance."""
 
 
-def report_without_class(bound: BoundNode, collector: Collector) -> None:
+def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
     """Report a node that cannot be made, because there is no class for it."""
     if bound.element.tag == SUBTREE_TAG:
         message = f"the tree '{bound.spec.tag}' is described by a model, but it is in no file"
@@ -349,7 +349,7 @@ def report_without_class(bound: BoundNode, collector: Collector) -> None:
         what = "is described by a model" if bound.spec.is_only_described else "is a node of another program"
         message = f"<{bound.spec.tag}> {what}, but no class is registered for it"
         hint = "load the module that has it: --nodes package.module"
-    if bound.spec.is_only_described and is_own_word(bound.spec.tag):
+    if bound.spec.is_only_described and is_library_tag(bound.spec.tag):
         hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
     collector.add("not-installed", message, bound.element, hint=hint)
 
@@ -361,7 +361,7 @@ class Builder:
         constructions: How each behaviour was constructed.
     """
 
-    def __init__(self, binding: Binding, arguments: Arguments, collector: Collector) -> None:
+    def __init__(self, binding: Binding, arguments: Arguments, collector: FindingCollector) -> None:
         self.constructions: list[Construction] = []
         self._source = arguments
         self._collector = collector
@@ -602,7 +602,7 @@ def compile_tree(
         TreeError: If a key is not there or its value does not fit, if the mission lacks an object that a
             leaf needs, or if a constructor refuses its arguments.
     """
-    collector = Collector()
+    collector = FindingCollector()
     arguments = Arguments(context, parameters, collector, binding.enums)
     return compile_with(binding, Builder(binding, arguments, collector), parameters, collector)
 
@@ -613,7 +613,7 @@ def require_classes(binding: Binding) -> None:
     Raises:
         TreeError: If there is not; names each that has none.
     """
-    collector = Collector()
+    collector = FindingCollector()
     for bound in binding.nodes():
         if bound.spec.is_foreign:
             report_without_class(bound, collector)
@@ -627,14 +627,14 @@ def preview_tree(binding: Binding) -> CompiledTree:
     Blackboard keys that are not known get the parameter's default or some value of its type; a node that
     only a model describes becomes a stock behaviour of its kind.
     """
-    collector = Collector()
+    collector = FindingCollector()
     arguments = PreviewArguments({}, {}, collector, binding.enums)
     return compile_with(binding, PreviewBuilder(binding, arguments, collector), {}, collector)
 
 
 @gc_paused()
 def compile_with(
-    binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: Collector
+    binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: FindingCollector
 ) -> CompiledTree:
     """Compile a bound tree with a builder of one's own.
 

@@ -20,7 +20,7 @@ from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.semantics import Order
-from sar_compiler.nodes.spec import Kind, NodeSpec, Role, Signature
+from sar_compiler.nodes.spec import Kind, NodeSpec, ParameterRole, Signature
 from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import SUBTREE_TAG, Element
@@ -217,7 +217,7 @@ def _attributes(bound: BoundNode) -> Iterator[tuple[str, object]]:
         yield from ((name, text) for name, text in written.items() if name not in ("name", "ID"))
         return
     for name, parameter in bound.spec.parameters.items():
-        if parameter.role is Role.ATTRIBUTE:
+        if parameter.role is ParameterRole.ATTRIBUTE:
             if name in bound.keys:
                 yield name, f"{{{bound.keys[name]}}}"
             elif name in bound.values or name in written:

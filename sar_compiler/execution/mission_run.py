@@ -131,8 +131,8 @@ def run_mission(
         ros.callback(executor.shutdown)
         simulation = ros.enter_context(_simulation(setup, world, faults, executor))
         if options.supervision.is_there:
-            options.supervision.tell_alive()
-            steady_timer(node, PERIOD_SEC, options.supervision.tell_alive)
+            options.supervision.send_heartbeat()
+            steady_timer(node, PERIOD_SEC, options.supervision.send_heartbeat)
         route = _route_check(setup, tree, world)
         outcome = TreeRun(setup, end, extensions, tree, engine, executor, simulation).run(route)
         report(outcome)

@@ -8,7 +8,7 @@ from inspect import iscoroutinefunction
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.journal.journal_entries import ORDERED, CommandAuthor
-from sar_compiler.missions.mission import Verb
+from sar_compiler.missions.mission import OperatorCommand
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import SetParametersResult
@@ -36,7 +36,7 @@ class OrderRecord:
         journal: Its journal.
     """
 
-    def __init__(self, node: "Node", verbs: Sequence[Verb], journal: "Journal") -> None:
+    def __init__(self, node: "Node", verbs: Sequence[OperatorCommand], journal: "Journal") -> None:
         self._node, self._journal = node, journal
         self._verbs = {verb.name: verb for verb in verbs}
         self._signed: defaultdict[str, deque[tuple[CommandAuthor, float]]] = defaultdict(deque)
@@ -74,7 +74,9 @@ class OrderRecord:
                 self.sign(verb, CommandAuthor(*map(str, said[:2])), lambda: None)
         return SetParametersResult(successful=True)
 
-    def _carry_out(self, verb: Verb, answer: Callable[[Any, Any], Any], request: Any, response: Any) -> Any:
+    def _carry_out(
+        self, verb: OperatorCommand, answer: Callable[[Any, Any], Any], request: Any, response: Any
+    ) -> Any:
         author = self._signature(verb.name)
         with self._journal.ordered_by(author) as noted:
             answered = answer(request, response)

@@ -14,7 +14,7 @@ from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.missions.parameter_reader import ParameterError, Problem
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.json_values import json_text, json_value
 
@@ -82,7 +82,7 @@ def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str
     if difference is None:
         return
     behaviour, words = difference
-    collector = Collector()
+    collector = FindingCollector()
     element = tree.origins[behaviour.id].bound.element
     message = f"the mission in {journal.place} has another tree: {words}"
     collector.add("other-tree", message, element, hint=f"resume with that tree, {_ADVICE}")

@@ -16,7 +16,7 @@ from sar_compiler.journal.journal_entries import FACTS_LOST
 from sar_compiler.journal.refused_start import forget_refusal, record_refusal
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.palettes import is_palette_name
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.runtime.walking import pre_order
 
@@ -169,7 +169,7 @@ class RunJournal(RunExtension):
             self.journal.begin({}, {})
             return
         from sar_compiler.journal.status_watch import StatusWatch
-        from sar_compiler.ros.left_goals import note_goals
+        from sar_compiler.ros.orphaned_goals import note_goals
         from sar_compiler.ros.robot_observer import RobotObserver
 
         logger = self._node.get_logger()
@@ -187,7 +187,7 @@ class RunJournal(RunExtension):
         self.journal.close()
 
 
-def _node_options(additions: Additions) -> list[list[str]]:
+def _node_options(additions: CommandLineSettings) -> list[list[str]]:
     """Return the options that determine the tree's possible nodes, each with its value; files with absolute paths."""
     models = [str(each) if is_palette_name(str(each)) else str(each.resolve()) for each in additions.models]
     return [

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sar_compiler.execution.supervision import Supervision
 from sar_compiler.execution.until import Until
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class RunOptions:
 
     tree: str
     tree_id: str | None = None
-    additions: Additions = field(default_factory=Additions)
+    additions: CommandLineSettings = field(default_factory=CommandLineSettings)
     params: Path | None = None
     ros: Sequence[str] = ()
     until: Until | None = None

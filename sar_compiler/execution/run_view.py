@@ -10,9 +10,9 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 
 from sar_compiler.execution.run_setup import RunSetup
-from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal_entries import RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.status_line import condition
 from sar_compiler.ros.clock import mission_clock, steady_timer
 from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.style import TERMINAL

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 from py_trees.behaviour import Behaviour
 from py_trees.trees import BehaviourTree
 
-from sar_compiler.analysis.property_watch import AlarmCause, WatchAlarm
+from sar_compiler.analysis.runtime_monitor import AlarmCause, WatchAlarm
 from sar_compiler.analysis.tree_analysis import watch_tree
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
@@ -22,12 +22,12 @@ from sar_compiler.journal.journal_entries import (
     PROPERTY_BROKEN,
     CommandAuthor,
 )
-from sar_compiler.missions.mission import Verb, VerbError
+from sar_compiler.missions.mission import OperatorCommand, VerbError
 from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.engine import Engine, error_text, tell
 from sar_compiler.ros.run_extension import RunExtension, UnfitLeavesError
 from sar_compiler.runtime.answers import DeclaredAnswers
-from sar_compiler.runtime.leaf_ear import hear
+from sar_compiler.runtime.leaf_listener import hear
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line
@@ -52,7 +52,7 @@ class _DueOrder(NamedTuple):
 
     about: str
     event: str
-    verb: Verb
+    verb: OperatorCommand
     since: float
 
 
@@ -69,7 +69,7 @@ class _PropertyOrders:
 
     def __init__(self, run: RunSetup, if_broken: Mapping[str, str]) -> None:
         self._node, self._logger = run.node, run.node.get_logger()
-        self._verbs: dict[str, Verb] = {}
+        self._verbs: dict[str, OperatorCommand] = {}
         self._due: list[_DueOrder] = []
         known = {verb.role: verb for verb in run.mission.verbs()}
         for name, wanted in if_broken.items():
@@ -81,10 +81,10 @@ class _PropertyOrders:
                 )
             self._verbs[name] = known[_ROLES[wanted]]
         if self._verbs:
-            from sar_compiler.execution.verb_calls import VerbCalls
+            from sar_compiler.execution.command_client import CommandClient
 
             used = list({verb.name: verb for verb in self._verbs.values()}.values())
-            self._calls: VerbCalls = VerbCalls(run.node, used, run.orders.sign)
+            self._calls: CommandClient = CommandClient(run.node, used, run.orders.sign)
 
     def require(self) -> None:
         """Check that leaves of the tree execute the possible commands.

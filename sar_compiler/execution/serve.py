@@ -15,7 +15,7 @@ from signal import SIGINT, SIGTERM
 from threading import Thread
 from typing import IO, TYPE_CHECKING, NamedTuple
 
-from sar_compiler.commands import ADRIFT, FINDINGS, OK, USAGE, tell_note
+from sar_compiler.commands import FINDINGS, OK, ROBOT_MAY_MOVE, USAGE, tell_note
 from sar_compiler.errors import SarError
 from sar_compiler.execution.served_runs import EndedRun
 from sar_compiler.journal.journal_entries import CommandAuthor
@@ -23,7 +23,7 @@ from sar_compiler.missions.choosing import mission_of
 from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.process_end import dependent_environment
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.ros.arguments import parameter_files
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-    from sar_compiler.execution.verb_calls import VerbCalls
-    from sar_compiler.missions.mission import Mission, Verb
+    from sar_compiler.execution.command_client import CommandClient
+    from sar_compiler.missions.mission import Mission, OperatorCommand
     from sar_compiler.nodes.binding.bound import Binding
     from sar_compiler.project import Workspace
 
@@ -70,7 +70,7 @@ class ServedTree(NamedTuple):
     path: Path
     tree_id: str
     node: str
-    verbs: "tuple[Verb, ...]"
+    verbs: "tuple[OperatorCommand, ...]"
     path_parameters: AbstractSet[str]
 
 
@@ -93,7 +93,7 @@ class ServeOptions(NamedTuple):
 
     program: Sequence[str]
     trees: Sequence[str]
-    additions: Additions
+    additions: CommandLineSettings
     params: Path | None = None
     ros: Sequence[str] = ()
     fault: Sequence[str] = ()
@@ -136,7 +136,7 @@ class Runs:
     def __init__(self, argv: Sequence[str], options: ServeOptions) -> None:
         self._argv, self._options = argv, options
         self._trees: dict[str, ServedTree] = {}
-        self._calls: dict[str, VerbCalls] = {}
+        self._calls: dict[str, CommandClient] = {}
         self.status = OK
 
     def trees(self) -> Sequence[str]:
@@ -213,7 +213,7 @@ class Runs:
         ros = ["--ros-args", *self._options.ros, *chosen, "--"]
 
         def take_end(status: int, ended: EndedRun) -> None:
-            self.status = ADRIFT if status == ADRIFT else OK
+            self.status = ROBOT_MAY_MOVE if status == ROBOT_MAY_MOVE else OK
             end(ended)
 
         command = [*self._options.program, str(served.path), "--tree", served.tree_id, *self._argv, *ros]
@@ -221,19 +221,19 @@ class Runs:
 
     def _holder(self, served: ServedTree) -> "Holder":
         """Return a function that pauses or resumes a mission."""
+        from sar_compiler.execution.command_client import CommandClient
         from sar_compiler.execution.order_record import RemoteSignature
-        from sar_compiler.execution.verb_calls import VerbCalls
 
         full = f"{self.node.get_namespace().rstrip('/')}/{served.node}"
         if full not in self._calls:
             # The services are discovered by the time they are needed.
             sign = RemoteSignature(self.node, full).sign
-            self._calls[full] = VerbCalls(self.node, served.verbs, sign, full)
+            self._calls[full] = CommandClient(self.node, served.verbs, sign, full)
         by = self.node.get_fully_qualified_name()
         return holder(self._calls[full], {verb.role: verb.name for verb in served.verbs}, by)
 
 
-def holder(calls: "VerbCalls", verbs: Mapping[str, str], by: str) -> Holder:
+def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
     """Return a function that pauses or resumes a mission.
 
     Args:
@@ -380,7 +380,7 @@ def _reason_in(complaints: str) -> str:
 
 def _verbs_of(
     mission: "Mission | None", binding: "Binding", files: Sequence[Path], node: str
-) -> "tuple[Verb, ...]":
+) -> "tuple[OperatorCommand, ...]":
     """Return the commands of a mission; none if its parameters are not all in files."""
     from sar_compiler.missions.beginning import begin_run
     from sar_compiler.missions.parameter_reader import ParameterReader

@@ -41,7 +41,7 @@ class Supervision(NamedTuple):
         """Return the environment that passes this to a process."""
         return {_VARIABLE: json.dumps(self)}
 
-    def tell_alive(self) -> None:
+    def send_heartbeat(self) -> None:
         """Send a heartbeat, each `PERIOD_SEC`, which shows that the thread that ticks the tree is not blocked."""
         self._write(ALIVE)
 
@@ -49,7 +49,7 @@ class Supervision(NamedTuple):
         """Send the place of the journal."""
         self._write(JOURNAL + json.dumps(str(place.resolve())).encode())
 
-    def tell_deaf(self) -> None:
+    def send_discovery_lost(self) -> None:
         """Report that discovery is lost, so that another process must resume the mission."""
         self._write(DEAF)
 

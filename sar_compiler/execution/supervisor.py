@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.commands import ADRIFT, print_error
+from sar_compiler.commands import ROBOT_MAY_MOVE, print_error
 from sar_compiler.errors import SarError
 from sar_compiler.execution.supervision import (
     ALIVE,
@@ -62,7 +62,7 @@ def supervise(
         status, death = life.end()
         if life.is_adrift:
             print_error("sar-run: the mission has crashed, and one of its goals may still be active")
-            return ADRIFT
+            return ROBOT_MAY_MOVE
         if signals.came and death:
             return signals.exit_status
         if not death:

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from sar_compiler.budget import Budget
-from sar_compiler.commands import ADRIFT, FINDINGS, OK, print_error
+from sar_compiler.commands import FINDINGS, OK, ROBOT_MAY_MOVE, print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.execution.ending import EndCondition, RunResult, default_summary
@@ -30,20 +30,20 @@ from sar_compiler.missions.parameter_reader import RunParameters
 from sar_compiler.nodes.spec import Use
 from sar_compiler.ros.arguments import readable_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
+from sar_compiler.ros.dependency_monitor import DependencyMonitor, refuse_parameters
 from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, raised_in, tell
 from sar_compiler.ros.executors import suited
 from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.graph_queries import declared_endpoints, ros_graph
 from sar_compiler.ros.leaves.leaf import RosLeaf, qos_profile
-from sar_compiler.ros.left_goals import LeftGoals, cancel_apart
 from sar_compiler.ros.message_values import grid_place, value_reports
 from sar_compiler.ros.nav2_parameters import nav2_parameters
+from sar_compiler.ros.orphaned_goals import OrphanedGoals, cancel_apart
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
+from sar_compiler.ros.robot_lease import LOOK_SEC, RobotLease
 from sar_compiler.ros.run_extension import UnfitLeavesError
-from sar_compiler.ros.sole_mission import LOOK_SEC, SoleMission
 from sar_compiler.ros.tick_watch import TickWatch
-from sar_compiler.ros.watch import Watch, refuse_parameters
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.showing import in_one_line
@@ -276,8 +276,8 @@ class TreeRun:
         self._started = 0.0
         self._adrift = ""
         self._callback_failure: Exception | None = None
-        self._sole: SoleMission | None = None
-        self._watch: Watch | None = None
+        self._sole: RobotLease | None = None
+        self._watch: DependencyMonitor | None = None
         self._robot: RobotEstimate | None = None
 
     def run(self, route: RouteCheck | None) -> RunOutcome:
@@ -341,14 +341,14 @@ class TreeRun:
         actions = [use.name for use in self.tree.uses() if use.kind == "action"]
         # A simulation excludes other nodes, which was already checked.
         look_sec = 0.0 if self.simulation is not None else LOOK_SEC
-        self._sole = SoleMission(self._node, actions, look_sec=look_sec, claims=not self._options.check)
+        self._sole = RobotLease(self._node, actions, look_sec=look_sec, claims=not self._options.check)
         return Readiness(
             self._node,
             self.tree.uses(),
             initial_pose=self._parameters.initial_pose if with_pose else None,
             begins_anew=self.simulation is not None,
             can_resume=self.setup.journal.aside is not None,
-            first=(LeftGoals(self._node, self.setup.journal), self._sole),
+            first=(OrphanedGoals(self._node, self.setup.journal), self._sole),
             endpoints=declared_endpoints(self.tree.root),
         )
 
@@ -442,8 +442,8 @@ class TreeRun:
                 self._turn(
                     lambda: self.executor.spin_until_future_complete(self._turn_over, _FLIGHT_TURN_SEC)
                 )
-                if self._watch is not None and self._watch.deafness:
-                    self._options.supervision.tell_deaf()
+                if self._watch is not None and self._watch.lost_discovery:
+                    self._options.supervision.send_discovery_lost()
 
     def _come_to_rest(self) -> None:
         """Halt the tree, and wait until its goals have ended and the odometry, if any, shows that the robot stands."""
@@ -505,7 +505,7 @@ class TreeRun:
         drives = [
             use.name for use, each in endpoints.items() if each.type_name.startswith("nav2_msgs/action/")
         ]
-        self._watch = Watch(self._node, self.tree.uses(), sole=self._sole, drives=drives)
+        self._watch = DependencyMonitor(self._node, self.tree.uses(), sole=self._sole, drives=drives)
         self._robot = robot_estimate(self._node) if drives else None
         if self._robot is not None:
             self._robot.settle_timeout_sec = self._parameters.settle_timeout_sec
@@ -558,7 +558,7 @@ class TreeRun:
             return status
         self._messages.append(self._adrift)
         self._reason = " ".join([*filter(None, [self._reason]), self._adrift])
-        return ADRIFT
+        return ROBOT_MAY_MOVE
 
     def _status_of_run(self) -> int:
         if self.engine.failure is not None:

@@ -51,7 +51,7 @@ def linked(
     return hashlib.sha256(before + head + named + data.encode("utf-8", "surrogateescape")).digest()
 
 
-class LinkPlace(NamedTuple):
+class ChainPosition(NamedTuple):
     """A position in a chain.
 
     Attributes:
@@ -64,7 +64,7 @@ class LinkPlace(NamedTuple):
 
 
 def began_link(
-    place: LinkPlace, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
+    place: ChainPosition, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
 ) -> bytes:
     """Return the link of a run's start.
 
@@ -78,7 +78,7 @@ def began_link(
     return linked(place.link, *_beginning(place.number, run, wall, about, of_mission))
 
 
-def ended_link(place: LinkPlace, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
+def ended_link(place: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
     """Return the link of a run's end, given these columns of its row."""
     return linked(place.link, *_end(place.number, run, wall, ending, status, reason))
 
@@ -202,7 +202,7 @@ def _follows(before: bytes, entry: tuple[Any, ...]) -> bool:
         return False  # a value has a type that the project never writes
 
 
-def last_place(connection: sqlite3.Connection) -> LinkPlace:
+def last_place(connection: sqlite3.Connection) -> ChainPosition:
     """Return the position after the last entry.
 
     Args:
@@ -214,4 +214,4 @@ def last_place(connection: sqlite3.Connection) -> LinkPlace:
     link, closed, behind = connection.execute(runs).fetchone() or (START, None, -1)
     found = closed or (link if behind == entry[0] else entry[1])
     # After an altered entry no link can match, whatever follows.
-    return LinkPlace(found if isinstance(found, bytes) else START, entry[0])
+    return ChainPosition(found if isinstance(found, bytes) else START, entry[0])

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 from sar_compiler.journal.chain import (
     FACT,
     WATCHED,
+    ChainPosition,
     JournalChain,
-    LinkPlace,
     began_link,
     chained,
     ended_link,
@@ -36,7 +36,7 @@ from sar_compiler.journal.journal_entries import (
     end_data,
 )
 from sar_compiler.journal.mission_state import tree_nodes
-from sar_compiler.journal.reserve import SUFFIX, Kept, Reserve, RunEnd, read_reserve
+from sar_compiler.journal.spill_file import SUFFIX, RunEnd, SpilledEntries, SpillFile, read_reserve
 from sar_compiler.journal.steady_rows import RawRow, condensed
 from sar_compiler.opener import (
     UnreadableFileError,
@@ -134,7 +134,7 @@ CREATE TEMP TABLE run AS SELECT * FROM main.run;
 """
 
 
-class StreamMark(NamedTuple):
+class ReadCursor(NamedTuple):
     """A read position in the stream of a journal; the start, without arguments.
 
     Attributes:
@@ -150,7 +150,7 @@ class StreamMark(NamedTuple):
     ended: frozenset[int] = frozenset()
 
 
-class StreamPlace(NamedTuple):
+class StreamPosition(NamedTuple):
     """A position in the stream of a journal; its start, without arguments.
 
     Attributes:
@@ -163,17 +163,17 @@ class StreamPlace(NamedTuple):
     number: int = 0
     time: float = -math.inf
 
-    def behind(self, entry: JournalEntry) -> "StreamPlace":
+    def behind(self, entry: JournalEntry) -> "StreamPosition":
         """Return the position after the next entry."""
         latest = max(self.time, entry.time) if entry.run == self.run else entry.time
-        return StreamPlace(entry.run, entry.number, latest)
+        return StreamPosition(entry.run, entry.number, latest)
 
 
 _BESIDE = ("-wal", "-shm", "-journal")
 """The endings of the files that SQLite creates beside a database."""
 
 END = 2**63 - 1
-"""The number of a run's end in a `StreamPlace`."""
+"""The number of a run's end in a `StreamPosition`."""
 
 
 class JournalFile:
@@ -196,11 +196,11 @@ class JournalFile:
         self._connection = connection
         self._lock = lock
         # The position after the last entry; unknown before the first write.
-        self._end: LinkPlace | None = None
+        self._end: ChainPosition | None = None
         # Whether the last transaction was synced to disk; None before the first one.
         self._durable: bool | None = None
-        self._patience = _Patience(_STEPS + _STEPS_OF_A_BYTE * (_size(path) + _size(f"{path}-wal")))
-        connection.set_progress_handler(self._patience.is_over, _Patience.STRIDE)
+        self._patience = _QueryBudget(_STEPS + _STEPS_OF_A_BYTE * (_size(path) + _size(f"{path}-wal")))
+        connection.set_progress_handler(self._patience.is_over, _QueryBudget.STRIDE)
 
     @classmethod
     def create(cls, path: Path) -> "JournalFile":
@@ -249,19 +249,19 @@ class JournalFile:
         self._connection.execute("PRAGMA journal_mode = WAL")
         self._take_from(self._reserved())
 
-    def _reserved(self) -> Kept:
+    def _reserved(self) -> SpilledEntries:
         """Return the content of the reserve beside it, if it belongs to this journal."""
         kept = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
-        return kept if kept.began == began else Kept()
+        return kept if kept.began == began else SpilledEntries()
 
-    def _take_from(self, kept: Kept) -> None:
+    def _take_from(self, kept: SpilledEntries) -> None:
         """Write the entries that an earlier run could not write."""
         if kept.facts or kept.end:
             known = {number for (number,) in self._connection.execute("SELECT number FROM fact")}
             self.write((), [fact for fact in kept.facts if fact.number not in known], kept.end)
 
-    def _show(self, kept: Kept) -> None:
+    def _show(self, kept: SpilledEntries) -> None:
         """Include the entries of its reserve in reads, as if they were in the file."""
         if kept.facts or kept.end:
             self._connection.executescript(_OVERLAY)
@@ -269,14 +269,14 @@ class JournalFile:
             if kept.end is not None:
                 self._connection.execute(_END_OF_RUN, _end_of_run(kept.end))
 
-    def reserve(self) -> Reserve:
+    def reserve(self) -> SpillFile:
         """Return its reserve, created if missing; from here on other processes' locks are not waited for.
 
         Raises:
             JournalError: If it cannot be created.
         """
         with self._reading():
-            reserve = Reserve(self.path)
+            reserve = SpillFile(self.path)
             self._connection.execute("PRAGMA busy_timeout = 0")
             self._connection.set_progress_handler(None, 0)
             _sync_folder(self.path.parent)
@@ -407,7 +407,7 @@ class JournalFile:
             for number, entry in enumerate(itertools.chain.from_iterable(runs), 1):
                 yield JournalEntry(number, *entry[1:])
 
-    def stream_behind(self, after: StreamPlace, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
+    def stream_behind(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
         """Yield all entries after a position in order, with their stream numbers, without some observed kinds."""
         with self.snapshot():
             for run in self.runs():
@@ -429,12 +429,12 @@ class JournalFile:
         self,
         run: JournalRun,
         without: Sequence[str] = (),
-        after: StreamPlace | None = None,
+        after: StreamPosition | None = None,
         *,
         is_condensed: bool = False,
     ) -> Iterator[JournalEntry]:
         if after is None:
-            after = StreamPlace(run.number, 0, _start(run))
+            after = StreamPosition(run.number, 0, _start(run))
             yield self._begin_of(run, self.about())
         if after.number == END:
             return
@@ -489,7 +489,7 @@ class JournalFile:
         last = max(_start(run), self._last_time(run.number) if latest is None else latest)
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
-    def news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
+    def news(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
         """Return the entries since a read position in order, and the next position.
 
         Args:
@@ -512,7 +512,7 @@ class JournalFile:
             with suppress(sqlite3.Error):
                 self._connection.execute("COMMIT")
 
-    def _news(self, mark: "StreamMark") -> "tuple[list[JournalEntry], StreamMark]":
+    def _news(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
         runs = self.runs()
         about = self.about() if any(run.number not in mark.begun for run in runs) else {}
         facts = [*self._read("fact WHERE number > ?", (mark.fact,))]
@@ -526,7 +526,7 @@ class JournalFile:
         # The system's clock may be changed, but runs and their starts and ends keep their order.
         rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
         entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.number))
-        following = StreamMark(
+        following = ReadCursor(
             max((entry.number for entry in facts), default=mark.fact),
             max((entry.number for entry in watched), default=mark.watched),
             frozenset(run.number for run in runs),
@@ -590,7 +590,7 @@ class JournalFile:
             counts = "SELECT (SELECT count(*) FROM fact) - (SELECT count(*) FROM main.fact)"
             return int(self._connection.execute(counts).fetchone()[0])
 
-    def _place(self) -> LinkPlace:
+    def _place(self) -> ChainPosition:
         """Return the position after the last entry."""
         if self._end is None:
             with self._reading():
@@ -609,7 +609,7 @@ class JournalFile:
             self._connection.execute(
                 "INSERT INTO run (number, began, about, link, began_behind) VALUES (?, ?, ?, ?, ?)", row
             )
-        self._end = LinkPlace(link, place.number)
+        self._end = ChainPosition(link, place.number)
         return int(number)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
@@ -622,7 +622,7 @@ class JournalFile:
         for row, what in sorted([*((row, WATCHED) for row in watched), *((row, FACT) for row in facts)]):
             link, number = linked(link, what, *row), row.number
             added[what].append((*row, link))
-        place = LinkPlace(link, number)
+        place = ChainPosition(link, number)
         with self._transaction(durable=bool(facts or end)):
             self._connection.executemany("INSERT INTO watched VALUES (?, ?, ?, ?, ?, ?, ?)", added[WATCHED])
             self._connection.executemany("INSERT INTO fact VALUES (?, ?, ?, ?, ?, ?, ?)", added[FACT])
@@ -630,13 +630,13 @@ class JournalFile:
                 place = self._end_run(end, place)
         self._end = place
 
-    def _end_run(self, end: RunEnd, place: LinkPlace) -> LinkPlace:
+    def _end_run(self, end: RunEnd, place: ChainPosition) -> ChainPosition:
         """Write the end of a run; return the position after it."""
         self._connection.execute(_END_OF_RUN, _end_of_run(end))
         link = ended_link(place, end.run, end.wall, end.ending.value, end.status, end.reason)
         closing = "UPDATE run SET closed = ?, ended_behind = ? WHERE number = ?"
         self._connection.execute(closing, (link, place.number, end.run))
-        return LinkPlace(link, place.number)
+        return ChainPosition(link, place.number)
 
     @contextmanager
     def _transaction(self, *, durable: bool = True) -> Iterator[None]:
@@ -806,7 +806,7 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-class _Patience:
+class _QueryBudget:
     """Limits the work of SQLite for one read, since a malicious file can keep it busy forever.
 
     Args:

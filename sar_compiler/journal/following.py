@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sar_compiler.journal.database import JournalFile, StreamMark
+from sar_compiler.journal.database import JournalFile, ReadCursor
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import JournalEntry
 
@@ -20,7 +20,7 @@ class JournalFollower:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._mark = StreamMark()
+        self._mark = ReadCursor()
         self._began: float | None = None
         self._failed = 0
 
@@ -49,6 +49,6 @@ class JournalFollower:
             return []
         with JournalFile.reading(self.path) as file:
             began = next((run.began for run in file.runs()), None)
-            entries, mark = file.news(self._mark if began == self._began else StreamMark())
+            entries, mark = file.news(self._mark if began == self._began else ReadCursor())
         self._began, self._mark = began, mark
         return entries

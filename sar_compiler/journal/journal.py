@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from sar_compiler.journal.display import Alarm, Display, LandmarkKind, beginning, changes_by
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import (
     CHANGED,
@@ -22,8 +23,7 @@ from sar_compiler.journal.journal_entries import (
     Row,
     end_data,
 )
-from sar_compiler.journal.reserve import Kept, Reserve, RunEnd, lost
-from sar_compiler.journal.situation import Alarm, Display, LandmarkKind, beginning, changes_by
+from sar_compiler.journal.spill_file import RunEnd, SpilledEntries, SpillFile, lost
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
 from sar_compiler.tree.json_values import json_text
@@ -93,7 +93,7 @@ class Journal:
     it also works without a journal. All calls belong in the thread of the node's executor.
 
     While the file cannot be written, because the disk is full or another process has locked it, the mission continues.
-    Entries wait in memory, events also in the journal's `Reserve`, and writing is tried again with each event and each
+    Entries wait in memory, events also in the journal's `SpillFile`, and writing is tried again with each event and each
     second. The start is reported by `on_failure`, the end by `on_recovery`.
 
     Args:
@@ -143,7 +143,7 @@ class Journal:
         # The number of the run, also without a file.
         self._run = 1
         self._is_written = False
-        self._reserve: Reserve | None = None
+        self._reserve: SpillFile | None = None
         self._numbers: dict[str, int] = {}
         # Pending entries, and since when the oldest observation waits, or the time of the last attempt.
         self._watched: list[Row] = []
@@ -267,7 +267,7 @@ class Journal:
             raise JournalError(f"the journal {self.place} cannot be written: {error}") from error
         self._began = file.runs()[0].began
         self._reserve = file.reserve()
-        self._reserve.keep(Kept(self._began), {})
+        self._reserve.keep(SpilledEntries(self._began), {})
 
     def note(self, kind: str, /, **data: object) -> None:
         """Write an event; it is on disk when this returns, and only then may anything act on it.
@@ -456,7 +456,7 @@ class Journal:
         if len(self._pending) > _MOST_FACTS:
             self._pending[_MOST_FACTS - 1 :] = [lost(self._pending[_MOST_FACTS - 1 :], self._numbers)]
         had_reserve = self._reserve is not None
-        self._keep(Kept(self._began, self._pending, self._end))
+        self._keep(SpilledEntries(self._began, self._pending, self._end))
         if self._is_failing and (self._reserve is not None or not had_reserve):
             return
         self._is_failing = True
@@ -470,7 +470,7 @@ class Journal:
             f"second, and {beside}."
         )
 
-    def _keep(self, kept: Kept) -> None:
+    def _keep(self, kept: SpilledEntries) -> None:
         """Put events into the reserve; give up if that is impossible as well."""
         if self._reserve is not None:
             try:
@@ -483,7 +483,7 @@ class Journal:
         if not self._is_failing:
             return
         self._is_failing = False
-        self._keep(Kept(self._began))
+        self._keep(SpilledEntries(self._began))
         without = f", without {self._left_out} observations" if self._left_out else ""
         self._left_out = 0
         self.on_recovery(

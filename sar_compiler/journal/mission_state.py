@@ -11,18 +11,18 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
-from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
-from sar_compiler.journal.situation import (
+from sar_compiler.journal.display import (
+    DisplayState,
     EventTime,
     Gauge,
     Level,
     MissionPhase,
-    Situation,
     fact_words,
     position,
     with_author,
 )
+from sar_compiler.journal.georeference import Georeference
+from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 
 RUNNING, SUCCESS, FAILURE, HALTED, IDLE = "RUNNING", "SUCCESS", "FAILURE", "HALTED", "IDLE"
 _RESTING = (IDLE, HALTED)
@@ -59,7 +59,7 @@ class RobotPose(NamedTuple):
     yaw: float
 
 
-class DriveLeft(NamedTuple):
+class RemainingDrive(NamedTuple):
     """The remaining part of a drive.
 
     Attributes:
@@ -73,7 +73,7 @@ class DriveLeft(NamedTuple):
     time_left: float | None
 
 
-class Told(NamedTuple):
+class LogLine(NamedTuple):
     """A line of the log: time, logger, and text."""
 
     at: EventTime
@@ -82,7 +82,7 @@ class Told(NamedTuple):
     level: int = 0
 
 
-class KnownFact(NamedTuple):
+class KnownEvent(NamedTuple):
     """An event of the mission.
 
     Attributes:
@@ -305,25 +305,25 @@ class MissionState:
         self.runs: list[RunState] = []
         self.nodes: list[NodeState] = []
         self._starts: dict[int, float] = {}
-        self.situation = Situation(self._starts)
+        self.situation = DisplayState(self._starts)
         self.is_told = False
         self.since: dict[str, EventTime] = {}
-        self.courses: dict[str, list[tuple[EventTime, float]]] = {}
-        self.facts: list[KnownFact] = []
+        self.figure_history: dict[str, list[tuple[EventTime, float]]] = {}
+        self.facts: list[KnownEvent] = []
         self.pose: RobotPose | None = None
         self.trail: list[RobotPose] = []
         self.plan: list[tuple[float, float]] = []
-        self.drive: DriveLeft | None = None
+        self.drive: RemainingDrive | None = None
         self.lacks = self.breakpoint = ""
         self.battery: Gauge | None = None
         self.map: Mapping[str, Any] = {}
-        self.warnings: list[Told] = []
+        self.warnings: list[LogLine] = []
         self.goals: dict[str, str] = {}
         self.tick = 0
         self.now = self.since_phase = EventTime(1, 0.0, 0.0)
         self.finished: dict[tuple[str, str], EventTime] = {}
         self.properties: dict[str, WatchedProperty] = {}
-        self.doubted: EventTime | None = None
+        self.assumption_failed_at: EventTime | None = None
         self._phase, self._told_drive = "", 0.0
         # The reason of the phase, as reported by the mission, and the author of the command that led to it.
         self._why_ordered = "", CommandAuthor()
@@ -355,7 +355,7 @@ class MissionState:
         self._know(entry.kind, entry.data)
 
     def _know(self, kind: str, data: Mapping[str, Any]) -> None:
-        self.facts.append(KnownFact(self.now, kind, data, fact_words(kind, data)))
+        self.facts.append(KnownEvent(self.now, kind, data, fact_words(kind, data)))
 
     def _look_at_phase(self, *, anew: bool) -> None:
         name = self.phase.name
@@ -448,7 +448,7 @@ class MissionState:
     def _on_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
-        self.finished, self.properties, self.doubted = {}, {}, None
+        self.finished, self.properties, self.assumption_failed_at = {}, {}, None
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
 
@@ -489,7 +489,9 @@ class MissionState:
 
     def _on_progress(self, target: str, distance: float, time_left: float | None) -> None:
         self._told_drive = self.now.time
-        self.drive = DriveLeft(str(target), float(distance), None if time_left is None else float(time_left))
+        self.drive = RemainingDrive(
+            str(target), float(distance), None if time_left is None else float(time_left)
+        )
 
     def _on_lacks(self, text: str) -> None:
         self.lacks = str(text)
@@ -515,7 +517,7 @@ class MissionState:
             data = {"verb": verb, "label": label, "by": by, "reason": reason, "refusal": refusal}
             author = CommandAuthor(by or "an operator", reason)
             words = f"{with_author(label or verb, author)}{f': refused, {refusal}' if refusal else ''}"
-            self.facts.append(KnownFact(self.now, events.ORDERED, data, words))
+            self.facts.append(KnownEvent(self.now, events.ORDERED, data, words))
 
     def _on_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
         watched = [WatchedProperty(str(each["name"]), str(each["if_broken"])) for each in properties]
@@ -534,25 +536,25 @@ class MissionState:
         self._know(events.PROPERTY_BROKEN, data)
 
     def _on_assumption_failed(self, **data: Any) -> None:
-        self.doubted = self.doubted or self.now
+        self.assumption_failed_at = self.assumption_failed_at or self.now
         self._know(events.ASSUMPTION_FAILED, data)
 
     def _on_leaf_raised(self, text: str, node: int | None = None) -> None:
         data = {"node": node, "text": text}
         self.facts.append(
-            KnownFact(self.now, events.LEAF_RAISED, data, f"an exception has ended the run: {text}")
+            KnownEvent(self.now, events.LEAF_RAISED, data, f"an exception has ended the run: {text}")
         )
 
     def _on_log(self, node: str, level: int, text: str, stamp: float = 0.0) -> None:  # noqa: ARG002 - of the page
         if level >= _WARN:
-            self.warnings.append(Told(self.now, str(text), str(node), int(level)))
+            self.warnings.append(LogLine(self.now, str(text), str(node), int(level)))
 
     def _on_changed(
         self, said: str = "", kinds: Iterable[Mapping[str, Any]] | None = None, **data: Any
     ) -> None:
         situation = self.situation
         if kinds is not None:
-            self.situation = situation = Situation(self._starts)
+            self.situation = situation = DisplayState(self._starts)
             situation.take(kinds)
             self.is_told = True
         situation.take(**data)
@@ -564,7 +566,7 @@ class MissionState:
             (each["name"], each["value"]) for each in data.get("figures", ()) if each.get("unit") == "%"
         ):
             if isinstance(value, int | float) and math.isfinite(value):
-                self.courses.setdefault(name, []).append((self.now, value))
+                self.figure_history.setdefault(name, []).append((self.now, value))
         if said and self.facts:
             self.facts[-1] = self.facts[-1]._replace(text=with_author(str(said), CommandAuthor.of(data)))
 

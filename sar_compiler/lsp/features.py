@@ -10,7 +10,7 @@ from sar_compiler.budget import Budget
 from sar_compiler.errors import SarError
 from sar_compiler.lsp.names import check_renaming, renamed
 from sar_compiler.lsp.server import COMMANDS, TreeServer
-from sar_compiler.project import Additions, ProjectTree
+from sar_compiler.project import CommandLineSettings, ProjectTree
 from sar_compiler.tree.conversion import canonical_bytes
 from sar_compiler.tree.diagnostic import TreeError
 
@@ -19,7 +19,7 @@ _TRIGGERS = ["<", " ", '"', "{", ":"]
 
 def tree_server(
     version: str,
-    additions: Additions,
+    additions: CommandLineSettings,
     command: Sequence[str],
     options: Sequence[str],
     new_budget: Callable[[], Budget],

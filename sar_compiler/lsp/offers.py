@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry, subtree
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole
 from sar_compiler.project import ProjectTree
 from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import (
@@ -172,7 +172,7 @@ def _values(place: WrittenPlace, registry: Registry, tree: ProjectTree | None) -
         ONESHOT_TYPE.choices if attribute == ONESHOT else parameter.value_type.choices if parameter else ()
     )
     yield from (Offer("value", choice) for choice in choices)
-    if parameter is not None and parameter.role is Role.REFERENCE:
+    if parameter is not None and parameter.role is ParameterRole.REFERENCE:
         yield from (Offer("value", name) for name in _nodes_meant(parameter, tree))
     elif parameter is not None and parameter.direction is not None:
         yield from (Offer("key", f"{{{key}}}") for key in _keys(tree))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from sar_compiler.project import ProjectTree
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
-from sar_compiler.tree.gathering import FORMS, is_of_another_kind
+from sar_compiler.tree.discovery import FORMS, is_of_another_kind
 
 
 class Edit(NamedTuple):

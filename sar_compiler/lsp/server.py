@@ -17,8 +17,8 @@ from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
+from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.analysis.trial_work import WORK
-from sar_compiler.analysis.trying import TrialBudget
 from sar_compiler.budget import Budget, BudgetSpentError
 from sar_compiler.checks import failure_of_file
 from sar_compiler.checks.fixing import Fix, each_fix, fixes
@@ -30,10 +30,10 @@ from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.opener import TREE, FileIdentity, read_file
 from sar_compiler.process_end import dependent_environment
-from sar_compiler.project import Additions, ProjectTree, Workspace
+from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
-from sar_compiler.tree.gathering import parse_tree
+from sar_compiler.tree.discovery import parse_tree
 from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_before
 
 _SEVERITIES = {
@@ -57,7 +57,7 @@ _IDLE_SEC = 0.5
 _OfThread = TypeVar("_OfThread")
 
 
-class _IdleBudget(TrialBudget):
+class _IdleBudget(SearchBudget):
     """The budget for trying runs while typing pauses."""
 
     def __init__(self, interrupted: threading.Event) -> None:
@@ -83,7 +83,7 @@ class TreeServer(LanguageServer):
     def __init__(
         self,
         version: str,
-        additions: Additions,
+        additions: CommandLineSettings,
         command: Sequence[str],
         options: Sequence[str],
         new_budget: Callable[[], Budget],

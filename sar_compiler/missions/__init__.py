@@ -9,6 +9,17 @@ from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
     from sar_compiler.console_command import console_command as console_command
+    from sar_compiler.journal.display import Alarm as Alarm
+    from sar_compiler.journal.display import Display as Display
+    from sar_compiler.journal.display import EventTime as EventTime
+    from sar_compiler.journal.display import Figure as Figure
+    from sar_compiler.journal.display import Gauge as Gauge
+    from sar_compiler.journal.display import Landmark as Landmark
+    from sar_compiler.journal.display import LandmarkKind as LandmarkKind
+    from sar_compiler.journal.display import Level as Level
+    from sar_compiler.journal.display import MissionPhase as MissionPhase
+    from sar_compiler.journal.display import RasterLayer as RasterLayer
+    from sar_compiler.journal.display import position as position
     from sar_compiler.journal.journal import Journal as Journal
     from sar_compiler.journal.journal_entries import BATTERY as BATTERY
     from sar_compiler.journal.journal_entries import FACTS_LOST as FACTS_LOST
@@ -18,26 +29,15 @@ if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import RUN_ENDED as RUN_ENDED
     from sar_compiler.journal.journal_entries import CommandAuthor as CommandAuthor
     from sar_compiler.journal.journal_entries import JournalEntry as JournalEntry
-    from sar_compiler.journal.situation import Alarm as Alarm
-    from sar_compiler.journal.situation import Display as Display
-    from sar_compiler.journal.situation import EventTime as EventTime
-    from sar_compiler.journal.situation import Figure as Figure
-    from sar_compiler.journal.situation import Gauge as Gauge
-    from sar_compiler.journal.situation import Landmark as Landmark
-    from sar_compiler.journal.situation import LandmarkKind as LandmarkKind
-    from sar_compiler.journal.situation import Level as Level
-    from sar_compiler.journal.situation import MissionPhase as MissionPhase
-    from sar_compiler.journal.situation import RasterLayer as RasterLayer
-    from sar_compiler.journal.situation import position as position
     from sar_compiler.missions.choosing import MissionError as MissionError
     from sar_compiler.missions.faults import FaultPlan as FaultPlan
     from sar_compiler.missions.faults import ServiceFaults as ServiceFaults
     from sar_compiler.missions.faults import create_service as create_service
+    from sar_compiler.missions.mission import CommandField as CommandField
     from sar_compiler.missions.mission import Mission as Mission
     from sar_compiler.missions.mission import MissionRun as MissionRun
+    from sar_compiler.missions.mission import OperatorCommand as OperatorCommand
     from sar_compiler.missions.mission import SearchedArea as SearchedArea
-    from sar_compiler.missions.mission import Verb as Verb
-    from sar_compiler.missions.mission import VerbField as VerbField
     from sar_compiler.missions.parameter_file import ParameterFileError as ParameterFileError
     from sar_compiler.missions.parameter_reader import ParameterError as ParameterError
     from sar_compiler.missions.parameter_reader import ParameterReader as ParameterReader

@@ -10,7 +10,7 @@ from sar_compiler.commands import not_installed
 from sar_compiler.errors import SarError
 from sar_compiler.missions import DEFAULT, ENTRY_POINTS
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.installed import entry_points, ignored_entry_points, import_installed
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.blackboard import Scope
@@ -151,7 +151,7 @@ def choose_mission(
             if not asked.isdisjoint(mission.context_types):
                 first.setdefault(mission, bound)
     if len(first) > 1:
-        collector = Collector()
+        collector = FindingCollector()
         whose = ", ".join(f"<{bound.spec.tag}> of '{mission.name}'" for mission, bound in first.items())
         message = f"the leaves of this tree belong to several missions: {whose}"
         last = list(first.values())[-1]

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from sar_compiler.errors import SarError
+from sar_compiler.journal.display import Display, LandmarkKind
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.situation import Display, LandmarkKind
 from sar_compiler.missions.parameter_reader import ParameterReader
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class VerbError(SarError):
     """A command is unknown or incomplete."""
 
 
-class VerbField(NamedTuple):
+class CommandField(NamedTuple):
     """A field of a command.
 
     Attributes:
@@ -54,7 +54,7 @@ class VerbField(NamedTuple):
     optional: bool = False
 
 
-class Verb(NamedTuple):
+class OperatorCommand(NamedTuple):
     """A command of the operator.
 
     Attributes:
@@ -73,7 +73,7 @@ class Verb(NamedTuple):
     label: str
     help: str
     service_type: str = "std_srvs/srv/Trigger"
-    fields: Sequence[VerbField] = ()
+    fields: Sequence[CommandField] = ()
     confirm: str = ""
     fill: Callable[[Any, Mapping[str, Any]], None] = lambda _request, _values: None
     role: Literal["", "stop", "hold", "release"] = ""
@@ -88,7 +88,7 @@ class Verb(NamedTuple):
             raise VerbError(f"{self.name} has no field {min(unknown)!r:.60}")
         return {field.name: self._check_field(field, values.get(field.name)) for field in self.fields}
 
-    def _check_field(self, field: VerbField, value: Any) -> Any:
+    def _check_field(self, field: CommandField, value: Any) -> Any:
         if field.optional and value in ("", None, []):
             return _EMPTY.get(field.kind, "")
         if field.kind == "polygon":
@@ -105,7 +105,7 @@ class Verb(NamedTuple):
             raise VerbError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
         return float(value) if field.kind == "number" else value
 
-    def _check_corners(self, field: VerbField, value: Any) -> list[tuple[float, float]]:
+    def _check_corners(self, field: CommandField, value: Any) -> list[tuple[float, float]]:
         corners = value if isinstance(value, list) else []
         are_places = all(
             isinstance(corner, list) and list(map(_is_number, corner)) == [True, True] for corner in corners
@@ -204,7 +204,7 @@ class MissionRun:
         """Return an event as a sentence without a full stop; empty to use its kind and values."""
         return ""
 
-    def verbs(self) -> Sequence[Verb]:
+    def verbs(self) -> Sequence[OperatorCommand]:
         """Return the operator's commands, each with a button on pages; the tree's leaves offer the services."""
         return ()
 

@@ -70,7 +70,7 @@ def text_of_output(code: str, element: Element, attribute: str, text: str) -> Di
     return element.finding(code, message, value=attribute, suggestion=suggestion, hint=hint)
 
 
-class Collector:
+class FindingCollector:
     """A collection of findings, in the order in which they are reported.
 
     Attributes:

@@ -14,7 +14,16 @@ from typing import Any, Literal
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.numbers import SensibleNumbers
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, Use, path_of
+from sar_compiler.nodes.spec import (
+    Direction,
+    Kind,
+    NodeSpec,
+    Parameter,
+    ParameterRole,
+    Signature,
+    Use,
+    path_of,
+)
 from sar_compiler.nodes.values import (
     ANYTHING,
     MILLISECONDS,
@@ -159,7 +168,7 @@ def _parameters(data: Iterable[Mapping[str, Any]]) -> dict[str, Parameter]:
 
 def _parameter(role: str, value_type: object, direction: str | None = None, **said: Any) -> Parameter:
     return Parameter(
-        role=Role(role),
+        role=ParameterRole(role),
         value_type=_type(value_type),
         direction=None if direction is None else Direction(direction),
         **said,

@@ -19,14 +19,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Rule, Signature, Use
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, ParameterRole, Rule, Signature, Use
 from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, type_of
 from sar_compiler.runtime.answers import Answer, Fact
 
-NAME = Parameter("name", Role.NAME, required=False, value_type=type_of(str), doc="The node's name.")
+NAME = Parameter("name", ParameterRole.NAME, required=False, value_type=type_of(str), doc="The node's name.")
 """The parameter for the node's name, which every node has."""
-CHILDREN = Parameter("children", Role.CHILDREN, required=True)
-CHILD = Parameter("child", Role.CHILD, required=True)
+CHILDREN = Parameter("children", ParameterRole.CHILDREN, required=True)
+CHILD = Parameter("child", ParameterRole.CHILD, required=True)
 """The parameters for what is below a control and a decorator."""
 _OUTCOMES = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _STRUCTURE = {Kind.CONTROL: [CHILDREN], Kind.DECORATOR: [CHILD]}
@@ -157,7 +157,7 @@ def handed_over(keyword: str, target: type | str, doc: str, *, required: bool = 
         doc: Its description.
         required: Whether the node cannot do without; otherwise the default is None.
     """
-    return Parameter(keyword, Role.CONTEXT, required, target_or_path=target, doc=doc)
+    return Parameter(keyword, ParameterRole.CONTEXT, required, target_or_path=target, doc=doc)
 
 
 def reference(keyword: str, path: str, doc: str) -> Parameter:
@@ -168,7 +168,7 @@ def reference(keyword: str, path: str, doc: str) -> Parameter:
         path: The import path of the leaf's class.
         doc: Its description.
     """
-    return Parameter(keyword, Role.REFERENCE, required=True, target_or_path=path, doc=doc)
+    return Parameter(keyword, ParameterRole.REFERENCE, required=True, target_or_path=path, doc=doc)
 
 
 SCOPE = handed_over("scope", "sar_compiler.runtime.blackboard:Scope", "Where keys are looked up.")
@@ -188,7 +188,7 @@ def _parameter(
     required, name = default is ..., keyword.removesuffix("_")
     return Parameter(
         name,
-        Role.ATTRIBUTE,
+        ParameterRole.ATTRIBUTE,
         required,
         default=None if required else default,
         value_type=value_type,

@@ -62,7 +62,7 @@ class Registry:
         """Note that a tag is known because it is installed, and by which entry point; nobody has asked for it."""
         self._installed.setdefault(tag, entry_point)
 
-    def called_for(self, tags: Iterable[str]) -> list[str]:
+    def tags_like(self, tags: Iterable[str]) -> list[str]:
         """Return the tags that a file with some tags may mean: of what is merely installed, only what comes with one of them."""
         used = {self._installed.get(tag) for tag in tags}
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
@@ -209,7 +209,7 @@ def language_variants(tag: str) -> Sequence[NodeSpec]:
 
 
 @functools.cache
-def is_own_word(tag: str) -> bool:
+def is_library_tag(tag: str) -> bool:
     """Return whether a tag is a word of the language here that BehaviorTree.CPP does not have, such as py_trees' nodes."""
     specs = language_variants(tag)
     return bool(specs) and not any(spec.semantics.counterpart.built_in for spec in specs)

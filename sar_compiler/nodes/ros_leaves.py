@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
-from sar_compiler.nodes.collector import Collector, NodeView
+from sar_compiler.nodes.collector import FindingCollector, NodeView
 from sar_compiler.nodes.declaring import SCOPE, attribute, handed_over, input_port, leaf_spec, output_port
 from sar_compiler.nodes.ros_fields import DESTINATIONS, FIELD_PATH, FIELDS, Destinations, FieldPath, Fields
 from sar_compiler.nodes.ros_interfaces import (
@@ -41,7 +41,7 @@ def _fields(keyword: str, of: str, example: str) -> Any:
     return attribute(keyword, DESTINATIONS, doc, None)
 
 
-def _check(kind: str, **parts: str) -> Callable[[NodeView, Collector], None]:
+def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], None]:
     """Return the rule that checks a leaf's type, fields and values, where ROS is installed.
 
     Args:
@@ -49,7 +49,7 @@ def _check(kind: str, **parts: str) -> Callable[[NodeView, Collector], None]:
         **parts: The attributes that name fields, each with the part of the interface; empty for the message itself.
     """
 
-    def rule(bound: NodeView, collector: Collector) -> None:
+    def rule(bound: NodeView, collector: FindingCollector) -> None:
         written = bound.values.get("type")
         if not isinstance(written, str) or not is_ros_installed():
             return
@@ -82,7 +82,7 @@ def _mistake_in(value: object, cls: Any) -> InterfaceError | None:
     return None
 
 
-def _check_value(bound: NodeView, collector: Collector) -> None:
+def _check_value(bound: NodeView, collector: FindingCollector) -> None:
     if bound.values.get("field") is not None and "value" not in bound.keys:
         message = "field: nothing says where it is written"
         collector.add("missing-attribute", message, bound.element, hint='write value="{key}"')

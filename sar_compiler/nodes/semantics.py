@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from py_trees.common import Status
 
     from sar_compiler.nodes.btcpp.draft import Draft
-    from sar_compiler.nodes.collector import Collector, NodeView
+    from sar_compiler.nodes.collector import FindingCollector, NodeView
 
 WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
 """Effects that do not change the world."""
@@ -92,7 +92,7 @@ class Counterpart(NamedTuple):
     """
 
     built_in: bool = False
-    rewrite: "Callable[[Draft, Collector], None] | None" = None
+    rewrite: "Callable[[Draft, FindingCollector], None] | None" = None
     hint: str = NO_HINT
     since: str = ""
 

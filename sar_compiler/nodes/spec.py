@@ -31,7 +31,7 @@ from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.tree.diagnostic import Severity
 
 if TYPE_CHECKING:
-    from sar_compiler.nodes.collector import Collector, NodeView
+    from sar_compiler.nodes.collector import FindingCollector, NodeView
 
 
 class RegistrationError(SarError):
@@ -54,11 +54,11 @@ def load(path: str) -> Any:
     return functools.reduce(getattr, name.split("."), importlib.import_module(module))
 
 
-_PARENT = "sar_compiler.runtime.parents:Parent"
+_PARENT = "sar_compiler.runtime.parents:EngineParent"
 _KERNEL = "sar_compiler.runtime.kernel."
 MARK = "__node_spec__"
 """The attribute of a registered class that holds its record."""
-Rule: TypeAlias = "Callable[[NodeView, Collector], None]"
+Rule: TypeAlias = "Callable[[NodeView, FindingCollector], None]"
 """Reports mistakes in a node whose attributes are each valid by themselves."""
 
 
@@ -96,7 +96,7 @@ class Direction(str, Enum):
         return words.get(self, "input and output")
 
 
-class Skips(Enum):
+class SkipPossibility(Enum):
     """Whether a tick of a node can be skipped."""
 
     NEVER = "never"
@@ -105,7 +105,7 @@ class Skips(Enum):
     ALWAYS = "always"
 
 
-class Role(Enum):
+class ParameterRole(Enum):
     """The role of a constructor parameter."""
 
     NAME = "name"
@@ -207,7 +207,7 @@ class Parameter:
     """
 
     name: str
-    role: Role
+    role: ParameterRole
     required: bool
     default: object = None
     value_type: ValueType = NO_VALUE
@@ -240,7 +240,9 @@ class Parameter:
     @property
     def is_whole_number(self) -> bool:
         """Whether it is a whole number that is fixed when the tree is compiled."""
-        return self.role is Role.ATTRIBUTE and self.direction is None and self.value_type.python is int
+        return (
+            self.role is ParameterRole.ATTRIBUTE and self.direction is None and self.value_type.python is int
+        )
 
 
 def _path(class_or_path: type | str | None) -> str:
@@ -256,7 +258,9 @@ def _default_port(port: Parameter) -> Input[Any] | None:
 def any_port(name: str, doc: str = "") -> Parameter:
     """Return a port of which only the name is known: anything may be read from it, and written to it."""
     anything, inout = ANYTHING, Direction.INOUT
-    return Parameter(name, Role.ATTRIBUTE, required=False, value_type=anything, direction=inout, doc=doc)
+    return Parameter(
+        name, ParameterRole.ATTRIBUTE, required=False, value_type=anything, direction=inout, doc=doc
+    )
 
 
 _DIRECTIONS: dict[object, Direction] = {
@@ -264,7 +268,7 @@ _DIRECTIONS: dict[object, Direction] = {
     Output: Direction.OUTPUT,
     InOut: Direction.INOUT,
 }
-_STRUCTURE = {"name": Role.NAME, "child": Role.CHILD, "children": Role.CHILDREN}
+_STRUCTURE = {"name": ParameterRole.NAME, "child": ParameterRole.CHILD, "children": ParameterRole.CHILDREN}
 _VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 
 CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
@@ -276,7 +280,7 @@ CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
 """The smallest and largest number of children by kind of node."""
 
 
-class Skipping(NamedTuple):
+class SkipSupport(NamedTuple):
     """A node's treatment of skipped ticks.
 
     Attributes:
@@ -288,7 +292,7 @@ class Skipping(NamedTuple):
         is_handled: Whether the node supports skipped children although it is never skipped itself.
     """
 
-    possible: Skips = Skips.NEVER
+    possible: SkipPossibility = SkipPossibility.NEVER
     replacement: "NodeSpec | None" = None
     only_if: tuple[str, object] | None = None
     advice: str = ""
@@ -359,7 +363,7 @@ class NodeSpec:
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
     semantics: Semantics = Semantics()  # noqa: RUF009 - frozen
-    skipping: Skipping = Skipping()  # noqa: RUF009 - frozen
+    skipping: SkipSupport = SkipSupport()  # noqa: RUF009 - frozen
     signature: Signature = Signature()  # noqa: RUF009 - frozen
     child_count: tuple[int, int | None] = (-1, None)
     variant: bool = False
@@ -457,7 +461,9 @@ class NodeSpec:
             return False
         if self.is_by_path:
             skipping = self.skipping
-            return skipping.possible is Skips.NEVER and not (skipping.replacement or skipping.is_handled)
+            return skipping.possible is SkipPossibility.NEVER and not (
+                skipping.replacement or skipping.is_handled
+            )
         return _PARENT not in self._ancestry
 
     @functools.cached_property
@@ -512,18 +518,22 @@ class NodeSpec:
     @functools.cached_property
     def references(self) -> list[Parameter]:
         """The parameters that refer to other nodes."""
-        return [parameter for parameter in self.parameters.values() if parameter.role is Role.REFERENCE]
+        return [
+            parameter for parameter in self.parameters.values() if parameter.role is ParameterRole.REFERENCE
+        ]
 
     @functools.cached_property
     def required(self) -> list[Parameter]:
         """The attributes that a file has to write."""
-        attributes = (p for p in self.parameters.values() if p.role is Role.ATTRIBUTE)
+        attributes = (p for p in self.parameters.values() if p.role is ParameterRole.ATTRIBUTE)
         return [p for p in attributes if p.required and p.name not in self.fixed]
 
     @functools.cached_property
     def plain(self) -> list[Parameter]:
         """The attributes whose values are fixed when the tree is compiled."""
-        return [p for p in self.parameters.values() if p.role is Role.ATTRIBUTE and p.direction is None]
+        return [
+            p for p in self.parameters.values() if p.role is ParameterRole.ATTRIBUTE and p.direction is None
+        ]
 
     @functools.cached_property
     def plain_defaults(self) -> dict[str, object]:
@@ -533,15 +543,19 @@ class NodeSpec:
     @functools.cached_property
     def ports(self) -> list[Parameter]:
         """The attributes that are ports."""
-        return [p for p in self.parameters.values() if p.role is Role.ATTRIBUTE and p.direction is not None]
+        return [
+            p
+            for p in self.parameters.values()
+            if p.role is ParameterRole.ATTRIBUTE and p.direction is not None
+        ]
 
     @functools.cached_property
     def handed_over(self) -> list[Parameter]:
         """The parameters that the mission provides."""
-        return [p for p in self.parameters.values() if p.role is Role.CONTEXT]
+        return [p for p in self.parameters.values() if p.role is ParameterRole.CONTEXT]
 
     @functools.cached_property
-    def is_demanding(self) -> bool:
+    def needs_context(self) -> bool:
         """Whether there is more to an instance than its values and children."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
         return bool(around) or self.is_foreign
@@ -564,12 +578,12 @@ class NodeSpec:
         node, not its own tick), so nothing is concluded from that until somebody says that it is.
         """
         leaf = self.kind.is_leaf and not self.is_only_described and "SKIPPED" in self.outcomes
-        return self.skipping.possible is Skips.ALWAYS or leaf
+        return self.skipping.possible is SkipPossibility.ALWAYS or leaf
 
     @functools.cached_property
     def is_plain(self) -> bool:
         """Whether there is nothing about an instance but its values, which are no scripts."""
-        is_special = self.references or self.is_demanding or self.takes_script or self.skips_by_itself
+        is_special = self.references or self.needs_context or self.takes_script or self.skips_by_itself
         return self.kind.is_leaf and self.rule is None and not is_special
 
     @functools.cached_property
@@ -580,7 +594,7 @@ class NodeSpec:
     @property
     def attributes(self) -> list[Parameter]:
         """The parameters that are written as attributes, in the constructor's order."""
-        written = (Role.NAME, Role.ATTRIBUTE, Role.REFERENCE)
+        written = (ParameterRole.NAME, ParameterRole.ATTRIBUTE, ParameterRole.REFERENCE)
         return [parameter for parameter in self.parameters.values() if parameter.role in written]
 
 
@@ -624,7 +638,7 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
         "keyword": "" if keyword == name else keyword,
     }
     structure = _STRUCTURE.get(name)
-    if structure is Role.NAME:
+    if structure is ParameterRole.NAME:
         return Parameter(name, structure, required=False, value_type=type_of(str), doc=doc)
     if structure is not None and not spec.kind.is_leaf:
         return Parameter(name, structure, required=required, doc=doc)
@@ -634,15 +648,15 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     direction = _DIRECTIONS.get(typing.get_origin(target) or target)
     value_type = _carried_type(target) if direction else value_type_of(target)
     if value_type is not None:
-        return Parameter(name, Role.ATTRIBUTE, value_type=value_type, direction=direction, **common)
+        return Parameter(name, ParameterRole.ATTRIBUTE, value_type=value_type, direction=direction, **common)
     if is_class(target) and is_mission_context(target):
         # It is written in no tag, nor is what stands in for it.
-        return Parameter(name, Role.CONTEXT, target_or_path=target, **{**common, "default": None})
+        return Parameter(name, ParameterRole.CONTEXT, target_or_path=target, **{**common, "default": None})
     # What is only described is read without py_trees.
     from py_trees.behaviour import Behaviour
 
     if is_class(target) and issubclass(target, Behaviour):
-        return Parameter(name, Role.REFERENCE, target_or_path=target, **common)
+        return Parameter(name, ParameterRole.REFERENCE, target_or_path=target, **common)
     raise RegistrationError(
         f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} is annotated with {annotation!r}, which is "
         "neither a value that can be written in a file (float, int, bool, str, an enum, Path, timedelta, a list "
@@ -652,17 +666,17 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
 
 def _complain_unless_structured(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
     roles = {parameter.role for parameter in parameters.values()}
-    wanted = {Kind.CONTROL: Role.CHILDREN, Kind.DECORATOR: Role.CHILD}.get(spec.kind)
+    wanted = {Kind.CONTROL: ParameterRole.CHILDREN, Kind.DECORATOR: ParameterRole.CHILD}.get(spec.kind)
     if wanted is not None and wanted not in roles:
         raise RegistrationError(
             f"<{spec.tag}>: {_name_of(spec)} is a {spec.kind.value} without a parameter '{wanted.value}'"
         )
-    if Role.NAME not in roles:
+    if ParameterRole.NAME not in roles:
         raise RegistrationError(f"<{spec.tag}>: the constructor of {_name_of(spec)} has no parameter 'name'")
 
 
 def _complain_unless_answerable(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
-    known = [SELF, *(p.name for p in parameters.values() if p.role is Role.REFERENCE)]
+    known = [SELF, *(p.name for p in parameters.values() if p.role is ParameterRole.REFERENCE)]
     numbers = [p.name for p in parameters.values() if p.is_whole_number]
     for fact in spec.facts:
         _complain_of_placeholders(spec, fact, known)

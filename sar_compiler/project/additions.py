@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.registry import Named, Registry
 
 
-class Additions(NamedTuple):
+class CommandLineSettings(NamedTuple):
     """The user's additions to any project's configuration, which may refer to any file.
 
     Attributes:

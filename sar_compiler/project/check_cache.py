@@ -17,7 +17,7 @@ from typing import Any
 
 from sar_compiler.errors import SarError
 from sar_compiler.opener import MODULE, FileKind, Observation, Question, digest, read_file, state_of
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.project.file_check import FINDINGS_OF_A_CHECK, FileCheck, TextFix
 from sar_compiler.resources import cache_folder, shipped_root
 from sar_compiler.tree.content import real_path
@@ -92,7 +92,7 @@ class CheckCache:
             self._load()
 
     @classmethod
-    def of(cls, additions: Additions, options: Sequence[object]) -> "CheckCache | None":
+    def of(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
         """Return the results of checks with some additions; None if these are not only names.
 
         Args:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from sar_compiler.errors import SarError
 from sar_compiler.opener import Observation
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.project.file_check import FileCheck, TextFix, TrialOutcome
 from sar_compiler.project.project_tree import FurtherCheck, ProjectTree
 from sar_compiler.project.workspace import Workspace
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.model import TreeFile
 
 
@@ -29,7 +29,7 @@ class FileChecker:
 
     def __init__(
         self,
-        additions: Additions,
+        additions: CommandLineSettings,
         further_checks: Sequence[FurtherCheck],
         try_runs: Callable[[ProjectTree], TrialOutcome],
     ) -> None:

@@ -16,14 +16,14 @@ from sar_compiler.nodes.models import (
     undescribed_tags,
 )
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
-from sar_compiler.nodes.registry import ENTRY_POINTS, Registry, is_own_word, load_registry
+from sar_compiler.nodes.registry import ENTRY_POINTS, Registry, is_library_tag, load_registry
 from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, is_there, read_file
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.project.surroundings import FileSurroundings
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
+from sar_compiler.tree.discovery import matching_files, read_tree_file
 from sar_compiler.tree.forest import Forest, Read, TreeSet
-from sar_compiler.tree.gathering import files_meant, read_tree_file
 from sar_compiler.tree.model import TreeFile
 
 
@@ -43,7 +43,7 @@ class Project:
     def __init__(
         self,
         surroundings: FileSurroundings,
-        additions: Additions,
+        additions: CommandLineSettings,
         read: Read,
     ) -> None:
         self.configuration, self.checkout, self.files_around = surroundings
@@ -53,9 +53,9 @@ class Project:
         self._names = {real_path(each): each for each in additions.names}
         self.tree_set: TreeSet | None = None
         self._read = read
-        self.renew_set()
+        self.reload_set()
 
-    def renew_set(self) -> None:
+    def reload_set(self) -> None:
         """Have the files of the set read anew, by who asks for a tree next."""
         if self.configuration.trees or self.additions.trees or self.files_around.folder is not None:
             is_declared = bool(self.configuration.trees)
@@ -157,7 +157,7 @@ class Project:
         own = [_real_path(each) for each in forest.files]
         named = tuple(each for each in self.palettes if _real_path(each) not in own)
         tags = undescribed_tags([*forest.files, *forest.others], named)
-        wanted = {tag for tag in tags if tag not in self.registry or is_own_word(tag)}
+        wanted = {tag for tag in tags if tag not in self.registry or is_library_tag(tag)}
         names = undeclared_names([*forest.files, *forest.others], named)
         if not wanted and not names:
             return named
@@ -196,7 +196,7 @@ class Project:
         if not self.configuration.trees:
             yield from (self._names.get(real_path(each), each) for each in self.files_around.trees)
         for folder, pattern in self.configuration.trees:
-            for path in map(as_written, files_meant(folder, pattern)):
+            for path in map(as_written, matching_files(folder, pattern)):
                 if not is_there(path):
                     read_file(path, TREE)  # says why
                 place = real_path(path)

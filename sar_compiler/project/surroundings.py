@@ -21,7 +21,7 @@ from sar_compiler.checks.configuration import (
 from sar_compiler.opener import NamedPath, is_there, may_read, owner_of
 from sar_compiler.resources import shipped_root
 from sar_compiler.tree.content import as_written, real_path
-from sar_compiler.tree.gathering import files_around, is_palette, is_tree_file
+from sar_compiler.tree.discovery import files_around, is_palette, is_tree_file
 
 _PACKAGE = "package.xml"
 _MOST_FILES = 20_000

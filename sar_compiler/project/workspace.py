@@ -6,12 +6,12 @@ from pathlib import Path
 
 from sar_compiler.nodes.installed import ignored_entry_points
 from sar_compiler.nodes.registry import ENTRY_POINTS
-from sar_compiler.project.additions import Additions
+from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.project.project import Project
 from sar_compiler.project.project_tree import FurtherCheck, ProjectTree
 from sar_compiler.project.surroundings import FilesAround, find_surroundings
+from sar_compiler.tree.discovery import find_tree, read_tree_file
 from sar_compiler.tree.forest import Read
-from sar_compiler.tree.gathering import find_tree, read_tree_file
 
 _MOST_NAMED = 5
 """The number of files that a note names."""
@@ -29,7 +29,7 @@ class Workspace:
         read_for_sets: Reads one file of a set of trees, which all files of a project share; None for `read`.
     """
 
-    additions: Additions = Additions()  # noqa: RUF009 - cannot be changed
+    additions: CommandLineSettings = CommandLineSettings()  # noqa: RUF009 - cannot be changed
     read: Read = read_tree_file
     note: Callable[[str], None] = lambda _text: None
     further_checks: Sequence[FurtherCheck] = ()
@@ -98,7 +98,7 @@ class Workspace:
     def renew_sets(self) -> None:
         """Have the files of all sets read anew: some have changed."""
         for project in self._projects.values():
-            project.renew_set()
+            project.reload_set()
 
     def note_use(self) -> None:
         """Note which palettes and trees around the files that were looked at have been used, though nobody has named them."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState, NodeState
     from sar_compiler.project import Workspace
-    from sar_compiler.reports.why import Why
+    from sar_compiler.reports.why import CauseOfFailure
     from sar_compiler.runtime.events import Event
 
 T = TypeVar("T")
@@ -32,7 +32,7 @@ class GoneTreeError(SarError):
     """The tree of the run cannot be found."""
 
 
-class Otherwise(NamedTuple):
+class CounterfactualRun(NamedTuple):
     """The result of a search for changes with which the run would have succeeded.
 
     Attributes:
@@ -53,9 +53,9 @@ class Explanation(NamedTuple):
         otherwise: The changes with which it would have succeeded, if requested.
     """
 
-    reasons: "Why"
+    reasons: "CauseOfFailure"
     nodes: "Sequence[NodeState]"
-    otherwise: Otherwise = Otherwise()
+    otherwise: CounterfactualRun = CounterfactualRun()
 
     @classmethod
     def of(
@@ -81,9 +81,9 @@ class Explanation(NamedTuple):
         """
         from sar_compiler.journal.database import JournalFile
         from sar_compiler.journal.recorded_events import recorded_events
-        from sar_compiler.reports.why import Inquiry
+        from sar_compiler.reports.why import FailureAnalysis
 
-        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT, is_condensed=True))
+        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, is_condensed=True))
         inquiry.state.look_at_process(is_gone=is_gone)
         reasons = inquiry.why()
         if not reasons.chain or projects is None:
@@ -99,7 +99,7 @@ class Explanation(NamedTuple):
         try:
             change = (budget or Budget()).run(search)
         except BudgetSpentError as error:
-            change = Otherwise(reason=str(error))
+            change = CounterfactualRun(reason=str(error))
         return cls(reasons, inquiry.state.nodes, change)
 
     def text(self) -> str:
@@ -136,7 +136,7 @@ def what_would_have_succeeded(
     record: "Callable[[], Iterable[Event]]",
     projects: "Workspace",
     tree_file: Path | None = None,
-) -> Otherwise:
+) -> CounterfactualRun:
     """Return the changes with which the last run of a mission, whose root failed, would have succeeded.
 
     Args:
@@ -154,21 +154,21 @@ def what_would_have_succeeded(
         trees = trees_that_ran(state, projects, tree_file)
         found = first_that_fits(trees, lambda tree: counterfactual(tree, record(), names))
     except GoneTreeError as error:
-        return Otherwise(reason=f"{error}. Add --tree-file TREE")
+        return CounterfactualRun(reason=f"{error}. Add --tree-file TREE")
     except OtherTreeError:
         path = tree_file or state.runs[-1].about.get("tree_file")
-        return Otherwise(reason=f"{path} now contains another tree. Add --tree-file TREE")
+        return CounterfactualRun(reason=f"{path} now contains another tree. Add --tree-file TREE")
     except TreeError as error:
         path = tree_file or state.runs[-1].about.get("tree_file")
         missing = _options_left_out(state, projects)
         if missing:
-            return Otherwise(
+            return CounterfactualRun(
                 reason=f"{path} cannot be loaded without options of that run: {error.findings[0].message}. Add them: {shlex.join(missing)}"
             )
-        return Otherwise(reason=f"{path} now has errors: {error.findings[0].message}")
+        return CounterfactualRun(reason=f"{path} now has errors: {error.findings[0].message}")
     except SarError as error:
-        return Otherwise(reason=str(error))
-    return Otherwise(
+        return CounterfactualRun(reason=str(error))
+    return CounterfactualRun(
         found, "" if found is not None else "no small change of leaf outcomes makes the mission succeed"
     )
 

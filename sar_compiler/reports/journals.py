@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from sar_compiler.journal.condition import COMPLETE, condition, condition_text
 from sar_compiler.journal.database import VERSION, JournalFile
 from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
 from sar_compiler.journal.mission_state import MissionState, tree_nodes
+from sar_compiler.journal.status_line import COMPLETE, condition, condition_text
 from sar_compiler.reports.mission_report import not_done
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.tree.plain import as_json

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from sar_compiler.errors import SarError
-from sar_compiler.journal.condition import condition
+from sar_compiler.journal.display import EventTime, Landmark, Level
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, NodeState, tree_nodes
-from sar_compiler.journal.situation import EventTime, Landmark, Level
+from sar_compiler.journal.status_line import condition
 from sar_compiler.nodes.spec import load
 from sar_compiler.reports.report_forms import FORMS
-from sar_compiler.reports.why import Why, why_data
+from sar_compiler.reports.why import CauseOfFailure, why_data
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.plain import as_json
 
@@ -44,7 +44,7 @@ def not_done(state: MissionState) -> dict[str, list[str]]:
     return places
 
 
-def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
+def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[str, Any]:
     """Return the report of a mission, and the cause of a failure, as JSON values.
 
     Positions are metres in the frame `map`, with `lat` and `lon` in degrees if the map has a georeference. Times are
@@ -83,7 +83,7 @@ def report_data(state: MissionState, why: Why | None = None) -> dict[str, Any]:
         "figures": [each._asdict() for each in situation.figures.values()],
         "courses": {
             name: [{**_at(at), "value": value} for at, value in course]
-            for name, course in state.courses.items()
+            for name, course in state.figure_history.items()
         },
         "gauges": [each._asdict() for each in state.gauges],
         "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
@@ -154,7 +154,7 @@ def _node(node: NodeState) -> dict[str, Any]:
     }
 
 
-def json_report(state: MissionState, why: Why | None = None) -> str:
+def json_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
     """Return the report of a mission as JSON."""
     return as_json(report_data(state, why)) + "\n"
 
@@ -197,7 +197,7 @@ def _obstacle(file: Path) -> str:
     return "" if os.access(written, os.W_OK) else f"{written} may not be written to"
 
 
-def report_text(state: MissionState, file: Path | str, why: Why | None = None) -> str:
+def report_text(state: MissionState, file: Path | str, why: CauseOfFailure | None = None) -> str:
     """Return the report of a mission in the form of a file, with the cause of a failure if the form has it."""
     form = FORMS[Path(file).suffix.lower()]
     write = load(form.function)

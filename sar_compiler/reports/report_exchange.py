@@ -13,10 +13,10 @@ from typing import Any
 from lxml import etree
 from lxml.builder import ElementMaker
 
-from sar_compiler.journal.condition import condition_text
+from sar_compiler.journal.display import EventTime, Landmark
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.situation import EventTime, Landmark
+from sar_compiler.journal.status_line import condition_text
 from sar_compiler.reports.mission_report import ReportError, georeference, report_data, to_visit
 from sar_compiler.style import TAK_CERTAIN, TAK_LIKELY, colour_of, rgb
 from sar_compiler.tree.plain import as_json, speakable

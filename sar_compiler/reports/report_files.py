@@ -15,11 +15,11 @@ from sar_compiler.reports.mission_report import (
     report_text,
     require_form,
 )
-from sar_compiler.reports.why import Inquiry, Why
+from sar_compiler.reports.why import CauseOfFailure, FailureAnalysis
 from sar_compiler.writing import write_text
 
 
-def try_to_write(state: MissionState, file: Path, why: Why | None) -> str:
+def try_to_write(state: MissionState, file: Path, why: CauseOfFailure | None) -> str:
     """Write a report; return the reason if that fails, or an empty string. The next one is tried in any case."""
     try:
         write_text(file, report_text(state, file, why))
@@ -68,13 +68,13 @@ def report_page(journal: Path) -> str:
         raise ReportError(not_installed(error) or str(error)) from error
 
 
-def _mission(journal: Path) -> tuple[MissionState, Why]:
+def _mission(journal: Path) -> tuple[MissionState, CauseOfFailure]:
     from sar_compiler.journal.database import JournalFile
 
     with JournalFile.reading(journal) as file:
         paths = ShortPaths(journal.parent)
         state = MissionState.of(paths.of(file.stream(is_condensed=True)))
-        why = Inquiry.of(paths.of(file.last_run(without=OF_ROBOT, is_condensed=True))).why()
+        why = FailureAnalysis.of(paths.of(file.last_run(without=OF_ROBOT, is_condensed=True))).why()
     state.look_at_process(is_gone=not file.is_written)
     return state, why
 

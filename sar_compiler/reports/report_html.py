@@ -12,11 +12,11 @@ from datetime import datetime
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from sar_compiler.journal.condition import GOOD, condition
+from sar_compiler.journal.display import EventTime, Landmark, Level
 from sar_compiler.journal.mission_state import MissionState, RobotPose
-from sar_compiler.journal.situation import EventTime, Landmark, Level
+from sar_compiler.journal.status_line import GOOD, condition
 from sar_compiler.reports.mission_report import georeference, not_done, to_visit
-from sar_compiler.reports.why import Why, first_to_look_at
+from sar_compiler.reports.why import CauseOfFailure, likeliest_cause
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import FOUND, LEVELS, MARKS, sign_of, style
 from sar_compiler.tree.showing import visible
@@ -49,7 +49,7 @@ def _macros() -> Any:
     return environment.from_string("".join(map(str.strip, source.splitlines()))).module
 
 
-def html_report(state: MissionState, why: Why | None = None) -> str:
+def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
     """Return the report of a mission, and the cause of a failure, as an HTML page; external text is escaped.
 
     Raises:
@@ -75,14 +75,14 @@ def html_report(state: MissionState, why: Why | None = None) -> str:
         "found": [*_landmarks(state, is_found=True)],
         "courses": [
             (f"{name[:1].upper()}{name[1:]}", _course(state, name, course))
-            for name, course in state.courses.items()
+            for name, course in state.figure_history.items()
             if len({value for _, value in course}) > 1
         ],
         "map": drawing,
         "legend": _legend(state) if drawing else (),
         "others": [*_landmarks(state, is_found=False)],
         "next_steps": [*next_steps(state)],
-        "first": first_to_look_at(why) if why is not None else "",
+        "first": likeliest_cause(why) if why is not None else "",
         "software": software,
     }
     return f"{_macros().page(report, state, functools.partial(_when, state))}\n"

@@ -9,7 +9,7 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.reports.mission_report import ShortPaths, require_form
 from sar_compiler.reports.report_files import try_to_write
-from sar_compiler.reports.why import Inquiry, first_to_look_at
+from sar_compiler.reports.why import FailureAnalysis, likeliest_cause
 from sar_compiler.ros.run_extension import RunExtension
 
 
@@ -33,7 +33,7 @@ class RunReport(RunExtension):
         for file in files:
             require_form(file, place)
         self._files, self._paths = files, ShortPaths(folder)
-        self._state, self._inquiry = MissionState.of(self._paths.of(earlier)), Inquiry()
+        self._state, self._inquiry = MissionState.of(self._paths.of(earlier)), FailureAnalysis()
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
@@ -60,7 +60,7 @@ class RunInquiry(RunExtension):
     """Finds the likeliest cause of a run's failure during the run."""
 
     def __init__(self) -> None:
-        self._inquiry = Inquiry()
+        self._inquiry = FailureAnalysis()
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
@@ -68,4 +68,4 @@ class RunInquiry(RunExtension):
 
     def cause_of_failure(self) -> str:
         """Return the likeliest cause of a failure in a line; empty if unknown."""
-        return first_to_look_at(self._inquiry.why())
+        return likeliest_cause(self._inquiry.why())

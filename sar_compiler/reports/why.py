@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from sar_compiler.journal.condition import COMPLETE, condition
+from sar_compiler.journal.display import EventTime, Level
 from sar_compiler.journal.journal_entries import (
     CHANGED,
     LEAF_RAISED,
@@ -26,7 +26,7 @@ from sar_compiler.journal.mission_state import (
 )
 from sar_compiler.journal.node_ends import OTHER_END, NodeEnds
 from sar_compiler.journal.recorded_events import is_status
-from sar_compiler.journal.situation import EventTime, Level
+from sar_compiler.journal.status_line import COMPLETE, condition
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.runtime.events import Event
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -89,7 +89,7 @@ class FormerFailure(NamedTuple):
     last: EventTime
 
 
-class Why(NamedTuple):
+class CauseOfFailure(NamedTuple):
     """The causes of a mission's failure.
 
     Attributes:
@@ -123,7 +123,7 @@ class Why(NamedTuple):
         return self.answers[0] if self.answers else None
 
 
-class Inquiry:
+class FailureAnalysis:
     """Finds the cause of a mission's failure in its last run, from entries one by one, without storing them.
 
     A node's status is caused by those of its children that have the same status; below an inverting node, by the
@@ -148,7 +148,7 @@ class Inquiry:
         self._raised: NodeStatus | None = None
 
     @classmethod
-    def of(cls, stream: Iterable[JournalEntry]) -> "Inquiry":
+    def of(cls, stream: Iterable[JournalEntry]) -> "FailureAnalysis":
         """Return an inquiry that has taken these entries."""
         inquiry = cls()
         for entry in stream:
@@ -189,7 +189,7 @@ class Inquiry:
         if has_failed:
             self.failed_tick, self._history_then = self._explained.tick, self._history.copy()
 
-    def why(self) -> Why:
+    def why(self) -> CauseOfFailure:
         """Return the causes of the run's failure after all its entries."""
         self._end_tick()
         explained = self._explained
@@ -208,7 +208,9 @@ class Inquiry:
             answers = self._with_end(answers, has_failed=bool(chain) and not explained.went_on)
         since = chain[0].since if chain else None
         said = now.text(self.state.now.time)
-        return Why(chain, tuple(answers), tuple(before), now.word, now.reason, said, since, explained.went_on)
+        return CauseOfFailure(
+            chain, tuple(answers), tuple(before), now.word, now.reason, said, since, explained.went_on
+        )
 
     def _only_tells(self, answer: NodeStatus) -> bool:
         """Return whether a result only reports a state: a condition's, or a fixed one after another branch failed."""
@@ -703,7 +705,7 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
     }
 
 
-def why_text(reasons: Why, otherwise: str = "") -> str:
+def why_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
     """Return the causes of a mission's failure in words, with changes for a success."""
     lines = [in_one_line(reasons.said)]
     if reasons.first is not None and reasons.is_of_a_failure:
@@ -723,7 +725,7 @@ def why_text(reasons: Why, otherwise: str = "") -> str:
     return "\n".join(lines)
 
 
-def first_to_look_at(reasons: Why) -> str:
+def likeliest_cause(reasons: CauseOfFailure) -> str:
     """Return the likeliest cause of a failure in a line; empty if there is none."""
     if reasons.first is None or reasons.first.node is None or not reasons.is_of_a_failure:
         return ""
@@ -753,7 +755,7 @@ def difference_text(difference: RunDifference | None, names: tuple[str, str]) ->
     return "\n".join(lines)
 
 
-def why_data(reasons: Why) -> dict[str, Any]:
+def why_data(reasons: CauseOfFailure) -> dict[str, Any]:
     """Return the causes of a mission's failure as JSON values."""
     return {
         "outcome": reasons.outcome,

@@ -6,11 +6,11 @@ from typing import NoReturn
 from py_trees.behaviour import Behaviour
 from rclpy.node import Node
 
-from sar_compiler.commands import ADRIFT, print_error
+from sar_compiler.commands import ROBOT_MAY_MOVE, print_error
 from sar_compiler.process_end import end_at_once, try_for
 from sar_compiler.ros.engine import send_cancels
 from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.left_goals import Cancel
+from sar_compiler.ros.orphaned_goals import Cancel
 from sar_compiler.ros.signals import StopSignals
 
 # Limits in seconds: to stop the leaves from a thread that is not the blocked one, to create a ROS context,
@@ -61,10 +61,10 @@ class ForcedEnd:
                 return self._signals.exit_status
             words = "a goal may still be active, and the robot may still be moving"
             self._print(f"{words}: {', '.join(active)}")
-            return ADRIFT
+            return ROBOT_MAY_MOVE
 
         may_be_adrift = self._cancel is not None and goals_under_way(self._node).active()
-        status = ADRIFT if may_be_adrift else self._signals.exit_status
+        status = ROBOT_MAY_MOVE if may_be_adrift else self._signals.exit_status
         end_at_once(status, cancel, _LEAVES_SEC + _APART_SEC + settle_sec)
 
     def hurry(self) -> int | None:
@@ -78,7 +78,7 @@ class ForcedEnd:
         self._print(
             "terminated at once after the second signal: leaves were stopped, but the robot may still be moving"
         )
-        return ADRIFT
+        return ROBOT_MAY_MOVE
 
     def _print(self, text: str) -> None:
         self._before_message()

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.helper_process import helper_command
 from sar_compiler.process_end import is_of_program
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
-from sar_compiler.ros.leaves.goals import GoalNews, end_in_words, goals_under_way
+from sar_compiler.ros.leaves.goals import GoalEvent, end_in_words, goals_under_way
 from sar_compiler.ros.run_extension import RunExtension
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.ros.engine import Engine
-    from sar_compiler.ros.left_goals import LeftGoal
+    from sar_compiler.ros.orphaned_goals import LeftGoal
 
 ADRIFT_SIGN = b"!"
 """Written to the mission's supervisor if the guardian has not seen the end of a goal."""
@@ -82,7 +82,7 @@ class Guardian(RunExtension):
         goals_under_way(self._node).listen(self.note)
         heartbeats(self._node).listen(self.take_heartbeat)
 
-    def note(self, news: GoalNews) -> None:
+    def note(self, news: GoalEvent) -> None:
         """Report a goal to the guardian; never blocks."""
         with self._lock:
             if news.is_over:
@@ -154,7 +154,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     from sar_compiler.process_end import end_process
-    from sar_compiler.ros.left_goals import Canceller
+    from sar_compiler.ros.orphaned_goals import Canceller
 
     node = Canceller(f"sar_guardian_{os.getpid()}", security).node
     wards = _Wards(node)
@@ -206,7 +206,7 @@ class _Wards:
             self._active.pop(words.split()[0], None)
         else:
             goal_id, action = words.split()
-            self._add(GoalNews(goal_id, action))
+            self._add(GoalEvent(goal_id, action))
 
     def _take_heartbeat(self, beat: Heartbeat) -> None:
         if beat.is_reported:
@@ -215,9 +215,9 @@ class _Wards:
         self._beat, self._heard_at = beat, time.monotonic()
         self._is_reported = self._is_canceled = False
 
-    def _add(self, goal: GoalNews) -> None:
+    def _add(self, goal: GoalEvent) -> None:
         """Store a goal when it is sent, to discover its server before it must be canceled."""
-        from sar_compiler.ros.left_goals import UNKNOWN_SEC, LeftGoal
+        from sar_compiler.ros.orphaned_goals import UNKNOWN_SEC, LeftGoal
 
         def report_end(status: int) -> None:
             words = f"{goal.action} was asked to cancel its goal, which {end_in_words(status)}"
@@ -244,7 +244,7 @@ class _Wards:
         Args:
             why: The reason, for the log.
         """
-        from sar_compiler.ros.left_goals import cancel_goals
+        from sar_compiler.ros.orphaned_goals import cancel_goals
 
         self._why = why
         active = cancel_goals([*self._active.values()], self._node, _TRYING_SEC)

@@ -18,7 +18,7 @@ from rclpy.signals import (
     uninstall_signal_handlers,
 )
 
-from sar_compiler.commands import ADRIFT, print_error
+from sar_compiler.commands import ROBOT_MAY_MOVE, print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.missions.parameter_reader import BLOCKED_TICK_SEC, SETTLE_SEC
 from sar_compiler.process_end import end_after_program
@@ -27,7 +27,7 @@ from sar_compiler.ros.engine import leaves_at_work
 from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.left_goals import Cancel, cancel_apart
+from sar_compiler.ros.orphaned_goals import Cancel, cancel_apart
 from sar_compiler.ros.runner import TreeRunner
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.ros.tick_watch import TickWatch
@@ -249,4 +249,4 @@ class _Hosted:
 
     def status(self, signals: StopSignals) -> int:
         """Return the exit status of a program that was asked to stop."""
-        return ADRIFT if self._active else signals.exit_status
+        return ROBOT_MAY_MOVE if self._active else signals.exit_status

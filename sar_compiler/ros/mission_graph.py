@@ -11,7 +11,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from sar_compiler.errors import SarError
-from sar_compiler.ros.sole_mission import CLAIMS, MissionClaim, parse_claim
+from sar_compiler.ros.robot_lease import CLAIMS, LeaseClaim, parse_claim
 
 _TRIGGER = "std_srvs/srv/Trigger"
 _TURN_SEC = 0.1
@@ -25,7 +25,7 @@ class OrderError(SarError):
     """A command could not be sent or was not carried out."""
 
 
-def missions_in_sight(node: Node) -> list[MissionClaim]:
+def missions_in_sight(node: Node) -> list[LeaseClaim]:
     """Return the missions that drive a robot, by their claims; a mission that drives none claims nothing.
 
     On a busy machine nodes discover each other late. The search continues for a while after a discovery, or without a claim.
@@ -34,7 +34,7 @@ def missions_in_sight(node: Node) -> list[MissionClaim]:
         node: The node that listens, which must be spun elsewhere.
     """
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    claims: dict[str, MissionClaim] = {}
+    claims: dict[str, LeaseClaim] = {}
     heard: dict[str, bool] = {}
 
     def listen(topic: str) -> None:

@@ -18,8 +18,8 @@ from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.journal.display import DisplayState, Landmark
 from sar_compiler.journal.journal_entries import CHANGED, PLAN, JournalEntry
-from sar_compiler.journal.situation import Landmark, Situation
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
@@ -110,7 +110,7 @@ class MissionPublisher(RunExtension):
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._situation = Situation()
+        self._situation = DisplayState()
         self._is_broken = False
         self._is_state_known = self._are_markers_known = False
         self._plan: Mapping[str, Any] = {}

@@ -107,12 +107,12 @@ class MisplacedRobotError(SarError):
         )
 
 
-class Localised(Requirement):
+class LocalisationCheck(Requirement):
     """A localisation that must have a pose: its present one, or else the initial one.
 
     A localisation that has a pose is sent another one only if that is nearly the same. If it is far away, the start is
     refused. A localisation without a pose is sent the initial one only if the odometry shows that the robot has not
-    moved, as during a run (`ros.watch`). The pose is published until an answer arrives: an old pose, kept by the
+    moved, as during a run (`ros.dependency_monitor`). The pose is published until an answer arrives: an old pose, kept by the
     publisher for late subscribers, does not confirm this one.
 
     Args:
@@ -236,7 +236,7 @@ class Localised(Requirement):
         return now - self._heard_of_at >= _LISTEN_SEC
 
 
-class NavigatorActive(Requirement):
+class Nav2Check(Requirement):
     """Nav2's navigator, which must be active; if it stays inactive, the reason is determined.
 
     Nav2's lifecycle manager activates its nodes in an order, the navigator late. If an earlier node cannot be
@@ -400,7 +400,7 @@ class Readiness:
         # The next steps of the checks, each of which returns the missing item, and the objects to close at the end.
         self._steps: list[Callable[[], str | None]] = []
         self._closing: list[Requirement] = []
-        self._localised: Localised | None = None
+        self._localised: LocalisationCheck | None = None
         self._graph = ros_graph(node)
         uses = list(dict.fromkeys(uses))
         self._endpoints = [
@@ -434,14 +434,14 @@ class Readiness:
         localizer, navigator = NAV2_NODES
         self._parameters = nav2_parameters(self.node)
         if initial_pose is not None:
-            self._localised = Localised(
+            self._localised = LocalisationCheck(
                 self.node, initial_pose, begins_anew=begins_anew, can_resume=can_resume
             )
             self._closing.append(self._localised)
             self._steps.append(self._localised.missing)
         # Asked even after it was active: it may no longer be when all else is there.
         self._steps.append(robot_estimate(self.node).lifecycle(localizer).missing)
-        self._closing.append(NavigatorActive(self.node, navigator, tells_pose=initial_pose is not None))
+        self._closing.append(Nav2Check(self.node, navigator, tells_pose=initial_pose is not None))
         self._steps.append(self._closing[-1].missing)
         self._endpoints += [Endpoint("node", name) for name in NAV2_NODES]
         self._steps.append(self._localisation_conflict)

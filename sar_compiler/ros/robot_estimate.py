@@ -63,7 +63,7 @@ class RobotEstimate:
         speed: The speeds in the last odometry: m/s and rad/s.
         settle_timeout_sec: How long to wait for the robot to stand, seconds.
         arrival_tolerance_m: The tolerance for an arrival at a goal, metres; None for Nav2's tolerance and half a metre.
-        lacks: The reason why the robot cannot drive, in words, set by `ros.watch`; empty if it can.
+        lacks: The reason why the robot cannot drive, in words, set by `ros.dependency_monitor`; empty if it can.
         transform_at: The arrival of the last transform from `map`, steady seconds; None before the first one.
     """
 

@@ -36,13 +36,13 @@ from sar_compiler.ros.engine import (
 )
 from sar_compiler.ros.executors import call_soon
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.left_goals import Cancel, cancel_apart
+from sar_compiler.ros.orphaned_goals import Cancel, cancel_apart
 from sar_compiler.runtime.breakpoints import Breakpoints, tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
-class Beat:
+class TickScheduler:
     """Ticks by a node's simulated clock, or by the steady clock if time is not simulated or has stopped.
 
     Args:
@@ -160,7 +160,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self.failed_behaviour: Behaviour | None = None
         self._owns_node = False
         self._cancel_apart: Cancel = _cancel_nothing
-        self._beat: Beat | None = None
+        self._beat: TickScheduler | None = None
         self._guard: Any = None
         self._handlers: tuple[TickHandler | None, TickHandler | None] = (None, None)
         self._ticks_left = py_trees.trees.CONTINUOUS_TICK_TOCK
@@ -269,7 +269,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         if number_of_iterations == 0:
             return
         self._running = True
-        self._beat = Beat(self.node, period_ms / 1000.0, self._tick_now, lambda: self.count)
+        self._beat = TickScheduler(self.node, period_ms / 1000.0, self._tick_now, lambda: self.count)
 
     def tick(
         self,

@@ -25,7 +25,7 @@ from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import behaviour_title, places_of
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
 from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.left_goals import Cancel
+from sar_compiler.ros.orphaned_goals import Cancel
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.tree.showing import in_one_line
 

@@ -19,7 +19,7 @@ from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
 
 if TYPE_CHECKING:
-    from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode, Visit
+    from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, TreeNode, Visit
     from sar_compiler.runtime.kernel.user_nodes import Tick
 
 
@@ -83,7 +83,7 @@ class KernelTicking(NamedTuple):
     show_visits: "Callable[[list[Visit]], Iterator[Behaviour]]"
 
 
-class Built(Behaviour):
+class EngineBehaviour(Behaviour):
     """A behaviour that ticks and stops as its node in the kernel says.
 
     Ticked by its own methods, as py_trees does, it is the root of a tree of such nodes, with all that is below it.
@@ -117,7 +117,7 @@ class Built(Behaviour):
         """
         self.wake = kwargs.get("wake", stay_asleep)
 
-    def build_node(self, part: "Part") -> "TreeNode":
+    def build_node(self, part: "NodeBuilder") -> "TreeNode":
         """Build the node, of what the kernel offers."""
         assert self.node_class is not None  # noqa: S101 - others are not asked
         return self.node_class(part)
@@ -164,7 +164,7 @@ class Cell(NamedTuple):
     keeps: bool
 
 
-class Parent(Built):
+class EngineParent(EngineBehaviour):
     """A node with children that keeps BehaviorTree.CPP's rules.
 
     One without a `node_class` says itself, in `begin` and `resume`, which child it needs next. Between two of these calls, and between two
@@ -218,7 +218,7 @@ class Parent(Built):
         """
         raise NotImplementedError
 
-    def build_node(self, part: "Part") -> "TreeNode":
+    def build_node(self, part: "NodeBuilder") -> "TreeNode":
         """Build the node, of what the kernel offers."""
         if self.node_class is not None:
             return self.node_class(part)

@@ -1,7 +1,7 @@
 """Scripts as Python functions, for the usual case: numbers and texts in entries that exist.
 
 `evaluation` says what a script means, and what is wrong with one. This module saves the way from one operator to the next, and to the
-entries. What is unusual makes the quick form of a statement raise one of `MISSED` before it has written anything; the statement is
+entries. What is unusual makes the quick form of a statement raise one of `FALLBACK_ERRORS` before it has written anything; the statement is
 evaluated by `evaluation` then, from the start.
 
 No other module makes code, and nothing that a file says gets into what is made here: it is made of a skeleton, which has signs of a
@@ -34,7 +34,7 @@ from sar_compiler.runtime.variables import (
     as_real,
 )
 
-MISSED = (KeyError, ArithmeticError, VariableError)
+FALLBACK_ERRORS = (KeyError, ArithmeticError, VariableError)
 """What a statement raises in its quick form if it has to be evaluated in the usual way."""
 
 _LONGEST = 1_000
@@ -131,12 +131,12 @@ def _body(statements: Sequence[SkeletonPart | None], ending: _Return) -> list[as
             body.append(usual)
             continue
         is_answer = ending.is_condition and at == len(statements) - 1 and not _is_assignment(statement)
-        quick = _Quick().answer(statement, ending) if is_answer else _Quick().statement(statement)
+        quick = _FastPath().answer(statement, ending) if is_answer else _FastPath().statement(statement)
         body.append(ast.Try(quick, [ast.ExceptHandler(_load("MISSED"), None, [usual])], [], []))
     return [*body, ast.Return(ending.made_of_given())]
 
 
-class _Quick:
+class _FastPath:
     """The code of one statement.
 
     Attributes:
@@ -472,7 +472,7 @@ def _fitted(
 
 _REACHED: dict[str, Any] = {
     "__builtins__": {},
-    "MISSED": MISSED,
+    "MISSED": FALLBACK_ERRORS,
     "KeyError": KeyError,
     "type": type,
     "bool": bool,

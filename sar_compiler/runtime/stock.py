@@ -10,8 +10,8 @@ from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.kernel import ordering, timing
 from sar_compiler.runtime.kernel.cells import FAILURE, SUCCESS
 from sar_compiler.runtime.kernel.stock_decorators import StockTimeoutNode
-from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode
-from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, TreeNode
+from sar_compiler.runtime.parents import EngineBehaviour
 from sar_compiler.runtime.ticking import OwnControl
 
 
@@ -27,7 +27,7 @@ class _InOrder(OwnControl):
     keeps_place = False
     memory = True
 
-    def build_node(self, part: Part) -> TreeNode:
+    def build_node(self, part: NodeBuilder) -> TreeNode:
         """Build the node, which depends on the memory."""
         return super().build_node(part) if self.memory else ordering.ReactiveNode(part)
 
@@ -66,7 +66,7 @@ class SequenceWithMemory(AsyncSequence):
     keeps_place = True
 
 
-class Timeout(Built, decorators.Timeout):
+class Timeout(EngineBehaviour, decorators.Timeout):
     """Fails if its child is still running after a time, measured on the mission's clock."""
 
     node_class = StockTimeoutNode
@@ -76,7 +76,7 @@ class Timeout(Built, decorators.Timeout):
         self.clock = clock
 
 
-class Timer(Built, timers.Timer):
+class Timer(EngineBehaviour, timers.Timer):
     """Runs until a time has passed on the mission's clock, then succeeds."""
 
     node_class = timing.TimerNode

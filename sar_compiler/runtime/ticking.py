@@ -12,17 +12,17 @@ from py_trees.composites import Composite
 from py_trees.decorators import Decorator as StockDecorator
 
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
-from sar_compiler.runtime.parents import Built, KernelTicking, Parent
+from sar_compiler.runtime.parents import EngineBehaviour, EngineParent, KernelTicking
 
 if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.tree_nodes import TreeNode
     from sar_compiler.runtime.kernel.user_nodes import Tick
 
 # The kernel imports the bases, so these are given the kernel here.
-Built.ticking = KernelTicking(LiveTree, show_visits)
+EngineBehaviour.ticking = KernelTicking(LiveTree, show_visits)
 
 
-class Control(Parent, Composite):
+class Control(EngineParent, Composite):
     """A node with several children.
 
     Args:
@@ -39,7 +39,7 @@ class Control(Parent, Composite):
         return below or (self if self.status != Status.INVALID else None)
 
 
-class Decorator(Parent, StockDecorator):
+class Decorator(EngineParent, StockDecorator):
     """A node with one child (`decorated`), which its constructor takes."""
 
     def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for those derived from it
@@ -52,7 +52,7 @@ class Decorator(Parent, StockDecorator):
         return outcome
 
 
-class OwnLeaf(Built):
+class OwnLeaf(EngineBehaviour):
     """A leaf of ours.
 
     Args:
@@ -89,7 +89,7 @@ class OwnDecorator(Decorator):
         vars(self).update(attributes)
 
 
-B = TypeVar("B", bound=Built)
+B = TypeVar("B", bound=EngineBehaviour)
 
 
 _CLASSES: dict[type, type[Any]] = {}

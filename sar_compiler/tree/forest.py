@@ -17,7 +17,7 @@ from sar_compiler.opener import (
 )
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
-from sar_compiler.tree.gathering import FORMS
+from sar_compiler.tree.discovery import FORMS
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
 

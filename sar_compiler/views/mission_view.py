@@ -5,7 +5,7 @@ import itertools
 from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
-from sar_compiler.journal.condition import DRIVING, GOOD, QUIET, MissionCondition, condition
+from sar_compiler.journal.display import Landmark, fact_words, with_author
 from sar_compiler.journal.journal_entries import (
     BREAKPOINT,
     CHANGED,
@@ -22,7 +22,7 @@ from sar_compiler.journal.journal_entries import (
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
-from sar_compiler.journal.situation import Landmark, fact_words, with_author
+from sar_compiler.journal.status_line import DRIVING, GOOD, QUIET, MissionCondition, condition
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import IN_TEXT
 from sar_compiler.tree.showing import in_one_line, shortened

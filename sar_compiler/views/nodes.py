@@ -6,7 +6,7 @@ from dataclasses import asdict
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.models.palette import value_text
 from sar_compiler.nodes.outcome_sets import ALLOWED, K
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role, Skips
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole, SkipPossibility
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.tree.model import synthetic_element
 from sar_compiler.tree.plain import as_json, plain, value_as_script
@@ -59,14 +59,14 @@ def _answers(spec: NodeSpec) -> list[str]:
 def _skipped(spec: NodeSpec) -> Iterator[str]:
     """Yield the conditions under which a control or a decorator is skipped."""
     skipping = spec.skipping
-    if skipping.possible is Skips.NEVER:
+    if skipping.possible is SkipPossibility.NEVER:
         return
     when = []
     if skipping.only_if is not None:
         name, value = skipping.only_if
         by_default = " as by default" if spec.parameters[name].default == value else ""
         when.append(f'with {name}="{value_text(value)}"{by_default}')
-    if skipping.possible is Skips.FROM_CHILD or (when and _passes_on(spec)):
+    if skipping.possible is SkipPossibility.FROM_CHILD or (when and _passes_on(spec)):
         when.append("if its child is" if spec.kind is Kind.DECORATOR else "if its children are")
     yield f"SKIPPED ({', or '.join(when)})" if when else "SKIPPED"
 
@@ -87,16 +87,16 @@ def _answer(answer: Answer) -> str:
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     label = parameter.value_type.label
-    if parameter.role is Role.REFERENCE:
+    if parameter.role is ParameterRole.REFERENCE:
         label = f"the name of a {parameter.target_name} in the same tree. It is optional if there is only one"
     if parameter.direction is not None:
         label = f"{parameter.direction.words}; {label}"
-    if parameter.role is Role.NAME:
+    if parameter.role is ParameterRole.NAME:
         notes = f"default: {spec.tag}"
     elif parameter.name in spec.fixed:
         notes = f"always {value_text(spec.fixed[parameter.name])}"
     elif parameter.required:
-        notes = "required" if parameter.role is Role.ATTRIBUTE else ""
+        notes = "required" if parameter.role is ParameterRole.ATTRIBUTE else ""
     else:
         notes = "optional" if parameter.default is None else f"default: {value_text(parameter.default)}"
     description = ". ".join(part for part in (label, notes, parameter.doc) if part)
@@ -125,7 +125,11 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
 
 
 def _parameter(spec: NodeSpec, parameter: Parameter) -> dict[str, object]:
-    default = spec.tag if parameter.role is Role.NAME else spec.fixed.get(parameter.name, parameter.default)
+    default = (
+        spec.tag
+        if parameter.role is ParameterRole.NAME
+        else spec.fixed.get(parameter.name, parameter.default)
+    )
     return {
         "name": parameter.name,
         "role": parameter.role.value,

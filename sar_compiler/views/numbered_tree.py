@@ -10,7 +10,7 @@ from py_trees.visitors import VisitorBase
 from sar_compiler.compiler import CompiledTree, Construction, Origins
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.btcpp.draft import Draft
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models.palette import describe, is_built_in
 from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.spec import NodeSpec
@@ -247,7 +247,7 @@ class _NodeWriter:
         draft = Draft(synthetic_element(tag), tag, attributes, explicit=False)
         for spec in specs:
             if spec.semantics.counterpart.rewrite is not None:
-                spec.semantics.counterpart.rewrite(draft, Collector())
+                spec.semantics.counterpart.rewrite(draft, FindingCollector())
         if not draft.children:
             tag, attributes = draft.tag, draft.attributes
         if tag != specs[0].tag:

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
 
 from sar_compiler.journal import journal_entries as events
-from sar_compiler.journal.condition import condition
+from sar_compiler.journal.display import EventTime, Landmark, with_author
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 from sar_compiler.journal.mission_state import IDLE, MissionState, RunProcess
-from sar_compiler.journal.situation import EventTime, Landmark, with_author
+from sar_compiler.journal.status_line import condition
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
 # A longer log keeps its last lines, and of earlier ones events and warnings. A longer trail loses every second point.
@@ -307,7 +307,10 @@ class PageState:
             }
             for each in mission.properties.values()
         ]
-        return {"watched": watched, "doubted": mission.doubted and mission.doubted.time}
+        return {
+            "watched": watched,
+            "doubted": mission.assumption_failed_at and mission.assumption_failed_at.time,
+        }
 
     def _pose_values(self) -> PageChange | None:
         pose = self._mission.pose

@@ -26,7 +26,7 @@ from sar_compiler.views.numbered_tree import NumberedTree, TooManyNodesError
 from sar_compiler.web.page_server import Tool, Tools
 
 if TYPE_CHECKING:
-    from sar_compiler.analysis.verify.counterfactual import Consequence, Retrospect
+    from sar_compiler.analysis.verify.counterfactual import WhatIfResult, WhatIfSearch
     from sar_compiler.ros.engine import Engine
 
 # How long breakpoints pause a tree after the last query of a browser, in seconds.
@@ -156,7 +156,7 @@ class WhatIf:
 
     def __init__(self, entries: Callable[[int, int], Iterable[JournalEntry]]) -> None:
         self._entries = entries
-        self._known: dict[tuple[object, ...], list[Retrospect]] = {}
+        self._known: dict[tuple[object, ...], list[WhatIfSearch]] = {}
         self._lock = Lock()
 
     def ask(self, values: Mapping[str, Any]) -> object:
@@ -180,15 +180,15 @@ class WhatIf:
         looks = state.runs[-1].about.get("looks") or []
         return [_consequence_data(each, names, looks) for each in found]
 
-    def _retrospects(self, state: MissionState) -> "list[Retrospect]":
-        from sar_compiler.analysis.verify.counterfactual import Retrospect
+    def _retrospects(self, state: MissionState) -> "list[WhatIfSearch]":
+        from sar_compiler.analysis.verify.counterfactual import WhatIfSearch
         from sar_compiler.project import Workspace
 
         about, began = state.runs[-1].about, state.runs[-1].began
         if (key := (about.get("tree_file"), about.get("tree_id"), began)) not in self._known:
             names = [each.name for each in state.nodes]
             trees = trees_that_ran(state, Workspace())
-            self._known = {key: [Retrospect(tree, names) for tree in trees]}
+            self._known = {key: [WhatIfSearch(tree, names) for tree in trees]}
         return self._known[key]
 
 
@@ -218,7 +218,7 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
     return {"otherwise": Tool(WhatIf(entries).ask), "report": Tool(report)}
 
 
-def _consequence_data(found: "Consequence", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
+def _consequence_data(found: "WhatIfResult", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
     """Return the effect of an outcome as JSON values, without conditions of no interest."""
 
     def is_told(answer: Event) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sar_compiler.journal.database import JournalFile, StreamPlace, is_locked
+from sar_compiler.journal.database import JournalFile, StreamPosition, is_locked
 from sar_compiler.journal.journal_entries import RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.web.page_state import PageState, all_changes
@@ -35,7 +35,7 @@ class TrackPlace(NamedTuple):
         before: The time of that start, in seconds since the first run's start.
     """
 
-    entry: StreamPlace = StreamPlace()
+    entry: StreamPosition = StreamPosition()
     end: float = 0.0
     began: float = 0.0
     before: float = 0.0
@@ -91,7 +91,7 @@ class ReplayTrack:
         state, place = PageState(), TrackPlace()
         with JournalFile.reading(self._path) as file:
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
-            for number, entry in enumerate(file.stream_behind(StreamPlace())):
+            for number, entry in enumerate(file.stream_behind(StreamPosition())):
                 if self.first is None:
                     self.first = entry.time
                 if number and number % every == 0:

@@ -16,10 +16,10 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.database import JournalFile, is_locked
 from sar_compiler.journal.journal_entries import BREAKPOINT, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
-from sar_compiler.missions.mission import LONGEST, Verb
+from sar_compiler.missions.mission import LONGEST, OperatorCommand
 from sar_compiler.reports.explanation import Explanation
 from sar_compiler.reports.report_files import report_page
-from sar_compiler.reports.why import Inquiry
+from sar_compiler.reports.why import FailureAnalysis
 from sar_compiler.ros.clock import NodeTime
 from sar_compiler.ros.engine import Engine
 from sar_compiler.ros.run_extension import RunExtension
@@ -31,8 +31,8 @@ from sar_compiler.web.replay import Replay
 from sar_compiler.web.team_orders import TeamOrders, ordering
 
 if TYPE_CHECKING:
+    from sar_compiler.execution.command_client import CommandClient
     from sar_compiler.execution.run_setup import RunSetup
-    from sar_compiler.execution.verb_calls import VerbCalls
     from sar_compiler.project import Workspace
 
 # Interval between reads of other processes' journals, in seconds; they are written once a second.
@@ -52,12 +52,12 @@ class RunPage(RunExtension):
     """
 
     def __init__(self, run: "RunSetup", port: int | None = None, *, opens: bool = False) -> None:
-        from sar_compiler.execution.verb_calls import VerbCalls
+        from sar_compiler.execution.command_client import CommandClient
 
         self._run, self._has_ended, self._is_staying = run, False, False
         self._place = run.journal.place
         journal, node, verbs = run.journal, run.node, run.mission.verbs()
-        calls = VerbCalls(node, verbs, run.orders.sign)
+        calls = CommandClient(node, verbs, run.orders.sign)
         # A copy for the server's thread. The mission's object reports its changes.
         clock = NodeTime(node)
 
@@ -85,7 +85,7 @@ class RunPage(RunExtension):
         for entry in journal.earlier():
             feed.take(entry)
         # Separately: the page continues without an explanation.
-        for listener in (feed.take, _TellsWhy(feed).take, self._tools.take):
+        for listener in (feed.take, _FailureExplainer(feed).take, self._tools.take):
             journal.listen(listener)
         self._orders = _OwnOrders(calls)
         self._server = PageServer(feed, port, self._orders, tools)
@@ -143,12 +143,12 @@ class _OwnOrders:
         calls: Carries out the commands.
     """
 
-    def __init__(self, calls: "VerbCalls") -> None:
+    def __init__(self, calls: "CommandClient") -> None:
         self._calls = calls
         self.has_ended = False
 
     def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> Future[tuple[bool, str]]:
-        """Send a command; see `VerbCalls.give`.
+        """Send a command; see `CommandClient.give`.
 
         Raises:
             VerbError: If it is invalid.
@@ -256,7 +256,7 @@ def _why_of(explained: Explanation) -> dict[str, Any] | None:
     return explained.data() if explained.reasons.is_of_a_failure else None
 
 
-class _TellsWhy:
+class _FailureExplainer:
     """Sends a page the cause of the mission's failure at the end of a run.
 
     Args:
@@ -265,7 +265,7 @@ class _TellsWhy:
 
     def __init__(self, feed: LiveFeed) -> None:
         self._feed = feed
-        self._inquiry = Inquiry()
+        self._inquiry = FailureAnalysis()
 
     def take(self, entry: JournalEntry) -> None:
         """Process an entry of the run."""
@@ -300,7 +300,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return spaces if len(set(spaces)) == len(stems) else stems
 
 
-def _form(verb: Verb) -> dict[str, Any]:
+def _form(verb: OperatorCommand) -> dict[str, Any]:
     """Return the data of a command for the page, as JSON values."""
     own = {name: value for name, value in verb._asdict().items() if name not in ("service_type", "fill")}
     return {**own, "fields": [{**field._asdict(), "longest": LONGEST} for field in verb.fields]}

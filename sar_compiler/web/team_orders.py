@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.choosing import load_missions
-from sar_compiler.missions.mission import MissionRun, Verb, VerbError
+from sar_compiler.missions.mission import MissionRun, OperatorCommand, VerbError
 from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.web.page_server import OrderGiver
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from sar_compiler.execution.verb_calls import VerbCalls
+    from sar_compiler.execution.command_client import CommandClient
 
 
 class TeamOrders:
@@ -29,19 +29,19 @@ class TeamOrders:
 
     def __init__(self, node: "Node") -> None:
         self._node, self._page = node, f"team page of {_user()}@{socket.gethostname()}"
-        self._calls: dict[int, tuple[str, VerbCalls]] = {}
+        self._calls: dict[int, tuple[str, CommandClient]] = {}
 
-    def know(self, robot: int, began: JournalEntry) -> list[Verb]:
+    def know(self, robot: int, began: JournalEntry) -> list[OperatorCommand]:
         """Process the start of a robot's run; return its mission's commands, empty if that is not installed."""
+        from sar_compiler.execution.command_client import CommandClient
         from sar_compiler.execution.order_record import RemoteSignature
-        from sar_compiler.execution.verb_calls import VerbCalls
 
         mission, name = run_of(began), str(began.data["run"].get("node") or "")
         verbs = [*mission.verbs()] if mission is not None and name else []
         # A node that returns has the same services.
         if verbs and self._calls.get(robot, ("",))[0] != name:
             sign = RemoteSignature(self._node, name).sign
-            self._calls[robot] = name, VerbCalls(self._node, verbs, sign, name)
+            self._calls[robot] = name, CommandClient(self._node, verbs, sign, name)
         return verbs
 
     def available(self, robot: int) -> list[str]:
@@ -49,7 +49,7 @@ class TeamOrders:
         return self._calls[robot][1].available() if robot in self._calls else []
 
     def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
-        """Send a command; see `VerbCalls.give`.
+        """Send a command; see `CommandClient.give`.
 
         Raises:
             VerbError: If it is invalid, or its robot is unknown.

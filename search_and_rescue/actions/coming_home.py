@@ -22,7 +22,7 @@ from sar_compiler.leaves import (
 )
 from search_and_rescue.actions.navigation import NavigateToBase, drive_answers
 from search_and_rescue.homing import Homing
-from search_and_rescue.planned_ways import PlannedWays
+from search_and_rescue.planned_paths import PlannedWays
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import MapPose
 

@@ -26,7 +26,7 @@ from sar_compiler.leaves import (
 )
 from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of, drive_answers
 from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
-from search_and_rescue.beside_ticks import begin_beside
+from search_and_rescue.background_calls import run_in_background
 from search_and_rescue.drawn_areas import DrawingError, DrawnAreas
 from search_and_rescue.homing import Homing
 from search_and_rescue.orders import OperatorOrders
@@ -155,7 +155,9 @@ class _PlanLeaf(_SweepLeaf):
         obstacles, datum = map_extent_of(self.node).obstacles(), self.zone_manager.current_zone()
         if obstacles is None:
             self.complain(f"No map has arrived: {zone} is swept as if it had no obstacles.")
-        future = begin_beside(self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance)
+        future = run_in_background(
+            self._wake, sweep, polygons, pattern, spacing, datum, obstacles, self.clearance
+        )
         self._under_way = zone, told, spacing, future
         return self.answer(Status.RUNNING, "planning")
 

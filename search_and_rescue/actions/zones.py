@@ -15,9 +15,9 @@ from sar_compiler.leaves import (
     planar_point,
     register,
 )
-from search_and_rescue.beside_ticks import begin_beside
+from search_and_rescue.background_calls import run_in_background
 from search_and_rescue.orders import OperatorOrders
-from search_and_rescue.planned_ways import PlannedWays
+from search_and_rescue.planned_paths import PlannedWays
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import MAP_FRAME, VisitingOrder, Zone, ZoneManager, is_ratio
@@ -201,7 +201,7 @@ class ChooseZone(RosLeaf):
         if how and how != self._approximation:
             self.say(f"'{self.name}': {len(zones)} zones are ordered by {how}, close to the best order.")
         self._approximation = how
-        return begin_beside(self._wake, ordered, self._order, self._zones.tour(zones))
+        return run_in_background(self._wake, ordered, self._order, self._zones.tour(zones))
 
 
 @register(

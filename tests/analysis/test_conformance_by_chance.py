@@ -5,7 +5,7 @@ import random
 import pytest
 
 from sar_compiler.analysis.conformance import PropertyFate, conform
-from sar_compiler.analysis.property_watch import PropertyWatch
+from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
 from sar_compiler.compiler.outline import outline
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
@@ -44,7 +44,7 @@ class Flown:
 
     def __init__(self, case, policy, ticks):
         robot = case.simulated()
-        watch = PropertyWatch(case.simulated(), case.file, TAGS, robot.compiled)
+        watch = RuntimeMonitor(case.simulated(), case.file, TAGS, robot.compiled)
         watch_robot(watch, robot)
         for leaf in robot.leaves:
             leaf.policy = policy

@@ -6,10 +6,10 @@ import sys
 
 import pytest
 
+from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.analysis.plain_scripts import is_plain
 from sar_compiler.analysis.proofs import try_runs
 from sar_compiler.analysis.trial_work import WORK
-from sar_compiler.analysis.trying import TrialBudget
 from sar_compiler.loaded_tree import load
 from tests.chance import rounds
 from tests.trees import document
@@ -91,7 +91,7 @@ def test_no_run_of_a_plain_tree_raises(tmp_path):
         if plain(tree):
             count += 1
             binding = tree.binding()
-            assert try_runs(tree, binding, TrialBudget(WORK), "verify") == []
+            assert try_runs(tree, binding, SearchBudget(WORK), "verify") == []
     assert count > 20
 
 

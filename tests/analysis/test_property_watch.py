@@ -7,14 +7,14 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler import load
-from sar_compiler.analysis.property_watch import AlarmCause, PropertyWatch
+from sar_compiler.analysis.runtime_monitor import AlarmCause, RuntimeMonitor
 from sar_compiler.analysis.tree_analysis import stage_of, watch_tree
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import parse_property_file
 from sar_compiler.runtime.events import ANSWERED
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
-from sar_compiler.runtime.leaf_ear import hear
+from sar_compiler.runtime.leaf_listener import hear
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_branches import random_branches, random_properties
 from tests.analysis.verify.random_trees import random_tree
@@ -79,12 +79,12 @@ class Case:
         return verify(self.simulated(), self.file, TAGS, 3000, plainly=10**9)
 
     def watch(self):
-        return PropertyWatch(self.simulated(), self.file, TAGS)
+        return RuntimeMonitor(self.simulated(), self.file, TAGS)
 
     def flown(self, run):
         """Return the watch of a tree that was ticked, in which leaves answered as in a run."""
         robot = self.simulated()
-        watch = PropertyWatch(self.simulated(), self.file, TAGS, robot.compiled)
+        watch = RuntimeMonitor(self.simulated(), self.file, TAGS, robot.compiled)
         watch_robot(watch, robot)
         policy = Scripted(run)
         for leaf in robot.leaves:
@@ -268,7 +268,7 @@ def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
 def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
     held = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", held)
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for _ in range(5):
         assert taken(watch, (1, "FAILURE", "held")) == []
         watch.end_tick("FAILURE")
@@ -282,7 +282,7 @@ def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
 def test_a_condition_that_finds_twice_in_a_tick_what_it_found_in_the_last_one_takes_nothing_again():
     held = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", held)
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for answers in (1, 2):
         for _ in range(answers):
             assert taken(watch, (1, "FAILURE", "held")) == []
@@ -295,7 +295,7 @@ def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_s
         f"answers: {{P: [{{status: SUCCESS, then: away = false}}, {lost}]}}\nfacts: {{left: 1, away: false}}"
     )
     case = Case("<Sequence><P/><B/></Sequence>", answers)
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for _ in range(3):
         assert taken(watch, (1, "FAILURE", "lost")) == []
         watch.end_tick("FAILURE")
@@ -308,7 +308,7 @@ def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_s
 def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():
     answers = "answers: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", answers)
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     assert taken(watch, (1, "FAILURE", "held")) == []
     watch.end_tick("FAILURE")
     watch.end_tick("FAILURE")
@@ -321,7 +321,7 @@ def test_what_goes_on_is_judged_as_it_was_when_it_began_last():
     held = "{status: FAILURE, label: held, when: left == turn, then: left -= 1}"
     answers = f"answers: {{P: [{{status: SUCCESS, then: turn -= 1}}, {held}]}}\nfacts: {{left: 2, turn: 2}}"
     case = Case("<Sequence><P/><B/></Sequence>", answers)
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for answer in ((1, "FAILURE", "held"), (1, "SUCCESS"), (1, "FAILURE", "held"), (1, "FAILURE", "held")):
         assert taken(watch, answer) == []
         watch.end_tick("FAILURE")
@@ -330,7 +330,7 @@ def test_what_goes_on_is_judged_as_it_was_when_it_began_last():
 def test_an_action_takes_from_a_limit_each_time():
     answers = "answers: {A: [SUCCESS, {status: FAILURE, label: lost, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><A/><B/></Sequence>", answers)
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     assert taken(watch, (1, "FAILURE", "lost")) == []
     watch.end_tick("FAILURE")
     assert taken(watch, (1, "FAILURE", "lost")) == [
@@ -344,7 +344,7 @@ def test_a_condition_that_takes_from_no_limit_is_judged_by_what_is_left_now():
         f"answers: {{P: {seen}, B: [{{status: RUNNING, then: left -= 1}}]}}\nfacts: {{left: 1, seen: false}}"
     )
     case = Case("<ReactiveSequence><P/><B/></ReactiveSequence>", answers)
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["left"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     assert taken(watch, (1, "SUCCESS", "fine"), (2, "RUNNING")) == []
     watch.end_tick("RUNNING")
     assert taken(watch, (1, "SUCCESS", "fine")) == [
@@ -358,7 +358,7 @@ def test_one_condition_that_goes_on_gives_others_nothing_back():
         "<Fallback><P name='one'/><P name='other'/></Fallback>",
         f"answers: {{one: {answers % ('a', 'a')}, other: {answers % ('b', 'b')}}}\nfacts: {{a: 1, b: 1}}",
     )
-    watch = PropertyWatch(case.simulated(), case.file, TAGS, limits=["a", "b"])
+    watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["a", "b"])
     assert taken(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == []
     watch.end_tick("FAILURE")
     assert taken(watch, (1, "FAILURE", "no"), (2, "SUCCESS")) == []

@@ -23,7 +23,7 @@ from sar_compiler.analysis.swept import (
 )
 from sar_compiler.leaves import Decorator, Kind, Tick, register
 from sar_compiler.loaded_tree import load
-from sar_compiler.project import Additions
+from sar_compiler.project import CommandLineSettings
 from sar_compiler.tree.diagnostic import TreeError
 from tests.chance import rounds
 from tests.trees import document
@@ -44,7 +44,9 @@ expect:
 
 
 def runs(scenario=DAY, unusual=0.05, counted=("NotifyBase acknowledged",), tree=TREE):
-    return ScenarioRuns(tree, content_of(load(tree)), Additions(), scenario, "day.yaml", unusual, counted)
+    return ScenarioRuns(
+        tree, content_of(load(tree)), CommandLineSettings(), scenario, "day.yaml", unusual, counted
+    )
 
 
 def missed(play, seed=0):
@@ -102,7 +104,7 @@ class CountsByItself(StockDecorator):
 def test_what_a_node_of_the_users_keeps_to_itself_is_gone_with_its_run(tmp_path, cls):
     tree = tmp_path / "tree.xml"
     tree.write_text(document(f"<{cls.__name__}><NavigateToZone/></{cls.__name__}>"), encoding="utf-8")
-    added = Additions(nodes=(cls,))
+    added = CommandLineSettings(nodes=(cls,))
     content = content_of(load(tree, nodes=[cls]))
     play = ScenarioRuns(tree, content, added, "expect: {root: SUCCESS}", "day.yaml", 0.1)
     assert not any(outcome.failure for outcome in play([3, 3, 3, 3]))

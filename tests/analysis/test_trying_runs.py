@@ -6,9 +6,9 @@ import sys
 import pytest
 
 from sar_compiler import load
+from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.analysis.trial import try_tree
 from sar_compiler.analysis.trial_work import WORK
-from sar_compiler.analysis.trying import TrialBudget
 from sar_compiler.cli.compile import main
 from tests.trees import document
 
@@ -27,7 +27,7 @@ def tried(folder, body, budget=None):
     (folder / "palette.xml").write_text(PALETTE)
     (folder / "tree.xml").write_text(document(f"<Sequence>\n{body}\n</Sequence>"))
     tree = load(folder / "tree.xml", models=[folder / "palette.xml"])
-    return try_tree(tree, lambda: budget or TrialBudget(WORK))
+    return try_tree(tree, lambda: budget or SearchBudget(WORK))
 
 
 def found(folder, body):
@@ -82,7 +82,7 @@ GIVEN = (
 def test_what_raises_because_of_a_mistake_that_is_told_is_not_told_again(tmp_path, text, code):
     (tmp_path / "tree.xml").write_text(text)
     tree = load(tmp_path / "tree.xml")
-    (finding,) = [*tree.check(), *try_tree(tree, lambda: TrialBudget(WORK))]
+    (finding,) = [*tree.check(), *try_tree(tree, lambda: SearchBudget(WORK))]
     assert finding.code.startswith(code)
 
 
@@ -137,10 +137,10 @@ def test_nodes_of_py_trees_have_the_same_keys_as_all_others(tmp_path, body):
 
 def test_what_is_found_with_some_work_is_found_with_more_and_nothing_with_too_little(tmp_path):
     body = f'{AFTER_A_FAILURE}<Script code="x += 1"/>'
-    enough = TrialBudget(WORK)
+    enough = SearchBudget(WORK)
     (finding,) = tried(tmp_path, body, enough)
     is_found = [
-        tried(tmp_path, body, TrialBudget(work)) == [finding] for work in range(0, enough.spent + 1, 400)
+        tried(tmp_path, body, SearchBudget(work)) == [finding] for work in range(0, enough.spent + 1, 400)
     ]
     assert is_found == sorted(is_found)
     assert (is_found[0], is_found[-1]) == (False, True)
@@ -169,7 +169,7 @@ LITTLE_WORK = WORK // 16
 
 def found_in_two(folder, one, two, more=""):
     (folder / "two.xml").write_text(TWO_TREES.format(one=one, two=two, more=more))
-    return try_tree(load(folder / "two.xml"), lambda: TrialBudget(LITTLE_WORK))
+    return try_tree(load(folder / "two.xml"), lambda: SearchBudget(LITTLE_WORK))
 
 
 def test_every_tree_that_may_be_executed_is_tried_and_has_its_share_of_the_work(tmp_path):
@@ -181,7 +181,7 @@ def test_every_tree_that_may_be_executed_is_tried_and_has_its_share_of_the_work(
 def test_the_command_that_shows_a_run_can_be_given_to_a_shell(tmp_path):
     text = TWO_TREES.format(one=ENDLESS, two=ALWAYS, more="").replace('"Two"', '"To go home"')
     (tmp_path / "two.xml").write_text(text)
-    (finding,) = try_tree(load(tmp_path / "two.xml"), lambda: TrialBudget(LITTLE_WORK))
+    (finding,) = try_tree(load(tmp_path / "two.xml"), lambda: SearchBudget(LITTLE_WORK))
     assert finding.hint == "sar-compile verify --tree 'To go home' shows the run tick by tick"
 
 
@@ -195,7 +195,7 @@ def test_a_tree_that_another_one_uses_is_tried_in_its_place(tmp_path):
 
 
 def test_of_a_tree_that_is_too_large_nothing_is_even_prepared(tmp_path):
-    budget = TrialBudget(WORK)
+    budget = SearchBudget(WORK)
     assert tried(tmp_path, '<Script code="x := 1"/>' * 5000 + ALWAYS, budget) == []
     assert budget.spent == 0
 
@@ -258,9 +258,9 @@ def test_checking_alone_tries_no_runs(tmp_path):
     file = tmp_path / "tree.xml"
     file.write_text(document(ALWAYS))
     program = (
-        f"import sys; from sar_compiler import load; from sar_compiler.analysis.trial import try_tree; tree = load({str(file)!r}); trying = 'sar_compiler.analysis.trying'\n"
+        f"import sys; from sar_compiler import load; from sar_compiler.analysis.trial import try_tree; tree = load({str(file)!r}); trying = 'sar_compiler.analysis.bounded_search'\n"
         "tree.check(); print(trying in sys.modules)\n"
-        "def budget(): from sar_compiler.analysis.trying import TrialBudget; return TrialBudget(1)\n"
+        "def budget(): from sar_compiler.analysis.bounded_search import TrialBudget; return TrialBudget(1)\n"
         "try_tree(tree, budget); print(trying in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -6,8 +6,8 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import load_registry
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from tests.checks.test_wrong_trees import REGISTRY
 from tests.trees import document, forest_of

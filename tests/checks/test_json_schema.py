@@ -18,8 +18,8 @@ from sar_compiler.nodes.schemas.json_schema import json_schema
 from sar_compiler.nodes.spec import Kind, NodeSpec, Signature
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, Severity
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.checks.test_mistakes import CORRECT

@@ -10,8 +10,8 @@ from sar_compiler.nodes.language.other_engines import REPLACEMENTS
 from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.registry import default_registry, subtree
 from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import Forest, load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.yaml import parse_yaml
 from tests.trees import document, forest_of
 

@@ -5,8 +5,8 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Severity
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import Forest, load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.yaml import parse_yaml
 from tests.trees import document, forest_of
 

@@ -8,8 +8,8 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.values import join_words
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, Severity, TreeError
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import Forest, load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.trees import document, forest_of

@@ -10,7 +10,7 @@ from sar_compiler.budget import Budget
 from sar_compiler.cli.journal_command import main
 from sar_compiler.execution.run_journal import _node_options
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.project import Additions
+from sar_compiler.project import CommandLineSettings
 from tests.cli.running import press_ctrl_c
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated
@@ -119,7 +119,9 @@ def test_an_installed_palette_of_the_run_is_taken_from_the_journal(why, tree):
 
 
 def test_a_run_notes_the_options_that_decide_which_nodes_there_are():
-    given = Additions(nodes=("a.b",), models=(Path("ros:jazzy"), Path("n.xml")), include_path=(Path("more"),))
+    given = CommandLineSettings(
+        nodes=("a.b",), models=(Path("ros:jazzy"), Path("n.xml")), include_path=(Path("more"),)
+    )
     assert _node_options(given) == [
         ["--nodes", "a.b"],
         ["--model", "ros:jazzy"],

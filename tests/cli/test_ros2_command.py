@@ -54,7 +54,7 @@ def robots(ros, authors):
     from rcl_interfaces.msg import SetParametersResult
     from std_srvs.srv import Trigger
 
-    from sar_compiler.ros.sole_mission import SoleMission
+    from sar_compiler.ros.robot_lease import RobotLease
 
     given = []
     nodes = []
@@ -79,7 +79,7 @@ def robots(ros, authors):
 
         for order in heeds:
             node.create_service(Trigger, f"~/{order}", carry_out(order))
-        SoleMission(node, [f"{name}/drive"]).run()
+        RobotLease(node, [f"{name}/drive"]).run()
         if not threads:
             threads.append(Thread(target=ros.executor.spin))
             threads[0].start()

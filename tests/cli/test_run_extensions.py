@@ -149,7 +149,7 @@ def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> N
 def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     stage: Stage, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from sar_compiler.commands import ADRIFT
+    from sar_compiler.commands import ROBOT_MAY_MOVE
     from sar_compiler.ros.forced_end import ForcedEnd
     from sar_compiler.ros.leaves.goals import goals_under_way
 
@@ -160,7 +160,7 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
     stage.output.leave = lambda: stage.done.append("closed")
     signals: Any = SimpleNamespace()
     end = ForcedEnd("sar-run", stage.node, leaf, signals, None, 1.0, before_message=stage.output.leave)
-    assert end.hurry() == ADRIFT
+    assert end.hurry() == ROBOT_MAY_MOVE
     assert stage.done == ["cancelled", "closed"]
     assert "leaves were stopped" in capsys.readouterr().err
 

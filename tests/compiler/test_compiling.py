@@ -10,8 +10,8 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Use
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.gathering import read_tree_file
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import ZoneManager
 from tests.nodes import leaves

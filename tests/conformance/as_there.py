@@ -31,7 +31,7 @@ from sar_compiler.runtime.kernel.ordering import ResumingNode
 from sar_compiler.runtime.kernel.tree_nodes import Ticker
 from sar_compiler.runtime.kernel.turning import PreconditionNode
 from sar_compiler.runtime.language_nodes import Conditions, SetBlackboard
-from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.parents import EngineBehaviour
 from sar_compiler.runtime.ticking import OwnDecorator, behaviour_class
 from sar_compiler.runtime.variables import RefusedValueError, ScriptValue, describe_value
 
@@ -130,7 +130,7 @@ def _halts_at_rest() -> Iterator[None]:
     def halt_all(root: Behaviour) -> None:
         ours(root)
         for node in root.iterate():
-            if isinstance(node, Built):
+            if isinstance(node, EngineBehaviour):
                 tree, index = node._place()
                 assert isinstance(tree, LiveTree)
                 tree.nodes[index].forget(tree.ticker)

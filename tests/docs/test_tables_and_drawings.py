@@ -17,7 +17,7 @@ from sar_compiler.missions.parameter_reader import RunParameters
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.testing import compiled
-from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.discovery import read_tree_file
 from search_and_rescue.plugin import MISSION as SEARCH_AND_RESCUE
 from tests.docs.markdown import blocks, codes, tables
 

@@ -13,14 +13,14 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main
+from sar_compiler.execution.command_client import CommandClient
 from sar_compiler.execution.serve import ServedProcess, ended_run, holder
 from sar_compiler.execution.served_runs import EndedRun, PayloadError, parameters_of
-from sar_compiler.execution.verb_calls import VerbCalls
 from sar_compiler.helper_process import helper_command
 from sar_compiler.leaves import Kind, register
 from sar_compiler.missions.beginning import path_parameters
 from sar_compiler.missions.choosing import find_mission
-from sar_compiler.missions.mission import Verb
+from sar_compiler.missions.mission import OperatorCommand
 from sar_compiler.missions.parameter_reader import RUN_PARAMETER_NAMES
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
@@ -164,8 +164,8 @@ def test_the_parameters_that_are_paths_are_the_mission_s_and_those_that_leaves_h
 class TestHolding:
     @pytest.fixture
     def hold(self, ros):
-        verbs = (Verb("pause", "Pause", "It stands.", role="hold"),)
-        return holder(VerbCalls(ros.node("server"), verbs, of="/mission"), {"hold": "pause"}, "/server")
+        verbs = (OperatorCommand("pause", "Pause", "It stands.", role="hold"),)
+        return holder(CommandClient(ros.node("server"), verbs, of="/mission"), {"hold": "pause"}, "/server")
 
     def test_a_run_whose_orders_are_not_found_yet_is_held_once_they_are(self, ros, hold):
         from std_srvs.srv import Trigger

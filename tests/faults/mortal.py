@@ -74,7 +74,7 @@ class Mortal:
         from sar_compiler.loaded_tree import load
         from sar_compiler.missions.parameter_reader import ParameterReader
         from sar_compiler.ros.clock import mission_clock
-        from sar_compiler.ros.left_goals import LeftGoals
+        from sar_compiler.ros.orphaned_goals import OrphanedGoals
         from sar_compiler.runtime.clock import Clock
         from search_and_rescue.plugin import MISSION
         from tests.missions.mission_stage import BASE
@@ -90,11 +90,11 @@ class Mortal:
         context = {Clock: mission_clock(self.stage.node), **self.mission.context}
         self._compiled = compile_tree(load(self.tree).binding(), context, {})
         self.journal.begin({"mission": "search_and_rescue"}, {})
-        self.left = LeftGoals(self.stage.node, self.journal)
+        self.left = OrphanedGoals(self.stage.node, self.journal)
 
     def start(self):
         """Return the runner of the tree, once the goals of the last life have ended."""
-        from sar_compiler.ros.left_goals import note_goals
+        from sar_compiler.ros.orphaned_goals import note_goals
         from sar_compiler.ros.runner import TreeRunner
 
         runner = TreeRunner(self._compiled)

@@ -30,7 +30,7 @@ from sar_compiler.missions import ParameterReader
 from sar_compiler.nodes.installed import entry_points
 from sar_compiler.nodes.registry import RegistryError, load_registry
 from sar_compiler.opener import is_file
-from sar_compiler.project import Additions
+from sar_compiler.project import CommandLineSettings
 from sar_compiler.project.trust import Content
 from sar_compiler.resources import state_folder
 from sar_compiler.runtime.clock import ManualClock
@@ -158,7 +158,7 @@ def edit(path: str, text: str) -> int:
     shown: list[str] = []
 
     async def session() -> None:
-        server: Any = tree_server("1", Additions(), [], [], Budget)
+        server: Any = tree_server("1", CommandLineSettings(), [], [], Budget)
         server.protocol._workspace = Workspace(None)
         # The other side of the conversation is not there.
         server.window_show_message = lambda params: shown.append(params.message)
@@ -197,10 +197,10 @@ class Surface(NamedTuple):
     is_sought: bool = False
 
 
-TREES = "tree/gathering.py:read_tree_file"
+TREES = "tree/discovery.py:read_tree_file"
 YAML = "documents/yaml_files.py:read_yaml"
 PARAMETERS = "missions/parameter_file.py:_text_of"
-BEGINNING = "tree/gathering.py:is_tree_file"
+BEGINNING = "tree/discovery.py:is_tree_file"
 SURFACES = {
     "a tree": Surface((TREES,), command("validate", "{}"), "xml"),
     "a tree that is formatted": Surface(("cli/format.py:_format",), command("format", "{}"), "xml"),
@@ -217,11 +217,11 @@ SURFACES = {
         named_by("sar.toml", "[project]\ntrees = [{}]\n", command("validate", "lacking.xml")), "xml", has_root=True,
     ),
     "a palette that lies beside a tree": Surface(
-        ("tree/gathering.py:is_palette",),
+        ("tree/discovery.py:is_palette",),
         under("beside.xml", lambda: compile_command(["validate", "tree.xml"])), "xml", is_sought=True,
     ),
     "a tree in a folder": Surface(
-        (BEGINNING, "tree/gathering.py:_files_in"),
+        (BEGINNING, "tree/discovery.py:_files_in"),
         under("folder/one.xml", lambda: compile_command(["validate", "folder"])), "xml", is_sought=True,
     ),
     "settings": Surface(
@@ -285,7 +285,7 @@ SURFACES = {
         ("journal/database.py:JournalFile.read",), command("conform", "tree.xml", "{}"), "journal"
     ),
     "the log beside a journal": Surface(("journal/database.py:JournalFile.read",), journal_with("-wal"), "journal", is_sought=True),
-    "the reserve of a journal": Surface(("journal/reserve.py:read_reserve",), journal_with("-reserve"), "journal"),
+    "the reserve of a journal": Surface(("journal/spill_file.py:read_reserve",), journal_with("-reserve"), "journal"),
     "the refused start beside a journal": Surface(
         ("journal/refused_start.py:read_refusal",),
         under("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,

@@ -19,8 +19,8 @@ def left(ros):
     from action_msgs.srv import CancelGoal
     from nav2_msgs.action import NavigateToPose
 
-    from sar_compiler.ros.leaves.goals import GoalNews
-    from sar_compiler.ros.left_goals import LeftGoal
+    from sar_compiler.ros.leaves.goals import GoalEvent
+    from sar_compiler.ros.orphaned_goals import LeftGoal
     from tests.missions.mission_stage import Host
 
     hosts = []
@@ -36,7 +36,7 @@ def left(ros):
             host.node.create_service(kind, full, answer, callback_group=host.group)
         node = ros.node("mission", namespace="/left")
         ends: list[int] = []
-        goal = LeftGoal(node, GoalNews(GOAL, "/left/navigate_to_pose"), on_end=ends.append)
+        goal = LeftGoal(node, GoalEvent(GOAL, "/left/navigate_to_pose"), on_end=ends.append)
         return host, goal, ends
 
     yield make
@@ -86,7 +86,7 @@ def test_the_result_tells_of_the_end_where_neither_cancel_nor_status_does(ros, l
 
 
 def test_a_server_that_answers_only_new_clients_is_asked_by_new_ones(ros, left):
-    from sar_compiler.ros import left_goals
+    from sar_compiler.ros import orphaned_goals
 
     def readers():
         topic = "rr/left/navigate_to_pose/_action/cancel_goalReply"
@@ -106,15 +106,15 @@ def test_a_server_that_answers_only_new_clients_is_asked_by_new_ones(ros, left):
     began = time.monotonic()
     ros.spin_until(lambda: goal.missing() is None, "the end of the goal", 30.0)
     assert ends == [0]
-    assert time.monotonic() - began >= left_goals._RENEWAL_SEC
+    assert time.monotonic() - began >= orphaned_goals._RENEWAL_SEC
 
 
 def test_goals_are_canceled_in_a_context_of_their_own_and_what_does_not_end_is_named(ros, serve):
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionClient
 
-    from sar_compiler.ros.leaves.goals import GoalNews
-    from sar_compiler.ros.left_goals import Canceller
+    from sar_compiler.ros.leaves.goals import GoalEvent
+    from sar_compiler.ros.orphaned_goals import Canceller
 
     server = serve("navigation", goals=[{"drive": None, "cancel": "ignore"}, {"drive": None}])
     client = ActionClient(ros.node("mission"), NavigateToPose, "navigate_to_pose")
@@ -123,8 +123,8 @@ def test_goals_are_canceled_in_a_context_of_their_own_and_what_does_not_end_is_n
     for _ in range(2):
         sent = client.send_goal_async(NavigateToPose.Goal())
         ros.spin_until(sent.done, "the acceptance")
-        goals.append(GoalNews(bytes(sent.result().goal_id.uuid).hex(), "/navigate_to_pose"))
-    requested: list[GoalNews] = []
+        goals.append(GoalEvent(bytes(sent.result().goal_id.uuid).hex(), "/navigate_to_pose"))
+    requested: list[GoalEvent] = []
     apart = Canceller("canceller")
     try:
         assert apart.cancel(goals, 6.0, requested.append) == ["/navigate_to_pose"]

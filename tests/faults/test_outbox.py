@@ -13,14 +13,14 @@ from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
 from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from search_and_rescue.actions.report_queue import Backoff
 from search_and_rescue.operating import NotHeld
 from search_and_rescue.record import (
+    DetectionVerdict,
     KeptReports,
     MissionRecord,
-    Standing,
     SurvivorReport,
 )
 from search_and_rescue.search import Search
@@ -145,9 +145,9 @@ class TestFindsThatMayBeTheSame:
             "The base station did not acknowledge survivor_2 in zone_b at (2.90, 0.00), possibly survivor_1."
         ]
 
-    @pytest.mark.parametrize("standing", [Standing.REJECTED, Standing.MERGED])
+    @pytest.mark.parametrize("standing", [DetectionVerdict.REJECTED, DetectionVerdict.MERGED])
     def test_whom_the_operator_rejects_or_merges_need_not_be_acknowledged(
-        self, record: MissionRecord, standing: Standing
+        self, record: MissionRecord, standing: DetectionVerdict
     ) -> None:
         zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
         record.base_reached()
@@ -157,12 +157,12 @@ class TestFindsThatMayBeTheSame:
         assert record.shortfalls(zones) == []
 
     def test_who_is_confirmed_must_be_acknowledged_all_the_same(self, record: MissionRecord) -> None:
-        record.survivor_judged("survivor_3", Standing.CONFIRMED)
+        record.survivor_judged("survivor_3", DetectionVerdict.CONFIRMED)
         assert str(record.survivors[2]) == "survivor_3 in zone_c at (9.00, 0.00), confirmed"
         assert record.shortfalls(ZoneManager([], {"x": 0, "y": 0, "yaw": 0})) != []
 
     def test_nobody_is_like_a_find_that_was_rejected(self, record: MissionRecord) -> None:
-        record.survivor_judged("survivor_3", Standing.REJECTED)
+        record.survivor_judged("survivor_3", DetectionVerdict.REJECTED)
         record.survivor_named("survivor_4", 9.5, 0.0)
         assert record.survivors[-1].possibly is None
 
@@ -207,14 +207,14 @@ class TestJudging:
         standings = [record.survivors[0].standing]
         assert self.judge(ros, "survivor_1", 1) == (True, "done")
         standings.append(record.survivors[0].standing)
-        assert standings == [Standing.CANDIDATE, Standing.CONFIRMED]
+        assert standings == [DetectionVerdict.CANDIDATE, DetectionVerdict.CONFIRMED]
         assert len(kept) == 2
 
     def test_a_find_that_is_rejected_is_reported_no_more(
         self, ros: Any, record: MissionRecord, kept: KeptReports
     ) -> None:
         assert self.judge(ros, "survivor_2", 2) == (True, "done")
-        assert record.survivors[1].standing is Standing.REJECTED
+        assert record.survivors[1].standing is DetectionVerdict.REJECTED
         assert [report.survivor_id for report in kept] == ["survivor_1"]
 
     def test_finds_are_merged_by_the_operator(self, ros: Any, record: MissionRecord) -> None:

@@ -88,9 +88,9 @@ def test_a_mission_that_dies_while_its_disk_is_full_ends_as_one_that_does_not(mo
 
 
 def test_where_facts_are_lost_nobody_has_the_name_that_somebody_else_was_reported_under(mortal, monkeypatch):
-    from sar_compiler.journal import reserve
+    from sar_compiler.journal import spill_file
 
-    monkeypatch.setattr(reserve, "_SLOT_BYTES", 330)
+    monkeypatch.setattr(spill_file, "_SLOT_BYTES", 330)
     mission = mortal("search_and_rescue")
     mission.full_from = 3
     assert not mission.live(9)
@@ -125,10 +125,10 @@ def test_a_goal_whose_server_does_not_cancel_it_is_waited_for(mortal):
     mission.die()
 
     from sar_compiler.journal.opening import open_journal
-    from sar_compiler.ros.left_goals import LeftGoals
+    from sar_compiler.ros.orphaned_goals import OrphanedGoals
 
     journal = open_journal(mission.place, resume=True)
-    left = LeftGoals(mission.stage.node, journal)
+    left = OrphanedGoals(mission.stage.node, journal)
     mission.stage.until(lambda: left.missing() and mission.nav.cancels > 1, "the second request to cancel")
     assert "has not ended. The robot may be moving" in str(left.missing())
     mission.nav.order("abort")

@@ -12,8 +12,8 @@ from sar_compiler.analysis.trace_view import trace
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.gathering import read_tree_file
 
 SCENARIOS = [path.read_text(encoding="utf-8") for path in sorted(Path("examples/scenarios").glob("*.yaml"))]
 PIECES = [

@@ -16,7 +16,7 @@ from sar_compiler.journal import chain
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import Ending, Row
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.reserve import RunEnd
+from sar_compiler.journal.spill_file import RunEnd
 from sar_compiler.reports.checked_journal import CheckedJournal
 from tests.chance import rounds
 

@@ -18,7 +18,7 @@ from sar_compiler.journal.database import VERSION, JournalFile, is_locked
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import Ending, Row
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.reserve import RunEnd
+from sar_compiler.journal.spill_file import RunEnd
 from sar_compiler.reports.journals import journal_json, journal_lines
 
 NUMBERS = itertools.count(1)

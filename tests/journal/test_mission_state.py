@@ -4,9 +4,9 @@ import math
 
 import pytest
 
+from sar_compiler.journal.display import Gauge, Level
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.situation import Gauge, Level
 
 TREE = {
     "class": "Sequence",
@@ -278,8 +278,8 @@ def test_a_breach_and_a_failed_assumption_are_facts():
         "assumption_failed",
     ]
     assert state.facts[0].text == "property broken: property: a, event: Drive aborted, tick: 3, owed: false"
-    assert state.doubted is not None
-    assert state.doubted.time == 3.0
+    assert state.assumption_failed_at is not None
+    assert state.assumption_failed_at.time == 3.0
 
 
 def test_a_breach_of_what_nobody_has_said_is_watched_is_known_all_the_same():
@@ -288,7 +288,7 @@ def test_a_breach_of_what_nobody_has_said_is_watched_is_known_all_the_same():
 
 def test_the_next_run_is_watched_anew():
     state = after(WATCHED, BROKEN, ("assumption_failed", {}), BEGAN)
-    assert (state.properties, state.doubted) == ({}, None)
+    assert (state.properties, state.assumption_failed_at) == ({}, None)
 
 
 @pytest.mark.parametrize(

@@ -13,14 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sar_compiler.journal import journal as journals
-from sar_compiler.journal import reserve as reserves
+from sar_compiler.journal import spill_file as reserves
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.following import JournalFollower
 from sar_compiler.journal.journal_entries import FACTS_LOST, Ending, Row
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.reserve import Kept, Reserve, read_reserve
+from sar_compiler.journal.spill_file import SpilledEntries, SpillFile, read_reserve
 from sar_compiler.reports.journals import journal_json
 from tests.full_disk import full_disk
 
@@ -245,14 +245,14 @@ def test_whoever_dies_while_the_reserve_is_written_leaves_what_was_in_it_or_what
     tmp_path_factory, counts, torn
 ):
     place = tmp_path_factory.mktemp("reserve") / "mission.journal"
-    reserve = Reserve(place)
+    reserve = SpillFile(place)
     size = reserve.path.stat().st_size
-    before = Kept()
+    before = SpilledEntries()
     for count in counts:
-        before = Kept(1.0, [fact(number, json.dumps({"x": number})) for number in range(count)])
+        before = SpilledEntries(1.0, [fact(number, json.dumps({"x": number})) for number in range(count)])
         reserve.keep(before, {})
     old = reserve.path.read_bytes()
-    after = Kept(1.0, [fact(9)])
+    after = SpilledEntries(1.0, [fact(9)])
     reserve.keep(after, {})
     new = reserve.path.read_bytes()
     assert read_reserve(place) == after
@@ -269,7 +269,7 @@ def test_whoever_dies_while_the_reserve_is_written_leaves_what_was_in_it_or_what
 def test_a_damaged_reserve_is_refused_in_words(place, content):
     mission = Mission(place)
     mission.die()
-    reserve = Reserve(place)
+    reserve = SpillFile(place)
     reserves._write(reserve._descriptor, b"", 0)
     body = f"{len(content):10}{99:20}".encode() + content.encode()
     reserves._write(reserve._descriptor, f"{zlib.crc32(body):10}".encode() + body, 0)

@@ -8,13 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import CHANGED, CommandAuthor, Ending, JournalEntry
-from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.situation import (
+from sar_compiler.journal.display import (
     Alarm,
     Display,
+    DisplayState,
     EventTime,
     Figure,
     Gauge,
@@ -23,12 +20,15 @@ from sar_compiler.journal.situation import (
     Level,
     MissionPhase,
     RasterLayer,
-    Situation,
     beginning,
     changes,
     fact_words,
     with_author,
 )
+from sar_compiler.journal.errors import JournalError
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import CHANGED, CommandAuthor, Ending, JournalEntry
+from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions.mission import MissionRun
 from sar_compiler.tree.json_values import json_text, json_value
 
@@ -93,7 +93,7 @@ def by_name(landmarks: Any) -> dict[tuple[str, str], Landmark]:
 
 @given(st.lists(SHOWN, min_size=1, max_size=6))
 def test_what_is_folded_from_the_changes_is_what_is_shown(moments: list[Display]) -> None:
-    situation, before = Situation(), Display()
+    situation, before = DisplayState(), Display()
     for shown in moments:
         situation.take(**json_value(json_text(changes(before, shown))))
         before = shown
@@ -125,13 +125,13 @@ def test_a_figure_has_words(figure: Figure, text: str) -> None:
 @pytest.mark.parametrize("place", [(math.nan, 0.0), (None, 0.0), ("x", 0.0), (0.0, math.inf)])
 def test_a_landmark_nowhere_is_refused(place: tuple[Any, Any]) -> None:
     with pytest.raises((TypeError, ValueError)):
-        Situation().take(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
+        DisplayState().take(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
 
 
 @pytest.mark.parametrize("shade", [-0.1, 1.1, math.nan, "dark"])
 def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
     with pytest.raises((TypeError, ValueError)):
-        Situation().take(landmarks=[{"kind": "zone", "name": "a", "x": 0, "y": 0, "shade": shade}])
+        DisplayState().take(landmarks=[{"kind": "zone", "name": "a", "x": 0, "y": 0, "shade": shade}])
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
 )
 def test_a_figure_or_gauge_that_is_no_number_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match="is not a number"):
-        Situation().take(**wrong)
+        DisplayState().take(**wrong)
 
 
 def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted() -> None:
@@ -170,9 +170,9 @@ def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted
 )
 def test_cells_that_are_no_raster_are_refused(wrong: dict[str, Any]) -> None:
     layer = RasterLayer("lawn", "mown", 0.0, 0.0, 0.25, 4, "4a2-2b")._asdict()
-    Situation().take(rasters=[layer])
+    DisplayState().take(rasters=[layer])
     with pytest.raises((TypeError, ValueError)):
-        Situation().take(rasters=[{**layer, **wrong}])
+        DisplayState().take(rasters=[{**layer, **wrong}])
 
 
 def test_a_fact_that_nobody_has_put_into_a_sentence_has_words_too() -> None:
@@ -234,7 +234,7 @@ def test_a_run_that_goes_on_begins_with_all_that_is_shown(tmp_path: Path) -> Non
     journal.note("counted")
     journal.end(Ending.STOPPED, 130)
     journal.close()
-    journal, state, situation = open_journal(place, resume=True), Count(), Situation()
+    journal, state, situation = open_journal(place, resume=True), Count(), DisplayState()
     journal.listen(lambda entry: situation.take(**entry.data) if entry.kind == CHANGED else None)
     journal.attach(state)
     journal.begin({}, {})
@@ -304,7 +304,7 @@ def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission(
     fact, changed = entries[2:4]
     assert (fact.kind, dict(fact.data)) == ("property_broken", {"property": "p"})
     assert changed.data == {"said": "Property violated: p", "alarms": [{"text": "Property violated: p"}]}
-    situation = Situation()
+    situation = DisplayState()
     for entry in entries:
         if entry.kind == CHANGED:
             situation.take(**entry.data)

@@ -9,7 +9,7 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, STATUS, Row
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json
-from sar_compiler.reports.why import Inquiry
+from sar_compiler.reports.why import FailureAnalysis
 from sar_compiler.tree.json_values import json_text
 from tests.chance import rounds
 
@@ -116,7 +116,7 @@ def computed(path, **options):
     """Return all that is computed of a journal."""
     with JournalFile.reading(path) as file:
         state = MissionState.of(file.stream(**options))
-        inquiry = Inquiry.of(file.last_run(without=OF_ROBOT, **options))
+        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, **options))
         found = RunStatistics()
         found.add(file.stream(without=OF_ROBOT, **options))
         return (

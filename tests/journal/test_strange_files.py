@@ -98,7 +98,7 @@ def test_what_sqlites_own_tools_leave_is_read(place):
 def test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up(place, monkeypatch):
     monkeypatch.setattr(database, "_STEPS", 0)
     monkeypatch.setattr(database, "_STEPS_OF_A_BYTE", 0)
-    monkeypatch.setattr("sar_compiler.journal.database._Patience.STRIDE", 1)
+    monkeypatch.setattr("sar_compiler.journal.database._QueryBudget.STRIDE", 1)
     with pytest.raises(JournalError, match="far more steps than its size explains"):
         JournalFile.read(place)
 

@@ -10,8 +10,8 @@ from sar_compiler.compiler import bind_main, compile_tree, preview_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.testing import simulate
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import ZoneManager
 from tests.trees import forest

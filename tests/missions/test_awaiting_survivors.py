@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from sar_compiler.journal.opening import open_journal
 from search_and_rescue.actions.survivors import AwaitSurvivor, DetectSurvivor
-from search_and_rescue.record import Standing
+from search_and_rescue.record import DetectionVerdict
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
 
@@ -87,8 +87,8 @@ def test_the_search_forgets_its_last_find_when_it_listens_anew(stage: "Stage") -
     assert search.survivor_pose() is None
 
 
-@pytest.mark.parametrize("standing", [Standing.CONFIRMED, Standing.REJECTED])
-def test_who_is_near_somebody_with_a_name_is_no_news(standing: Standing, stage: "Stage") -> None:
+@pytest.mark.parametrize("standing", [DetectionVerdict.CONFIRMED, DetectionVerdict.REJECTED])
+def test_who_is_near_somebody_with_a_name_is_no_news(standing: DetectionVerdict, stage: "Stage") -> None:
     leaf, _, detector = listening(stage, same_within=1.0)
     stage.record.survivor_named("survivor_1", 1.0, 2.0)
     stage.record.survivor_judged("survivor_1", standing)

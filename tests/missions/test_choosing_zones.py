@@ -16,7 +16,7 @@ from sar_compiler.ros.clock import Deadline
 from sar_compiler.ros.leaves.goals import goals_under_way
 from search_and_rescue.actions.zones import ChooseZone
 from search_and_rescue.plugin import MISSION
-from search_and_rescue.record import Standing
+from search_and_rescue.record import DetectionVerdict
 from search_and_rescue.search import Search
 from search_and_rescue.search_theory import Area, Ground, PoaMap
 from search_and_rescue.zone_manager import MOST_PLANNED, MapPose, ZoneManager
@@ -342,12 +342,12 @@ def test_a_look_whose_find_is_rejected_counts_as_none_until_it_is_confirmed_afte
     first.record.survivor_named("survivor_1", 2.0, 1.0)
     looked = first.zones.poa_map()
     for _ in range(2):
-        first.record.survivor_judged("survivor_1", Standing.REJECTED)
+        first.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
     assert first.zones.poa_map().now() == searching().zones.poa_map().now()
     assert first.zones.poa_map().pos() == 0.0
-    first.record.survivor_judged("survivor_1", Standing.CONFIRMED)
+    first.record.survivor_judged("survivor_1", DetectionVerdict.CONFIRMED)
     assert first.zones.poa_map() == looked
-    first.record.survivor_judged("survivor_1", Standing.REJECTED)
+    first.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
     kept.close()
     kept = open_journal(journal, resume=True)
     second.keep_in(kept)
@@ -365,7 +365,7 @@ def test_a_rejected_find_leaves_what_a_sweep_has_seen() -> None:
     search.record.survivor_named("survivor_1", 2.0, 1.0)
     seen = search.zones.poa_map()
     assert seen.pos() > 0.0
-    search.record.survivor_judged("survivor_1", Standing.REJECTED)
+    search.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
     assert search.zones.poa_map() == seen
 
 

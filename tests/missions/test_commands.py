@@ -8,13 +8,13 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler import load
-from sar_compiler.analysis.property_watch import PropertyWatch
+from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
 from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.execution.order_record import OrderRecord
-from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.status_line import condition
 from sar_compiler.runtime.answers import DeclaredAnswers
 from search_and_rescue import SPECS
 from search_and_rescue.actions.sweeping import PlanSweep
@@ -77,7 +77,7 @@ class CommandedMission:
             for type_ in CONDITIONS
             if leaf.name == f"{type_}?"
         }
-        self.watch = PropertyWatch(simulated, None)
+        self.watch = RuntimeMonitor(simulated, None)
         self.watch.raise_fact("orders_left", search.limits()["orders_left"])
         self.added: dict[str, int] = {}
         self.watch.raise_fact(

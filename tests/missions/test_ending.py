@@ -5,7 +5,7 @@ from py_trees.common import Status
 
 from sar_compiler.execution.ending import EndCondition, default_summary
 from sar_compiler.execution.until import Until
-from sar_compiler.journal.situation import Display, Figure
+from sar_compiler.journal.display import Display, Figure
 from sar_compiler.missions.mission import MissionRun
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.search import Search

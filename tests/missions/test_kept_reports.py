@@ -4,9 +4,9 @@ import pytest
 
 from sar_compiler.runtime.context import is_mission_context, preview_of
 from search_and_rescue.record import (
+    DetectionVerdict,
     KeptReports,
     MissionRecord,
-    Standing,
     SurvivorReport,
 )
 from search_and_rescue.search import Search
@@ -51,10 +51,11 @@ def test_a_report_that_is_acknowledged_is_kept_no_more(record: MissionRecord, ke
 
 
 @pytest.mark.parametrize(
-    ("standing", "left"), [(Standing.CONFIRMED, [FIRST]), (Standing.REJECTED, []), (Standing.MERGED, [])]
+    ("standing", "left"),
+    [(DetectionVerdict.CONFIRMED, [FIRST]), (DetectionVerdict.REJECTED, []), (DetectionVerdict.MERGED, [])],
 )
 def test_the_report_of_who_is_nobody_new_is_kept_no_more(
-    record: MissionRecord, kept: KeptReports, standing: Standing, left: list[SurvivorReport]
+    record: MissionRecord, kept: KeptReports, standing: DetectionVerdict, left: list[SurvivorReport]
 ) -> None:
     record.report_kept(FIRST)
     record.survivor_judged("survivor_1", standing)

@@ -6,9 +6,9 @@ from sar_compiler.missions import Journal, JournalEntry
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.context import preview_of
 from search_and_rescue.record import (
+    DetectionVerdict,
     FoundSurvivor,
     MissionRecord,
-    Standing,
     SurvivorReport,
 )
 from search_and_rescue.search import Search
@@ -155,7 +155,7 @@ def test_the_first_find_is_counted_from_the_beginning_of_the_mission(search: Sea
 def test_who_was_no_survivor_was_no_first_find(search: Search) -> None:
     found_after(Journal(), search, 12.5)
     search.record.survivor_named("survivor_1", 1.0, 2.0)
-    search.record.survivor_judged("survivor_1", Standing.REJECTED)
+    search.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
     assert search.record.first_find_sec is None
 
 

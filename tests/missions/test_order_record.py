@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.execution.command_client import CommandClient
 from sar_compiler.execution.order_record import OrderRecord, RemoteSignature
-from sar_compiler.execution.verb_calls import VerbCalls
-from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor, Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.status_line import condition
 from search_and_rescue.orders import VERBS
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
@@ -40,7 +40,7 @@ class Robot:
         for name, order in (("pause", "pause"), ("resume", "resume"), ("abort", "abort")):
             self.node.create_service(Trigger, f"~/{name}", self.answer(order))
         self.record.begin()
-        self.calls = VerbCalls(ros.node("tester"), VERBS[:2], of="/mission")
+        self.calls = CommandClient(ros.node("tester"), VERBS[:2], of="/mission")
         ros.spin_until(lambda: len(self.calls.available()) == 2, "the services")
 
     def answer(self, order: str) -> Any:

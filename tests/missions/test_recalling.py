@@ -11,19 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from sar_compiler.journal.display import DisplayState, Landmark
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CHANGED, JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.situation import Landmark, Situation
 from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.tree.json_values import json_text, json_value
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.record import (
+    DetectionVerdict,
     KeptReports,
     MissionRecord,
-    Standing,
     SurvivorReport,
 )
 from search_and_rescue.search import Search
@@ -48,7 +48,7 @@ class Life:
 
     def __init__(self, place: Path, *, resume: bool) -> None:
         self.journal = open_journal(place, resume=resume)
-        self.situation = Situation()
+        self.situation = DisplayState()
         self.journal.listen(self.take)
         self.run: Search = MISSION.begin(ParameterReader(PARAMETERS))
         self.run.keep_in(self.journal)
@@ -163,10 +163,10 @@ class Dying(RuleBasedStateMachine):
     def raise_an_alarm(self, reason: str) -> None:
         self.life.record.alarmed(reason)
 
-    @rule(verdict=st.sampled_from(Standing))
-    def judge(self, verdict: Standing) -> None:
+    @rule(verdict=st.sampled_from(DetectionVerdict))
+    def judge(self, verdict: DetectionVerdict) -> None:
         if self.names:
-            same_as = self.names[0] if verdict is Standing.MERGED else None
+            same_as = self.names[0] if verdict is DetectionVerdict.MERGED else None
             self.life.record.survivor_judged(self.names[-1], verdict, same_as)
 
     @rule()

@@ -9,7 +9,7 @@ from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.runtime.clock import ManualClock
 from search_and_rescue.actions.report_queue import DeliverReports, KeepReport
 from search_and_rescue.actions.survivors import DetectSurvivor
-from search_and_rescue.record import DoneBefore, KeptReports, SurvivorReport
+from search_and_rescue.record import KeptReports, ResumedOutcomes, SurvivorReport
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import ScriptedService, Stage
@@ -61,7 +61,7 @@ class TestKeepReport:
         stage.record.survivor_acknowledged("survivor_1")
         leaf = keep(stage, kept, (-2.5, 3.2), "survivor_1")
         named = {"survivor": "survivor_1", "x": -2.5, "y": 3.2}
-        stage.record.before = DoneBefore.of([JournalEntry(1, 1, 0.0, 0.0, "survivor_named", named)])
+        stage.record.before = ResumedOutcomes.of([JournalEntry(1, 1, 0.0, 0.0, "survivor_named", named)])
         assert stage.run(leaf) is Status.SUCCESS
         assert list(kept) == []
         assert [found.acknowledged for found in stage.record.survivors] == [True]

@@ -11,8 +11,8 @@ from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import Answer, nominal
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.gathering import read_tree_file
 
 TREE = Path("trees/search_and_rescue_resilient.xml")
 

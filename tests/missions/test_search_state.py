@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.journal.display import Level
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.situation import Level
 from search_and_rescue import search_events
-from search_and_rescue.record import MissionRecord, Standing, SurvivorReport
+from search_and_rescue.record import DetectionVerdict, MissionRecord, SurvivorReport
 from search_and_rescue.search import Search
 from search_and_rescue.sweep_record import Sweeps
 from search_and_rescue.zone_manager import Fence, ZoneManager
@@ -106,7 +106,7 @@ def test_survivors_have_theirs(search: Search) -> None:
         record.zone_searched("a", (x, 1.0))
         record.survivor_named(name, x, 1.0)
     record.survivor_acknowledged("survivor_1")
-    record.survivor_judged("survivor_2", Standing.REJECTED)
+    record.survivor_judged("survivor_2", DetectionVerdict.REJECTED)
     record.report_kept(SurvivorReport("survivor_3", 40.0, 1.0))
     record.zone_searched("a", (60.0, 1.0))
     assert shown(search, "survivor") == [

@@ -258,11 +258,11 @@ class TestIsFindNew:
         assert self.answered(search, (1.0, 2.01)) is Status.SUCCESS
 
     def test_whom_the_operator_has_rejected_is_nobody_to_be_the_same_as(self) -> None:
-        from search_and_rescue.record import Standing
+        from search_and_rescue.record import DetectionVerdict
 
         search = searching()
         search.record.survivor_named("survivor_1", 1.0, 1.0)
-        search.record.survivor_judged("survivor_1", Standing.REJECTED)
+        search.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
         assert self.answered(search, (1.0, 1.0)) is Status.SUCCESS
 
     def test_who_was_named_by_an_earlier_run_at_an_open_piece_is_dealt_with_once_more(

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.execution.verb_calls import VerbCalls
-from sar_compiler.missions.mission import Verb, VerbError
+from sar_compiler.execution.command_client import CommandClient
+from sar_compiler.missions.mission import OperatorCommand, VerbError
 
 pytestmark = pytest.mark.ros
 
-PAUSE = Verb("pause", "Pause", "Stops it.")
+PAUSE = OperatorCommand("pause", "Pause", "Stops it.")
 
 
 class Stage:
@@ -20,7 +20,7 @@ class Stage:
 
         self.ros, self.node = ros, ros.node("mission")
         self.carried_out: list[Any] = []
-        self.calls = VerbCalls(self.node, verbs)
+        self.calls = CommandClient(self.node, verbs)
         self.node.create_service(Trigger, "~/pause", self.pause)
 
     def pause(self, _, response):
@@ -76,7 +76,7 @@ def test_what_cannot_be_sent_is_said_and_ends_nothing(stage, monkeypatch):
 
 
 def test_an_order_that_nobody_has_a_service_for_is_refused(ros):
-    stage = Stage(ros, PAUSE, Verb("dance", "Dance", "Dances.")).ready()
+    stage = Stage(ros, PAUSE, OperatorCommand("dance", "Dance", "Dances.")).ready()
     with pytest.raises(VerbError, match="no node of this tree executes 'dance'"):
         stage.calls.give("dance", {})
     with pytest.raises(VerbError, match=r"unknown command 'swim\\n'"):

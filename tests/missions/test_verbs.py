@@ -4,18 +4,18 @@ import math
 
 import pytest
 
-from sar_compiler.missions.mission import Verb, VerbError, VerbField
+from sar_compiler.missions.mission import CommandField, OperatorCommand, VerbError
 from search_and_rescue.orders import VERBS
 
-GO = Verb(
+GO = OperatorCommand(
     "go",
     "Go",
     "Goes.",
     fields=(
-        VerbField("name", "Name"),
-        VerbField("x", "x", "number"),
-        VerbField("how", "How", "choice", (("FAST", "fast"), ("SLOW", "slow"))),
-        VerbField("whom", "Whom", "found", optional=True),
+        CommandField("name", "Name"),
+        CommandField("x", "x", "number"),
+        CommandField("how", "How", "choice", (("FAST", "fast"), ("SLOW", "slow"))),
+        CommandField("whom", "Whom", "found", optional=True),
     ),
 )
 RIGHT = {"name": "there", "x": 1, "how": "FAST", "whom": ""}
@@ -54,8 +54,8 @@ def test_what_is_wrong_with_an_order_is_said(values, words):
 @pytest.mark.parametrize("kind", ["text", "number", "choice", "found"])
 @pytest.mark.parametrize("values", [{}, {"how": ""}, {"how": None}])
 def test_what_is_optional_may_be_left_empty(kind, values):
-    field = VerbField("how", "How", kind, (("FAST", "fast"),), optional=True)
-    assert Verb("go", "Go", "Goes.", fields=(field,)).check(values) == {
+    field = CommandField("how", "How", kind, (("FAST", "fast"),), optional=True)
+    assert OperatorCommand("go", "Go", "Goes.", fields=(field,)).check(values) == {
         "how": None if kind == "number" else ""
     }
 

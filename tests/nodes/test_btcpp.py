@@ -21,8 +21,8 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.clock import Clock, ManualClock
 from sar_compiler.tree.diagnostic import Severity, TreeError
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.gathering import read_tree_file
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.xml_writer import write_xml

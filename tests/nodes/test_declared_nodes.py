@@ -19,7 +19,7 @@ from sar_compiler.nodes.language import SPECS
 from sar_compiler.nodes.nav2 import VERSIONS, specs
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.registry import Registry, RegistryError, load_registry, registered_leaves
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Role, Signature, Use, load
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, ParameterRole, Signature, Use, load
 from sar_compiler.nodes.values import Seconds, at_least, sensible, without_none
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Scope
@@ -35,7 +35,7 @@ MISSION = "search_and_rescue"
 LANGUAGE = [*SPECS, *(spec for version in VERSIONS for spec in specs(version) if spec.is_by_path)]
 DECLARED = {f"{spec.tag} of {spec.maker_path}": spec for spec in LANGUAGE}
 VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-GIVEN = (Role.ATTRIBUTE, Role.CONTEXT)
+GIVEN = (ParameterRole.ATTRIBUTE, ParameterRole.CONTEXT)
 PORTS = {Direction.INPUT: Input, Direction.OUTPUT: Output, Direction.INOUT: InOut}
 KERNEL = "sar_compiler.runtime.kernel."
 OF_KERNEL = {name: spec for name, spec in DECLARED.items() if spec.class_path.startswith(KERNEL)}
@@ -80,7 +80,7 @@ def test_a_declared_node_takes_what_its_constructor_takes(spec):
     declared = {
         parameter.keyword or name: parameter
         for name, parameter in spec.parameters.items()
-        if not (is_stock(spec) and parameter.role is Role.CONTEXT)
+        if not (is_stock(spec) and parameter.role is ParameterRole.CONTEXT)
     }
     assert declared.keys() <= taken.keys()
     for name, parameter in taken.items():
@@ -88,7 +88,7 @@ def test_a_declared_node_takes_what_its_constructor_takes(spec):
     for name, parameter in declared.items():
         if parameter.direction is not None and not is_stock(spec):
             assert (typing.get_origin(hints[name]) or hints[name]) is PORTS[parameter.direction]
-        if parameter.role in (Role.CONTEXT, Role.REFERENCE):
+        if parameter.role in (ParameterRole.CONTEXT, ParameterRole.REFERENCE):
             assert parameter.target is hints[name]
         elif spec.kind.is_leaf and not (
             parameter.direction or parameter.required or name == "name" or is_stock(spec)
@@ -98,7 +98,7 @@ def test_a_declared_node_takes_what_its_constructor_takes(spec):
 
 def sample_of(parameter, stage):
     """Return what a parameter of a node of the kernel may be given."""
-    if parameter.role is Role.CONTEXT:
+    if parameter.role is ParameterRole.CONTEXT:
         return {Scope: stage.scope, Enums: stage.enums, Clock: ManualClock()}[parameter.target]
     if parameter.direction is Direction.OUTPUT:
         return Output(stage.entry("written"))
@@ -144,7 +144,7 @@ def test_what_need_not_be_written_has_the_default_of_the_constructor(spec):
         if (
             default not in (inspect.Parameter.empty, None)
             and not parameter.required
-            and parameter.role is not Role.NAME
+            and parameter.role is not ParameterRole.NAME
         ):
             assert parameter.default == default
         if parameter.direction is not None and not parameter.required:

@@ -3,11 +3,11 @@
 import pytest
 
 from sar_compiler.checks import check
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models import compare_models, read_models
 from sar_compiler.nodes.models.palette import is_built_in, palette
 from sar_compiler.nodes.registry import Registry, default_registry
-from sar_compiler.nodes.spec import Direction, Role
+from sar_compiler.nodes.spec import Direction, ParameterRole
 from sar_compiler.nodes.values import type_of_cpp_name
 from sar_compiler.tree.xml import parse_xml
 from tests.nodes import leaves, port_leaves
@@ -26,7 +26,7 @@ def registry():
 
 
 def models_of(registry):
-    collector = Collector()
+    collector = FindingCollector()
     models = read_models([parse_xml(palette(registry))], collector)
     assert collector.findings == []
     return models
@@ -42,7 +42,7 @@ def test_behaviortree_cpp_has_forty_two_nodes_which_are_all_known_here():
 
 
 def test_it_contradicts_the_registry_in_nothing(registry):
-    collector = Collector()
+    collector = FindingCollector()
     compare_models(models_of(registry), registry, collector)
     assert collector.findings == []
 
@@ -53,7 +53,7 @@ def test_every_attribute_is_a_port_of_its_direction_and_type(registry):
             parameter.name: parameter
             for spec in registry.variants(tag)
             for parameter in spec.attributes
-            if parameter.role is not Role.NAME
+            if parameter.role is not ParameterRole.NAME
         }
         assert set(model.ports) == set(written)
         for name, port in model.ports.items():
@@ -69,7 +69,7 @@ def test_every_default_is_read_as_the_one_of_the_constructor(registry):
         for spec in registry.variants(tag):
             for parameter in spec.attributes:
                 if (
-                    parameter.role is Role.ATTRIBUTE
+                    parameter.role is ParameterRole.ATTRIBUTE
                     and not parameter.required
                     and parameter.default is not None
                 ):

@@ -12,7 +12,7 @@ from sar_compiler.checks import check
 from sar_compiler.leaves import Kind, register
 from sar_compiler.missions import mission_context
 from sar_compiler.nodes.registry import Registry, RegistryError, default_registry, load_registry
-from sar_compiler.nodes.spec import MARK, NodeSpec, RegistrationError, Role, Use
+from sar_compiler.nodes.spec import MARK, NodeSpec, ParameterRole, RegistrationError, Use
 from sar_compiler.runtime.context import PreviewError, preview_of
 from tests.nodes import leaves
 from tests.trees import forest
@@ -34,13 +34,13 @@ def test_registering_leaves_the_class_as_it_was():
 def test_parameters_get_their_roles_from_their_annotations():
     roles = {name: parameter.role for name, parameter in spec_of(leaves.Say).parameters.items()}
     assert roles == {
-        "name": Role.NAME,
-        "message": Role.ATTRIBUTE,
-        "radio": Role.CONTEXT,
-        "times": Role.ATTRIBUTE,
-        "after": Role.REFERENCE,
-        "spare": Role.CONTEXT,
-        "service": Role.ATTRIBUTE,
+        "name": ParameterRole.NAME,
+        "message": ParameterRole.ATTRIBUTE,
+        "radio": ParameterRole.CONTEXT,
+        "times": ParameterRole.ATTRIBUTE,
+        "after": ParameterRole.REFERENCE,
+        "spare": ParameterRole.CONTEXT,
+        "service": ParameterRole.ATTRIBUTE,
     }
 
 
@@ -243,7 +243,7 @@ def test_the_fields_of_a_dataclass_are_a_constructor_as_any():
     parameters = NodeSpec("Call", Call, Kind.ACTION).parameters
     assert [*parameters] == ["name", "times", "radio"]
     radio = parameters["radio"]
-    assert (radio.role, radio.required, radio.default) == (Role.CONTEXT, False, None)
+    assert (radio.role, radio.required, radio.default) == (ParameterRole.CONTEXT, False, None)
 
 
 def test_a_class_is_marked_as_context_with_or_without_brackets():

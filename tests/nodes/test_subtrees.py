@@ -11,8 +11,8 @@ from sar_compiler.nodes.binding.nesting import MAX_LEVELS, MAX_NODES
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.kernel.cells import FAILURE, SUCCESS
 from sar_compiler.runtime.kernel.live import LiveTree
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from tests.trees import forest_of
 
 REGISTRY = default_registry()

@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler import load
 from sar_compiler.analysis.simulated import play_scenario
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.models.from_use import UseOfNodes
 from sar_compiler.nodes.registry import default_registry
@@ -179,7 +179,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_an_enumeration_in_a_palette_that_says_nothing_is_a_warning(case: str) -> None:
     text, message = WRONG[case]
-    collector = Collector()
+    collector = FindingCollector()
     read_models([parse_xml(palette(text))], collector)
     [finding] = collector.findings
     assert (finding.code, finding.severity) == ("wrong-model", Severity.WARNING)
@@ -188,7 +188,8 @@ def test_an_enumeration_in_a_palette_that_says_nothing_is_a_warning(case: str) -
 
 def test_an_enumeration_in_a_palette_may_lack_its_number(tree: Path) -> None:
     models = read_models(
-        [parse_xml(palette('<Enum ID="RED"/>', '<Enum ID="RED" value="4"/>', '<Enum ID="GO"/>'))], Collector()
+        [parse_xml(palette('<Enum ID="RED"/>', '<Enum ID="RED" value="4"/>', '<Enum ID="GO"/>'))],
+        FindingCollector(),
     )
     assert models.enums == {"RED": 4, "GO": None}
 

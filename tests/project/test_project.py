@@ -13,7 +13,7 @@ import sar_compiler
 from sar_compiler import RegistryError, Severity, TreeError, UnreadableFileError, load
 from sar_compiler.cli.compile import main
 from sar_compiler.leaves import Clock, Kind, register
-from sar_compiler.project import Additions, Workspace
+from sar_compiler.project import CommandLineSettings, Workspace
 from sar_compiler.runtime.clock import ManualClock, WallClock
 from sar_compiler.testing import assert_scenario_holds, compiled, simulate
 from sar_compiler.tree.xml import parse_xml
@@ -150,7 +150,9 @@ class TestProjects:
 
     def test_what_the_user_adds_comes_before_the_configuration_s(self, folder):
         write(folder, 'models = ["b.xml"]\ninclude-path = ["b"]\n', "sar.toml")
-        project = Workspace(Additions(include_path=(Path("a"),))).load(write(folder, SLEEPS)).project
+        project = (
+            Workspace(CommandLineSettings(include_path=(Path("a"),))).load(write(folder, SLEEPS)).project
+        )
         assert project.include_path == (Path("a"), folder / "b", folder)
 
 

@@ -18,10 +18,10 @@ from cap_tools.models import Alert, Category, Certainty, ResponseType, Scope, Se
 from lxml import etree
 from xsdata.formats.dataclass.parsers import XmlParser
 
+from sar_compiler.journal.display import Display, beginning, changes_by
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CHANGED, OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
-from sar_compiler.journal.situation import Display, beginning, changes_by
 from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.reports.mission_report import ReportError, report_data, report_text, require_form
 from sar_compiler.reports.report_exchange import cot_report

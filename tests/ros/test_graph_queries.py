@@ -632,11 +632,11 @@ class TestSources:
         assert any(odometry in line for line in lines)
 
     def test_a_source_that_has_joined_a_run_is_reported_once(self, robots: Robots, said: Said) -> None:
-        from sar_compiler.ros.watch import Watch
+        from sar_compiler.ros.dependency_monitor import DependencyMonitor
 
         mission = robots.node("/mission")
         robots.publish(robots.node("/one"), "battery_state", BATTERY)
-        watch = Watch(mission, [Use.topic("battery_state")])
+        watch = DependencyMonitor(mission, [Use.topic("battery_state")])
         robots.until(lambda: ros_graph(mission).publishers("battery_state") == ("/one",), "the first source")
         watch.look()
         robots.publish(robots.node("/two"), "battery_state", BATTERY)
@@ -887,9 +887,9 @@ class TestFrames:
 
 class TestWatch:
     def watch(self, node: Any) -> Any:
-        from sar_compiler.ros.watch import Watch
+        from sar_compiler.ros.dependency_monitor import DependencyMonitor
 
-        return Watch(node, [Use.nav2()])
+        return DependencyMonitor(node, [Use.nav2()])
 
     def test_a_second_robot_on_the_transforms_is_reported_with_both_nodes(
         self, robots: Robots, said: Said
@@ -918,7 +918,7 @@ class TestWatch:
 
         from sar_compiler.ros.robot_estimate import robot_estimate
 
-        monkeypatch.setattr("sar_compiler.ros.watch._LOST_SEC", 0.1)
+        monkeypatch.setattr("sar_compiler.ros.dependency_monitor._LOST_SEC", 0.1)
         amcl, mission = robots.node("/amcl"), robots.node("/mission")
         robots.serve(amcl, "/amcl", "/bt_navigator")
         poses = robots.publish(amcl, "amcl_pose", POSES, durability="transient_local")

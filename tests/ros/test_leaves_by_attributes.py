@@ -15,7 +15,7 @@ from py_trees.common import Status
 from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.ros_fields import read_destinations, read_fields, read_path
 from sar_compiler.nodes.ros_leaves import specs
-from sar_compiler.nodes.spec import Direction, Role
+from sar_compiler.nodes.spec import Direction, ParameterRole
 from sar_compiler.nodes.values import without_none
 from sar_compiler.ros.leaves import by_attributes
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
@@ -652,7 +652,7 @@ def parameters(spec: Any) -> dict[str, tuple[bool, object]]:
     return {
         each.keyword or each.name: (each.direction is Direction.INPUT, ... if each.required else each.default)
         for each in spec.parameters.values()
-        if each.role is not Role.NAME
+        if each.role is not ParameterRole.NAME
     }
 
 

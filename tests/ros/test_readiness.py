@@ -787,10 +787,10 @@ class TestNav2:
         assert said.has("The localisation keeps its yaw of 0.00 rad")
 
     def test_a_localisation_of_a_simulation_that_begins_is_told_without_waiting(self, ros: Ros) -> None:
-        from sar_compiler.ros.readiness import Localised
+        from sar_compiler.ros.readiness import LocalisationCheck
 
         nav2, node = FakeNav2(ros.node("nav2")), ros.node()
-        localised = Localised(node, (0.0, 0.0, 0.0), begins_anew=True)
+        localised = LocalisationCheck(node, (0.0, 0.0, 0.0), begins_anew=True)
         ros.spin_until(lambda: node.count_subscribers("initialpose"), "the localisation")
         localised.missing()
         ros.spin_until(lambda: nav2.poses, "the pose")

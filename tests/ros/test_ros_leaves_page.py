@@ -8,7 +8,7 @@ from py_trees.common import Status
 
 from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.ros_leaves import specs
-from sar_compiler.nodes.spec import Role
+from sar_compiler.nodes.spec import ParameterRole
 from tests.docs.markdown import blocks
 from tests.ros.conftest import Ros
 
@@ -109,7 +109,7 @@ def rows(tag: str) -> dict[str, list[str]]:
 
 @pytest.mark.parametrize("tag", SPECS)
 def test_the_table_of_a_leaf_has_its_attributes_with_their_defaults(tag: str) -> None:
-    attributes = [each for each in SPECS[tag].parameters.values() if each.role is Role.ATTRIBUTE]
+    attributes = [each for each in SPECS[tag].parameters.values() if each.role is ParameterRole.ATTRIBUTE]
     table = rows(tag)
     assert set(table) == {each.name for each in attributes}
     for each in attributes:

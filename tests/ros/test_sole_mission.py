@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from sar_compiler.ros.graph_queries import RosGraph
-from sar_compiler.ros.sole_mission import AnotherMissionError, MissionClaim, SoleMission
+from sar_compiler.ros.robot_lease import AnotherMissionError, LeaseClaim, RobotLease
 from tests.ros.conftest import Ros, Said
 
 pytestmark = pytest.mark.ros
@@ -18,23 +18,23 @@ pytestmark = pytest.mark.ros
 DRIVE = ["navigate_to_pose"]
 
 
-def mission(ros: Ros, name: str = "first", actions: list[str] = DRIVE, **options: bool) -> SoleMission:
-    return SoleMission(ros.node(name), actions, look_sec=0.0, **options)
+def mission(ros: Ros, name: str = "first", actions: list[str] = DRIVE, **options: bool) -> RobotLease:
+    return RobotLease(ros.node(name), actions, look_sec=0.0, **options)
 
 
-def seen(ros: Ros, one: SoleMission, number: int = 1) -> None:
+def seen(ros: Ros, one: RobotLease, number: int = 1) -> None:
     ros.spin_until(lambda: len(one._others) == number, "the other mission's claim")
 
 
 def test_alone_on_a_robot_it_is_clear_after_the_look_around(ros: Ros) -> None:
-    alone = SoleMission(ros.node("first"), DRIVE, look_sec=0.2)
+    alone = RobotLease(ros.node("first"), DRIVE, look_sec=0.2)
     assert alone.missing() == "looking for another mission on this robot"
     ros.spin_until(lambda: alone.missing() is None, "the end of the look around")
     assert alone.trouble() == ""
 
 
 def test_it_looks_around_anew_when_a_node_comes_into_sight(ros: Ros) -> None:
-    alone = SoleMission(ros.node("first"), DRIVE, look_sec=0.2)
+    alone = RobotLease(ros.node("first"), DRIVE, look_sec=0.2)
     ros.spin_until(lambda: alone.missing() is None, "the end of the look around")
     ros.node("another")
     ros.spin_until(alone.missing, "another look around")
@@ -45,10 +45,10 @@ def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_comin
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node, now = ros.node("first"), [100.0]
-    monkeypatch.setattr("sar_compiler.ros.sole_mission.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("sar_compiler.ros.robot_lease.time.monotonic", lambda: now[0])
     names: list[str] = []
     monkeypatch.setattr(RosGraph, "nodes", lambda _: Counter(names))
-    alone = SoleMission(node, DRIVE, look_sec=1.0)
+    alone = RobotLease(node, DRIVE, look_sec=1.0)
     for number in range(100):
         names.append(f"/node_{number}")
         if alone.missing() is None:
@@ -121,7 +121,7 @@ def test_one_that_has_ended_says_nothing_to_the_next(make_ros: Callable[[], Ros]
         "{}",
         "5",
         '"claim"',
-        json.dumps({**MissionClaim("a", True, 1, "k", "n", "h", 2)._asdict(), "since": "x"}),  # noqa: FBT003
+        json.dumps({**LeaseClaim("a", True, 1, "k", "n", "h", 2)._asdict(), "since": "x"}),  # noqa: FBT003
         "[" * 100_000,
     ],
 )
@@ -132,7 +132,7 @@ def test_what_is_no_claim_is_not_heeded(ros: Ros, text: str) -> None:
 
 
 def test_what_another_says_of_itself_is_shown_without_what_a_terminal_would_obey() -> None:
-    claim = MissionClaim("a", runs=True, since=1, key="k", node="\x1b[2J\nfine", host="h" * 500, pid=7)
+    claim = LeaseClaim("a", runs=True, since=1, key="k", node="\x1b[2J\nfine", host="h" * 500, pid=7)
     assert claim.describe() == f"node \\x1b[2J\\nfine (process 7 on {'h' * 80})"
 
 
@@ -142,7 +142,7 @@ def claims(ros: Ros, count: int, **changes: Any) -> None:
     latched = QoSProfile(depth=count, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = node.create_publisher(String, "/navigate_to_pose/_mission", latched)
     for number in range(count):
-        claim = MissionClaim("/navigate_to_pose", False, 2**62, f"key{number}", "/flood", "here", number)  # noqa: FBT003
+        claim = LeaseClaim("/navigate_to_pose", False, 2**62, f"key{number}", "/flood", "here", number)  # noqa: FBT003
         publisher.publish(String(data=json.dumps(claim._replace(**changes)._asdict())))
 
 
@@ -170,7 +170,7 @@ def test_one_that_goes_before_is_heeded_among_claims_without_end(ros: Ros) -> No
 def test_a_node_of_the_same_name_is_told_once_when_it_is_no_shadow(
     ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sar_compiler.ros.sole_mission.SHADOW_SEC", 0.2)
+    monkeypatch.setattr("sar_compiler.ros.robot_lease.SHADOW_SEC", 0.2)
     running = mission(ros, "search_and_rescue")
     assert running.trouble() == ""
     ros.node("search_and_rescue")

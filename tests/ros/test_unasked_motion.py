@@ -25,9 +25,9 @@ class Robot:
         from nav_msgs.msg import Odometry
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
+        from sar_compiler.ros.dependency_monitor import UnaskedMotion
         from sar_compiler.ros.leaves.goals import goals_under_way
         from sar_compiler.ros.robot_estimate import robot_estimate
-        from sar_compiler.ros.watch import UnaskedMotion
 
         self.ros = ros
         self.speed: float | None = 0.0
@@ -79,7 +79,7 @@ def robot(ros: Ros) -> Robot:
 def test_what_may_drive_on_after_an_abort_is_cancelled_before_it_is_reported(
     robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sar_compiler.ros.watch._BRAKES_SEC", 3600.0)
+    monkeypatch.setattr("sar_compiler.ros.dependency_monitor._BRAKES_SEC", 3600.0)
     robot.speed = 0.25
     goal = robot.drive()
     robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
@@ -110,7 +110,7 @@ def test_what_begins_to_drive_seconds_after_an_abort_gets_everything_cancelled(
     robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A starved controller of Nav2 was seen to begin with a goal 3 s after its navigator had given it up."""
-    monkeypatch.setattr("sar_compiler.ros.watch._LATEST_SEC", 0.1)
+    monkeypatch.setattr("sar_compiler.ros.dependency_monitor._LATEST_SEC", 0.1)
     robot.end(robot.drive())
     robot.ros.spin_for(1.0)
     robot.speed = 0.25
@@ -122,7 +122,7 @@ def test_what_begins_to_drive_seconds_after_an_abort_gets_everything_cancelled(
 def test_what_begins_to_drive_later_than_that_is_only_reported(
     robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch, status: int, latest: str
 ) -> None:
-    monkeypatch.setattr(f"sar_compiler.ros.watch.{latest}", 0.1)
+    monkeypatch.setattr(f"sar_compiler.ros.dependency_monitor.{latest}", 0.1)
     robot.end(robot.drive(), status)
     robot.ros.spin_until(lambda: not robot.motion._has_sent, "the end of the time")
     robot.speed = 0.25

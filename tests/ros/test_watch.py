@@ -76,10 +76,10 @@ class Scene:
 
     def __init__(self, ros: Ros, said: Said) -> None:
         from sar_compiler.nodes.spec import Use
-        from sar_compiler.ros.watch import Watch
+        from sar_compiler.ros.dependency_monitor import DependencyMonitor
 
         self.ros, self.said, self.nav2 = ros, said, Nav2(ros)
-        self.watch: Watch = Watch(ros.node("mission"), [Use.nav2()])
+        self.watch: DependencyMonitor = DependencyMonitor(ros.node("mission"), [Use.nav2()])
 
     def until(self, wanted: Any, what: str) -> None:
         def looked() -> object:
@@ -118,9 +118,9 @@ class Scene:
 
 @pytest.fixture
 def scene(ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch) -> Scene:
-    from sar_compiler.ros import watch
+    from sar_compiler.ros import dependency_monitor
 
-    monkeypatch.setattr(watch, "_LOST_SEC", 0.3)
+    monkeypatch.setattr(dependency_monitor, "_LOST_SEC", 0.3)
     return Scene(ros, said)
 
 
@@ -137,9 +137,9 @@ def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -
 def test_a_node_that_stays_unconfigured_is_named_once_with_the_command_that_starts_it(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sar_compiler.ros import watch
+    from sar_compiler.ros import dependency_monitor
 
-    monkeypatch.setattr(watch, "_RESPAWN_SEC", 0.3)
+    monkeypatch.setattr(dependency_monitor, "_RESPAWN_SEC", 0.3)
     scene.begin()
     scene.nav2.navigator = "unconfigured"
     line = (
@@ -229,7 +229,7 @@ def test_a_robot_whose_nav2_is_not_heard_lacks_that_and_nothing_else(
     known._robot.lacks = "what was lacked before"
     monkeypatch.setattr(known, "_deafness", lambda: "it receives nothing from amcl")
     scene.watch.look()
-    assert known._robot.lacks == scene.watch.deafness == "it receives nothing from amcl"
+    assert known._robot.lacks == scene.watch.lost_discovery == "it receives nothing from amcl"
 
 
 def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Scene) -> None:
@@ -321,7 +321,7 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
     from lifecycle_msgs.srv import GetState
 
     from sar_compiler.nodes.spec import Use
-    from sar_compiler.ros.watch import Watch
+    from sar_compiler.ros.dependency_monitor import DependencyMonitor
     from tests.waiting import Stopwatch
 
     def active(_: Any, response: Any) -> Any:
@@ -330,7 +330,7 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
 
     ros.node("nav2").create_service(GetState, "bt_navigator/get_state", active)
     localiser = serve("localiser", transforms=transforms)
-    watch = Watch(ros.node("mission"), [Use.nav2()])
+    watch = DependencyMonitor(ros.node("mission"), [Use.nav2()])
     known = watch._localisation
     assert known is not None
     ros.spin_until(lambda: all(each.state == "active" for each in known._nodes), "Nav2's being active")
@@ -350,11 +350,11 @@ def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(
     ros: Ros, said: Said, serve: Any
 ) -> None:
     from sar_compiler.nodes.spec import Use
-    from sar_compiler.ros.watch import Watch
+    from sar_compiler.ros.dependency_monitor import DependencyMonitor
 
     navigation = serve("navigation", states={"amcl": None})
     localiser = serve("localiser")
-    watch = Watch(ros.node("mission"), [Use.nav2()])
+    watch = DependencyMonitor(ros.node("mission"), [Use.nav2()])
     known = watch._localisation
     assert known is not None
     ros.spin_until(lambda: known._robot.transform_at is not None, "a transform")

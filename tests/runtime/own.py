@@ -7,10 +7,10 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.nodes import nav2
 from sar_compiler.nodes.language import SPECS
-from sar_compiler.nodes.spec import NodeSpec, Role
-from sar_compiler.runtime.parents import Parent
+from sar_compiler.nodes.spec import NodeSpec, ParameterRole
+from sar_compiler.runtime.parents import EngineParent
 
-_STRUCTURE = (Role.NAME, Role.CHILD, Role.CHILDREN)
+_STRUCTURE = (ParameterRole.NAME, ParameterRole.CHILD, ParameterRole.CHILDREN)
 
 
 def own(tag: str, specs: Iterable[NodeSpec] = SPECS) -> Callable[..., Any]:
@@ -45,8 +45,8 @@ def asking(tag: str) -> Callable[..., Any]:
     maker = spec.stand_in.maker
     assert maker is not None
 
-    def make(name: str, below: object, leaf: Behaviour) -> Parent:
-        made: Parent = maker(name, below)
+    def make(name: str, below: object, leaf: Behaviour) -> EngineParent:
+        made: EngineParent = maker(name, below)
         made.ask(leaf)
         return made
 

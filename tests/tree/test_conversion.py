@@ -4,7 +4,7 @@ import pytest
 
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, Severity, TreeError
-from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from tests.tree.strategies import everything

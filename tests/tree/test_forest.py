@@ -11,8 +11,8 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.opener import UnreadableFileError
 from sar_compiler.tree import forest
 from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import MAX_FILES, MAX_INCLUDE_DEPTH, load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from tests.trees import write
 
 A, B, C = (f'<BehaviorTree ID="{name}"><Success/></BehaviorTree>' for name in "ABC")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.opener import UnreadableFileError
-from sar_compiler.tree.gathering import files_meant, is_tree_file, tree_files_in
+from sar_compiler.tree.discovery import is_tree_file, matching_files, tree_files_in
 
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="A"><AlwaysSuccess/></BehaviorTree></root>'
 
@@ -115,4 +115,4 @@ def test_a_path_may_be_a_file_a_folder_or_a_pattern(pattern, files):
     for path in ("trees/a.xml", "trees/deep/c.xml"):
         write(path)
     write("trees/other.xml", "<package/>")
-    assert names(files_meant(Path(), pattern)) == files
+    assert names(matching_files(Path(), pattern)) == files

@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.opener import UnreadableFileError
 from sar_compiler.tree.diagnostic import Form
-from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.discovery import read_tree_file
 
 XML = "<root/>"
 YAML = "root:\n"

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sar_compiler.opener import TREE, UnreadableFileError
 from sar_compiler.tree.content import MAX_DEPTH
 from sar_compiler.tree.diagnostic import Severity, Span, TreeError
-from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.model import Element
 from sar_compiler.tree.xml import parse_xml
 

@@ -9,7 +9,7 @@ from sar_compiler.opener import TREE, UnreadableFileError
 from sar_compiler.tree import yaml_events
 from sar_compiler.tree.content import MAX_DEPTH
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.gathering import read_tree_file
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.model import UnfinishedFileError
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml

@@ -6,8 +6,8 @@ import pytest
 
 from sar_compiler.checks import check
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import TreeSet, load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from tests.trees import write
 
 A, B, C = (f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>' for name in "ABC")

@@ -2,9 +2,9 @@
 
 import pytest
 
-from sar_compiler.journal.condition import condition
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.status_line import condition
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.views.mission_view import change_text, condition_change, screen
 

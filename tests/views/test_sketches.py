@@ -14,7 +14,7 @@ from lxml import etree
 from sar_compiler import TreeError, load
 from sar_compiler.cli.compile import _drawing
 from sar_compiler.compiler.sketch import Sketch, sketch_tree
-from sar_compiler.tree.gathering import tree_files_in
+from sar_compiler.tree.discovery import tree_files_in
 from tests.chance import rounds
 from tests.cli.running import run
 from tests.docs.test_findings import CODES, page_of

@@ -8,11 +8,7 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.opening import open_journal
-from sar_compiler.journal.situation import (
+from sar_compiler.journal.display import (
     Alarm,
     Display,
     EventTime,
@@ -24,6 +20,10 @@ from sar_compiler.journal.situation import (
     MissionPhase,
     RasterLayer,
 )
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.opening import open_journal
 from sar_compiler.reports.report_html import html_report
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import LiveFeed, ReplayFeed

@@ -7,7 +7,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.runtime.clock import ManualClock
-from sar_compiler.web.run_page import _form, _TellsWhy
+from sar_compiler.web.run_page import _FailureExplainer, _form
 from search_and_rescue.orders import VERBS
 from tests.web.conftest import as_address, patrol_report
 from tests.web.flown import SCENES
@@ -44,7 +44,7 @@ def told(live):
     def begin(scene):
         run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS], tools=Asked().tools)
         run.journal.clock = ManualClock(100.0)
-        run.journal.listen(_TellsWhy(run.feed).take)
+        run.journal.listen(_FailureExplainer(run.feed).take)
         run.begin()
         tell(run.journal, scene)
         return run

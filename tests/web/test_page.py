@@ -17,7 +17,7 @@ from sar_compiler.web.feed import ReplayFeed, as_json
 from sar_compiler.web.page_server import PageServer, Tool
 from sar_compiler.web.page_state import PageState
 from sar_compiler.web.replay import Replay
-from sar_compiler.web.run_page import _form, _TellsWhy
+from sar_compiler.web.run_page import _FailureExplainer, _form
 from search_and_rescue.orders import VERBS
 from tests.processes import free_port
 from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
@@ -106,7 +106,7 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
 
 def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
     run = live()
-    run.journal.listen(_TellsWhy(run.feed).take)
+    run.journal.listen(_FailureExplainer(run.feed).take)
     run.begin()
     browser.open(tree_of(run.server))
     assert not browser.driver.find_element("id", "why").is_displayed()
@@ -122,7 +122,7 @@ def test_why_a_mission_has_failed_stays_on_the_page(live, browser):
 
 def test_nobody_asks_why_a_mission_has_succeeded(live, browser):
     run = live()
-    run.journal.listen(_TellsWhy(run.feed).take)
+    run.journal.listen(_FailureExplainer(run.feed).take)
     run.begin()
     run.status(0, "SUCCESS")
     run.journal.end(Ending.OVER, 0)

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from sar_compiler.journal.condition import condition
+from sar_compiler.journal.display import Level
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.situation import Level
+from sar_compiler.journal.status_line import condition
 from sar_compiler.reports.mission_report import report_data
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.page_state import PageState
@@ -113,7 +113,9 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     assert {each["text"]: (each["run"], each["time"]) for each in shown["alarms"]} == {
         text: (since.run, since.time) for text, since in mission.since.items()
     }
-    assert shown["properties"]["doubted"] == (mission.doubted and mission.doubted.time)
+    assert shown["properties"]["doubted"] == (
+        mission.assumption_failed_at and mission.assumption_failed_at.time
+    )
     assert {
         each["name"]: (each["word"], each["since"], each["event"]) for each in shown["properties"]["watched"]
     } == {

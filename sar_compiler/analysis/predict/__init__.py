@@ -15,7 +15,7 @@ import numpy as np
 from sar_compiler.analysis.merging import MergedValues
 from sar_compiler.analysis.predict.weighed_graph import Between, Flags, WeighedGraph
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.state_search.chances import Chances, CountedTimes
+from sar_compiler.analysis.state_search.chances import ChoiceTable, CountedTimes
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
@@ -24,8 +24,8 @@ from sar_compiler.analysis.verify.properties import (
     LeftOut,
     Monitors,
     Properties,
+    PropertyAutomata,
     PropertyFile,
-    Rules,
     properties_of,
 )
 from sar_compiler.analysis.verify.slicing import merge_values
@@ -153,7 +153,7 @@ def _predicted(
     properties: Properties, *, prepared: Prepared, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
     """Return what is to be expected of a tree's runs; raises `ConditionError` as well."""
-    simulated, chances = prepared.simulated, Chances(CountedTimes(period_sec))
+    simulated, chances = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _remembering(properties.rules), chances=chances)
     nothing = _nothing_known(properties)
 
@@ -274,15 +274,22 @@ class _BreachMonitors(Monitors):
         return self._inner.owed(self.parts(state)[0])
 
 
-def _remembering(rules: Rules) -> Rules:
-    return Rules(_BreachMonitors(rules.monitors), rules.guarded, rules.ends, rules.at_end, rules.entries)
+def _remembering(rules: PropertyAutomata) -> PropertyAutomata:
+    return PropertyAutomata(
+        _BreachMonitors(rules.monitors), rules.guarded, rules.ends, rules.at_end, rules.entries
+    )
 
 
 class _Reckoning:
     """Reckons what is to be expected, from the states that were found."""
 
     def __init__(
-        self, stepper: TreeStepper, graph: Graph, chances: Chances, properties: Properties, period_sec: float
+        self,
+        stepper: TreeStepper,
+        graph: Graph,
+        chances: ChoiceTable,
+        properties: Properties,
+        period_sec: float,
     ) -> None:
         self._stepper, self._graph, self._chances = stepper, graph, chances
         self._properties, self._period_sec = properties, period_sec

@@ -21,7 +21,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
-from sar_compiler.analysis.state_search.chances import Chances
+from sar_compiler.analysis.state_search.chances import ChoiceTable
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import middle
@@ -75,7 +75,7 @@ class WeighedGraph:
         chances: The weights.
     """
 
-    def __init__(self, graph: Graph, chances: Chances) -> None:
+    def __init__(self, graph: Graph, chances: ChoiceTable) -> None:
         # The last place stands for all that is not known.
         self._states, self._count = len(graph.states), graph.places + 1
         self._choices = chances.choices

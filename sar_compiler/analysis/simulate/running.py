@@ -10,7 +10,7 @@ from uuid import UUID
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from sar_compiler.analysis.leaf_words import EventPattern
+from sar_compiler.analysis.leaf_vocabulary import EventPattern
 from sar_compiler.analysis.simulate.scenario_files import OWN, AnswerStep, Scenario
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.chances import TOLERANCE_SEC

@@ -12,7 +12,14 @@ from sar_compiler.analysis.assumptions import (
     start_assumptions,
     take_controls,
 )
-from sar_compiler.analysis.leaf_words import EventPattern, LeafWords, parameters, seconds, span_sec, word
+from sar_compiler.analysis.leaf_vocabulary import (
+    EventPattern,
+    LeafVocabulary,
+    parameters,
+    seconds,
+    span_sec,
+    word,
+)
 from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated, match_rank
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.checks.configuration import path_inside
@@ -139,7 +146,7 @@ class Scenario:
     warnings: tuple[Diagnostic, ...] = ()
 
 
-def read_expectations(value: Value | None, words: LeafWords) -> Expectations:
+def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectations:
     """Read the expectations of a scenario; reports impossible ones."""
     document, parts = words.document, {} if value is None else value.mapping
     plain = {} if value is None else value.data
@@ -186,12 +193,12 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
     return facts
 
 
-def _deeds(value: Value | None, words: LeafWords) -> tuple[EventPattern, ...]:
+def _deeds(value: Value | None, words: LeafVocabulary) -> tuple[EventPattern, ...]:
     deeds = [] if value is None else [words.deed(item) for item in value.listed]
     return tuple(deed for deed in deeds if deed is not None)
 
 
-def _counts(value: Value, words: LeafWords) -> tuple[tuple[EventPattern, Bounds], ...]:
+def _counts(value: Value, words: LeafVocabulary) -> tuple[tuple[EventPattern, Bounds], ...]:
     counts = []
     for key, inner in value.entries or ():
         deed = words.deed(key)
@@ -209,7 +216,7 @@ def _bounds(said: float | str) -> Bounds:
 _ALWAYS = "always"
 
 
-def read_scripts(value: Value, words: LeafWords) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
+def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[AnswerStep, ...]]:
     """Return the steps of each leaf that a scenario scripts.
 
     If several keys name a leaf, its path precedes its name, and its name precedes its tag.
@@ -226,14 +233,16 @@ def read_scripts(value: Value, words: LeafWords) -> dict[StubLeaf, tuple[AnswerS
     return scripts
 
 
-def _steps(value: Value, words: LeafWords, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
+def _steps(value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
     """Read one step that is always used, or a list of steps that are used once each, except those for every n-th time."""
     one = value.items is None
     steps = [_step(item, words, leaves, always=one) for item in value.listed]
     return tuple(step for step in steps if step is not None)
 
 
-def _step(value: Value, words: LeafWords, leaves: Sequence[StubLeaf], *, always: bool) -> AnswerStep | None:
+def _step(
+    value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf], *, always: bool
+) -> AnswerStep | None:
     times = None if always else 1
     if value.entries is None:
         answer = words.answer(value, leaves) if leaves else None
@@ -368,7 +377,7 @@ def understand(document: Document, stage: Stage) -> Play:
         )
         for message in simulated.disputes.values():
             document.report("missing-value", message, facts or document.root)
-    words = LeafWords(document, simulated)
+    words = LeafVocabulary(document, simulated)
     check_answers(answers, words)
     path = document.source.path
     scenario = Scenario(

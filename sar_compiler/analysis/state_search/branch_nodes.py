@@ -17,7 +17,7 @@ from sar_compiler.analysis.state_search.stub_nodes import LeafNodes
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING
 from sar_compiler.runtime.kernel.counting import ParallelNode
 from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
-from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, DecoratorNode, Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, DecoratorNode, NodeBuilder, Ticker, TreeNode
 
 BranchResult = tuple[int, int]
 """An outcome of a tick, INVALID where the branch was halted, and the state that it is in then."""
@@ -66,7 +66,9 @@ class BranchNode(ChoosingNode):
         place: The cell with the state of the automaton.
     """
 
-    def __init__(self, part: Part, leaves: LeafNodes, automaton: Automaton, told: list[BranchDeed]) -> None:
+    def __init__(
+        self, part: NodeBuilder, leaves: LeafNodes, automaton: Automaton, told: list[BranchDeed]
+    ) -> None:
         super().__init__(part)
         self.place = part.cell(automaton.start, keeps=True)
         self._bit = leaves.trail.bit(part.index)
@@ -115,7 +117,7 @@ class AloneNode(DecoratorNode):
         choices: Decide whether it is halted.
     """
 
-    def __init__(self, part: Part, choices: Choices) -> None:
+    def __init__(self, part: NodeBuilder, choices: Choices) -> None:
         super().__init__(part)
         self._choices = choices
 
@@ -170,7 +172,7 @@ class FlatComposition:
         root = self._root if self._around is None else self._around
         return flat_tree(root, lambda part: self._node_of(part, leaves), self._below)
 
-    def _node_of(self, part: Part, leaves: LeafNodes) -> TreeNode:
+    def _node_of(self, part: NodeBuilder, leaves: LeafNodes) -> TreeNode:
         behaviour = part.behaviour
         if behaviour is self._around:
             return AloneNode(part, leaves.choices)

@@ -22,7 +22,7 @@ from sar_compiler.runtime.answers import Answer, chances
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree import FlatTree
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker
 
 TOLERANCE_SEC: Final = 1e-6
 """Ticks come at multiples of the period, which floats hit only nearly."""
@@ -39,7 +39,7 @@ class TicksLeft:
         self.ticks = ticks
 
 
-class Spending:
+class LimitUse:
     """What takes from limits in a run that is followed: what a condition finds in one tick after the other (a mission that is held) takes once.
 
     Such an answer is possible as it was when it came first, and leaves the limits as they are.
@@ -138,7 +138,7 @@ class Choice(NamedTuple):
     bounds: tuple[tuple[float, float], ...]
 
 
-class Weight(NamedTuple):
+class TransitionProbability(NamedTuple):
     """The weight of one way to go on after a choice.
 
     Attributes:
@@ -152,7 +152,7 @@ class Weight(NamedTuple):
     share: float
 
 
-class Chances:
+class ChoiceTable:
     """The choices that leaves have in the runs of a tree, and what their ways to go on weigh.
 
     Args:
@@ -166,7 +166,7 @@ class Chances:
     def __init__(self, times: CountedTimes) -> None:
         self.times = times
         self.choices: list[Choice] = []
-        self.weights: list[Weight] = [Weight(-1, 0, 1.0)]
+        self.weights: list[TransitionProbability] = [TransitionProbability(-1, 0, 1.0)]
 
     def spread(self, sec: tuple[float, float]) -> list[tuple[int, float]]:
         """Return the numbers of ticks that a time takes which is as likely to be any between two, each with its share."""
@@ -197,7 +197,7 @@ class Option:
         self.weight = weight
 
 
-class ChanceNode(StubNode):
+class ProbabilisticLeaf(StubNode):
     """A leaf that chooses when it begins what it will answer, and after how many ticks; until then it answers RUNNING.
 
     If that answer is not possible any more when its time has come, it chooses again. One that cannot answer RUNNING takes no time.
@@ -208,7 +208,7 @@ class ChanceNode(StubNode):
         chances: Is told of each choice.
     """
 
-    def __init__(self, part: Part, leaves: LeafNodes, chances: Chances) -> None:
+    def __init__(self, part: NodeBuilder, leaves: LeafNodes, chances: ChoiceTable) -> None:
         super().__init__(part, leaves)
         self._chances = chances
         self._chosen, self._left = part.value(None), part.value(None)
@@ -295,7 +295,7 @@ class ChanceNode(StubNode):
             if given.choices[-1].bounds[place][1] == 0.0:
                 continue
             for ticks, share in given.spread(reply.answer.sec):
-                given.weights.append(Weight(len(given.choices) - 1, place, share))
+                given.weights.append(TransitionProbability(len(given.choices) - 1, place, share))
                 options.append(Option(reply, ticks, len(given.weights) - 1))
         return options
 

@@ -13,7 +13,7 @@ from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED, WORDS
 from sar_compiler.runtime.kernel.entry_cells import Memo, OutcomeMemo
 from sar_compiler.runtime.kernel.table import known_node
 from sar_compiler.runtime.kernel.times import Times
-from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, NodeBuilder, Ticker, TreeNode
 from sar_compiler.runtime.language_nodes import ScriptCondition
 
 
@@ -58,7 +58,7 @@ class LeafNodes:
         numbers: Mapping[tuple[int, str, int], int],
         choices: Choices,
         trail: Trail,
-        stub: "Callable[[Part, LeafNodes], TreeNode] | None" = None,
+        stub: "Callable[[NodeBuilder, LeafNodes], TreeNode] | None" = None,
     ) -> None:
         self.ran: set[int] = set()
         self.board = board
@@ -67,7 +67,7 @@ class LeafNodes:
         self.trail = trail
         self._stub = stub or StubNode
 
-    def node_of(self, part: Part) -> TreeNode:
+    def node_of(self, part: NodeBuilder) -> TreeNode:
         """Build the node of a behaviour, whether it is a leaf or not.
 
         Raises:
@@ -97,7 +97,7 @@ class NotedNode(ChoosingNode):
         ran: Where its index is noted.
     """
 
-    def __init__(self, part: Part, node: TreeNode, ran: set[int]) -> None:
+    def __init__(self, part: NodeBuilder, node: TreeNode, ran: set[int]) -> None:
         super().__init__(part)
         self._node = node
         self._ran = ran
@@ -127,7 +127,7 @@ class ConditionLeafNode(NotedNode):
         memo: Remembers what comes of it.
     """
 
-    def __init__(self, part: Part, node: TreeNode, ran: set[int], memo: OutcomeMemo) -> None:
+    def __init__(self, part: NodeBuilder, node: TreeNode, ran: set[int], memo: OutcomeMemo) -> None:
         super().__init__(part, node, ran)
         self._memo = memo
         self._ticker: Ticker | None = None
@@ -157,7 +157,7 @@ class StubNode(ChoosingNode):
         leaves: What the leaves of a tree share.
     """
 
-    def __init__(self, part: Part, leaves: LeafNodes) -> None:
+    def __init__(self, part: NodeBuilder, leaves: LeafNodes) -> None:
         super().__init__(part)
         self._trail = leaves.trail
         self._choices = leaves.choices

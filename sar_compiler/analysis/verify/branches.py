@@ -21,7 +21,7 @@ from sar_compiler.analysis.state_search.branch_nodes import (
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.liveness import components, is_fair
 from sar_compiler.analysis.state_search.searching import explore
-from sar_compiler.analysis.verify.properties import Rules, without_properties
+from sar_compiler.analysis.verify.properties import PropertyAutomata, without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import IsWanted
 from sar_compiler.analysis.verify.stepping import TreeStepper
@@ -121,7 +121,7 @@ class Assembly:
         prepared: Prepared,
         root: Behaviour,
         branches: "Iterable[Branch]",
-        rules: Rules,
+        rules: PropertyAutomata,
         *,
         around: Behaviour | None = None,
         joined: Mapping[Behaviour, list[Behaviour]] | None = None,

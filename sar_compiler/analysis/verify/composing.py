@@ -22,7 +22,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.searching import Report
 from sar_compiler.analysis.verify.branches import Assembly, Branch, branches_of, searched
-from sar_compiler.analysis.verify.properties import Properties, Rules, without_properties
+from sar_compiler.analysis.verify.properties import Properties, PropertyAutomata, without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import IsWanted, PlayedTick, StateSpace, Trace, played_again
 from sar_compiler.analysis.verify.stepping import TreeStepper, plain_stepper
@@ -163,7 +163,7 @@ class Arrangement:
         self._parallels = [node.behaviour for node in flat.nodes if _needs_all(node)]
         self._joined: dict[tuple[Behaviour, Behaviour], Branch | None] = {}
 
-    def without(self, concrete: Collection[Behaviour], rules: Rules) -> Assembly:
+    def without(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> Assembly:
         """Return the tree with some branches as they are.
 
         Args:

@@ -40,7 +40,7 @@ class Counterfactual(NamedTuple):
     unusual: int
 
 
-class Consequence(NamedTuple):
+class WhatIfResult(NamedTuple):
     """What would have followed from another answer of a leaf.
 
     Attributes:
@@ -93,7 +93,7 @@ def counterfactual(
     return None
 
 
-class Retrospect:
+class WhatIfSearch:
     """What a tree would have done in a run, had a leaf answered otherwise; one question after the other.
 
     Args:
@@ -109,7 +109,7 @@ class Retrospect:
         self._runs = TreeRuns(simulated, names)
         self._after = _Continuations(self._runs)
 
-    def consequences(self, record: Iterable[Event], leaf: int) -> list[Consequence]:
+    def consequences(self, record: Iterable[Event], leaf: int) -> list[WhatIfResult]:
         """Return what would have followed from each other answer of a leaf in the last tick of a record.
 
         Args:
@@ -175,7 +175,7 @@ class _Continuations:
         self._runs = runs
         self._hopeless: dict[bytes, int] = {}
 
-    def followed(self, change: _OtherAnswer) -> Consequence:
+    def followed(self, change: _OtherAnswer) -> WhatIfResult:
         """Return what follows from another answer: some ticks as usual, at most until the tree has ended."""
         way, answers = change.way, list(change.way.answers[change.place + 1 :])
         for _ in range(_MOST_FOLLOWED):
@@ -185,7 +185,7 @@ class _Continuations:
             way = min(ways, key=lambda each: sum(each.unusual))
             answers += way.answers
         then = tuple(answer for answer in answers if answer.status != _RUNNING)
-        return Consequence(change.was, change.instead, then, way.root)
+        return WhatIfResult(change.was, change.instead, then, way.root)
 
     def way_to_success(self, way: Way, most: int) -> list[Way] | None:
         """Return the ticks after one up to a success of the root, the fewest; None if there are none.

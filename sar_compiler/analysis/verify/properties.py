@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 
-from sar_compiler.analysis.leaf_words import LeafWords, parameters
+from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary, parameters
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.trail import Guarded
@@ -46,7 +46,7 @@ class IdleUnknownError(SarError):
     """A condition asks whether the tree idles, which is not known yet."""
 
 
-class Surroundings(FactVariables):
+class PropertyScope(FactVariables):
     """The variables of conditions: facts, keys of the tree, and the end of the last tick.
 
     Args:
@@ -89,7 +89,7 @@ class Condition:
         owner: The name of its property, for messages.
     """
 
-    def __init__(self, script: Script, surroundings: Surroundings, owner: str) -> None:
+    def __init__(self, script: Script, surroundings: PropertyScope, owner: str) -> None:
         self._program = Program(script, surroundings.enums.numbers)
         self._surroundings = surroundings
         self._owner = owner
@@ -126,7 +126,7 @@ class Condition:
         return held
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
-        """Return whether it holds when a tick is over; see `Surroundings.end_tick`.
+        """Return whether it holds when a tick is over; see `PropertyScope.end_tick`.
 
         Raises:
             ConditionError: As `holds`.
@@ -263,7 +263,7 @@ now on leaves it as it is. None if that is not known yet: then it may raise `Idl
 
 
 @dataclass(frozen=True)
-class Rules:
+class PropertyAutomata:
     """The properties of a tree, ready to be watched.
 
     Attributes:
@@ -449,7 +449,7 @@ class Properties:
         conditions: All conditions in them.
     """
 
-    rules: Rules
+    rules: PropertyAutomata
     names: tuple[str, ...] = ()
     owing: tuple[int, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
@@ -498,7 +498,7 @@ class Properties:
 
 def without_properties() -> Properties:
     """Return the properties without a file: none, and a run is over when the root has succeeded or failed."""
-    return Properties(Rules(Monitors(()), {}, _root_is_over))
+    return Properties(PropertyAutomata(Monitors(()), {}, _root_is_over))
 
 
 def properties_of(
@@ -517,7 +517,7 @@ def properties_of(
     """
     if file is None:
         return without_properties()
-    reading = _Reading(file.document, prepared, tags, keys)
+    reading = _PropertyParser(file.document, prepared, tags, keys)
     for written in file.events:
         reading.take(written)
     has_end = file.end is None or file.end.text != NO_END
@@ -530,7 +530,7 @@ def properties_of(
     file.document.raise_findings()
     over: AfterTickCondition = _root_is_over if file.end is None else _never_over
     conditions = [condition for condition in at_end if condition is not None]
-    rules = Rules(
+    rules = PropertyAutomata(
         Monitors(reading.monitors),
         reading.guarded,
         over if end is None else end.after_tick,
@@ -560,7 +560,7 @@ class _MeantEvents:
         return bool(self.missing) and not self.numbers
 
 
-class _Reading:
+class _PropertyParser:
     """Turns the properties of a file into monitors."""
 
     def __init__(
@@ -571,9 +571,9 @@ class _Reading:
         self.guarded: dict[int, list[Guarded]] = {}
         self.left_out: list[LeftOut] = []
         self._alphabet = prepared.alphabet
-        self._words = LeafWords(document, prepared.simulated)
+        self._words = LeafVocabulary(document, prepared.simulated)
         self._tags = tags
-        self._surroundings = Surroundings(prepared.simulated, keys)
+        self._surroundings = PropertyScope(prepared.simulated, keys)
         self.conditions: list[Condition] = []
 
     def take(self, written: EventProperty) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.verify.properties import Rules, without_properties
+from sar_compiler.analysis.verify.properties import PropertyAutomata, without_properties
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.errors import UndecidableError
@@ -44,7 +44,7 @@ def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
             tick, before = [], event
 
 
-class ToldSoFar(NamedTuple):
+class ObservedPrefix(NamedTuple):
     """What a record has told of nodes up to some moment.
 
     Attributes:
@@ -95,14 +95,14 @@ class Way(NamedTuple):
     statuses: tuple[str, ...] = ()
     broken: tuple[tuple[int, Event], ...] = ()
 
-    def common(self, noted: Sequence[Event], before: ToldSoFar) -> tuple[int, int]:
+    def common(self, noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
         """Return how many of the answers that were noted in a tick this one has, in order, and how many of its own go with them.
 
         Args:
             noted: The answers that were noted.
             before: What was told before that tick.
         """
-        told = ToldSoFar({}, {})
+        told = ObservedPrefix({}, {})
         count = 0
         for place, answer in enumerate(self.answers):
             known = told if answer.number in told.statuses else before
@@ -128,7 +128,9 @@ class Way(NamedTuple):
                 return number, status
         return None
 
-    def fits(self, noted: Sequence[Event], halted: Collection[int], before: ToldSoFar, root: str) -> bool:
+    def fits(
+        self, noted: Sequence[Event], halted: Collection[int], before: ObservedPrefix, root: str
+    ) -> bool:
         """Return whether this tick matches a recorded one.
 
         Args:
@@ -178,7 +180,7 @@ class LostTick(NamedTuple):
     time_sec: float
     events: Sequence[Event]
     states: Sequence[bytes]
-    told: ToldSoFar
+    told: ObservedPrefix
     is_last: bool
 
 
@@ -204,7 +206,7 @@ class TreeRuns:
         self,
         simulated: SimulatedTree,
         names: Sequence[str],
-        rules: Rules | None = None,
+        rules: PropertyAutomata | None = None,
         prepared: Prepared | None = None,
     ) -> None:
         # Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
@@ -287,7 +289,7 @@ class TreeRuns:
         Raises:
             UndecidableError: If the tree has too many runs, or a tick depends on a value that is not known.
         """
-        told = ToldSoFar({}, {})
+        told = ObservedPrefix({}, {})
         moments: list[FoundTick] = []
         # A tick of a state is one object, which is kept.
         known: dict[tuple[int, ...], list[tuple[bytes, Way]]] = {}

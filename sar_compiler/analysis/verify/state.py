@@ -8,7 +8,7 @@ from librt.vecs import vec
 from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 
-from sar_compiler.analysis.leaf_words import EventPattern
+from sar_compiler.analysis.leaf_vocabulary import EventPattern
 from sar_compiler.analysis.merging import MergedValues, Merging
 from sar_compiler.analysis.numbered_board import NumberedBoard
 from sar_compiler.analysis.simulated_tree import SimulatedTree

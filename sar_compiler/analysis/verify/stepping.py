@@ -9,14 +9,14 @@ from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.analysis.state_search.branch_nodes import BranchNode
-from sar_compiler.analysis.state_search.chances import ChanceNode, Chances, WeighedSteps
+from sar_compiler.analysis.state_search.chances import ChoiceTable, ProbabilisticLeaf, WeighedSteps
 from sar_compiler.analysis.state_search.choices import Choices
 from sar_compiler.analysis.state_search.forking import ForkingTicker
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.state_search.trail import Trail
-from sar_compiler.analysis.verify.properties import Rules
+from sar_compiler.analysis.verify.properties import PropertyAutomata
 from sar_compiler.analysis.verify.state import Prepared, StateValues
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.compiler import CompiledTree
@@ -90,12 +90,12 @@ class TreeStepper:
     def __init__(
         self,
         prepared: Prepared,
-        rules: Rules,
+        rules: PropertyAutomata,
         flattened: Callable[[LeafNodes], FlatTree] | None = None,
         *,
         forgets: bool = True,
         meets: bool = True,
-        chances: Chances | None = None,
+        chances: ChoiceTable | None = None,
         merges: bool = True,
     ) -> None:
         self._alphabet = prepared.alphabet
@@ -104,7 +104,7 @@ class TreeStepper:
         entries.restore(vec[i32](prepared.start if merges else prepared.plain_start or prepared.start))
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
         simulated = prepared.simulated
-        stub = partial(ChanceNode, chances=chances) if chances else None
+        stub = partial(ProbabilisticLeaf, chances=chances) if chances else None
         leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, stub)
         self.flat = flattened(leaves) if flattened else flatten(simulated.root, leaves.node_of)
         self.ran = leaves.ran
@@ -204,7 +204,7 @@ class TreeStepper:
         return tuple(unusual)
 
     def judgement(self, state: bytes, *, idle: bool | None = None) -> Judgement:
-        """Judge a state by itself; see `Rules.judge`."""
+        """Judge a state by itself; see `PropertyAutomata.judge`."""
         outcome, watched = self.steps.restore(state)
         return self._rules.judge(outcome, watched, idle)
 
@@ -246,7 +246,7 @@ class TreeStepper:
         return self.states.facts()
 
 
-def plain_stepper(prepared: Prepared, rules: Rules) -> TreeStepper | None:
+def plain_stepper(prepared: Prepared, rules: PropertyAutomata) -> TreeStepper | None:
     """Return what plays a tree with all values as they are; None if the searches so far have merged none."""
     has_merged = any(each.is_used for each in prepared.merged)
     return TreeStepper(prepared, rules, merges=False) if has_merged else None

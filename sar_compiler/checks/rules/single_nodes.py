@@ -8,7 +8,7 @@ from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import close_key
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.numbers import UNITS, SensibleNumbers, convert_mistaken, find_oddity, unit_of_key
-from sar_compiler.nodes.spec import NodeSpec, Role
+from sar_compiler.nodes.spec import NodeSpec, ParameterRole
 from sar_compiler.tree.diagnostic import Diagnostic
 
 _FORMER_KEY = r"(?a) *\$(\{@?[A-Za-z_]\w*\}) *"
@@ -42,7 +42,7 @@ def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _texts(spec: NodeSpec) -> list[str]:
     """Return the attributes of a node that take any text."""
-    attributes = (each for each in spec.parameters.values() if each.role is Role.ATTRIBUTE)
+    attributes = (each for each in spec.parameters.values() if each.role is ParameterRole.ATTRIBUTE)
     return [each.name for each in attributes if each.value_type.python in (str, None)]
 
 

@@ -21,7 +21,7 @@ from sar_compiler.nodes.btcpp import (
     Version,
 )
 from sar_compiler.nodes.btcpp.port_types import can_be_converted, is_loop_queue, needs_converter
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
 from sar_compiler.nodes.spec import Direction, NodeSpec, Provenance
 from sar_compiler.runtime.expressions import Literal, Operation, Script, parts
@@ -31,7 +31,7 @@ from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield names and texts of scripts that newer versions refuse, and what older ones do not have, or do otherwise."""
-    collector = Collector(context.btcpp)
+    collector = FindingCollector(context.btcpp)
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
         fault = fault_of(tree.attributes.get("ID", ""))
         if fault is not None:
@@ -91,7 +91,7 @@ def _readable_types(spec: NodeSpec) -> dict[str, str]:
     return found
 
 
-def _report_tags(context: CheckContext, collector: Collector) -> None:
+def _report_tags(context: CheckContext, collector: FindingCollector) -> None:
     for bound, part in context.nodes_with(lambda spec: refused_in(spec.tag)):
         element = bound.element
         if element.tag == bound.spec.tag:
@@ -99,7 +99,7 @@ def _report_tags(context: CheckContext, collector: Collector) -> None:
             collector.refused_since(NAMES, element, message, hint=hint)
 
 
-def _report_ports(context: CheckContext, collector: Collector) -> None:
+def _report_ports(context: CheckContext, collector: FindingCollector) -> None:
     usual = {id(spec) for spec in context.bound.specs if all(map(str.isidentifier, spec.parameters))}
     others = (bound for tree in context.trees for bound in tree.demanding if id(bound.spec) not in usual)
     for bound in dict.fromkeys((*others, *(use for tree in context.trees for use in tree.uses))):
@@ -112,7 +112,7 @@ def _report_ports(context: CheckContext, collector: Collector) -> None:
                 collector.refused_since(NAMES, bound.element, message, name=name, **advice)
 
 
-def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: Collector) -> None:
+def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: FindingCollector) -> None:
     for literal in itertools.chain.from_iterable(map(parts, script.statements)):
         if isinstance(literal, Literal) and script.text[literal.start] == '"':
             inside = script.text[literal.start + 1 : literal.end - 1]

@@ -5,9 +5,9 @@ from collections.abc import Callable, Collection, Sequence
 from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.collector import Collector, text_of_output
+from sar_compiler.nodes.collector import FindingCollector, text_of_output
 from sar_compiler.nodes.numbers import number_in, unit_of_key, unit_words
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Provenance, Role, any_port
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, ParameterRole, Provenance, any_port
 from sar_compiler.nodes.values import (
     CONDITION,
     ConversionError,
@@ -80,7 +80,7 @@ OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETIO
 """py_trees' policies, by their names."""
 ONESHOT_TYPE = type_of(OneShotPolicyName)
 # Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every attribute.
-_NAME, _ATTRIBUTE, _REFERENCE = Role.NAME, Role.ATTRIBUTE, Role.REFERENCE
+_NAME, _ATTRIBUTE, _REFERENCE = ParameterRole.NAME, ParameterRole.ATTRIBUTE, ParameterRole.REFERENCE
 _OUTPUT, _INOUT = Direction.OUTPUT, Direction.INOUT
 _BOOL_TYPE = type_of(bool)
 KIND_TAGS = frozenset(kind.value for kind in Kind)
@@ -94,7 +94,9 @@ _UNCLOSED = r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *"
 class AttributeBinder:
     """Binds the attributes of one element after the other."""
 
-    def __init__(self, collector: Collector, known_keys: Callable[[], Collection[str]] = tuple) -> None:
+    def __init__(
+        self, collector: FindingCollector, known_keys: Callable[[], Collection[str]] = tuple
+    ) -> None:
         self._collector = collector
         self._slips: dict[str, str | None] = {}
         self._known_keys = known_keys

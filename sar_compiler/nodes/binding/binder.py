@@ -18,11 +18,11 @@ from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles,
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.binding.skips import by_itself, report_misread
 from sar_compiler.nodes.btcpp import Version
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.language.other_engines import REPLACEMENTS
-from sar_compiler.nodes.models import Model, Models, compare_models, read_models, yielding
+from sar_compiler.nodes.models import Model, Models, compare_models, read_models, registry_without
 from sar_compiler.nodes.palettes import palettes_with
-from sar_compiler.nodes.registry import Registry, is_own_word, subtree
+from sar_compiler.nodes.registry import Registry, is_library_tag, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import blackboard_key, join_words
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity
@@ -71,9 +71,9 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     Returns:
         The bound tree and its findings, in the order of the file.
     """
-    collector = Collector()
+    collector = FindingCollector()
     palettes = tuple(palettes)
-    models = read_models([*forest.files, *palettes], Collector())
+    models = read_models([*forest.files, *palettes], FindingCollector())
     binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
@@ -102,9 +102,9 @@ def bind_all(
     Returns:
         The bound trees and their findings, in the order of the files.
     """
-    collector, palettes = Collector(btcpp), tuple(palettes)
+    collector, palettes = FindingCollector(btcpp), tuple(palettes)
     models = read_models([*forest.files, *palettes], collector)
-    compare_models(models, yielding(registry, models), collector)
+    compare_models(models, registry_without(registry, models), collector)
     binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         own = [binder.tree(tree) for tree in forest.iterate()]
@@ -148,13 +148,13 @@ class Binder:
         forest: Forest,
         registry: Registry,
         models: Models,
-        collector: Collector,
+        collector: FindingCollector,
         palettes: tuple[TreeFile, ...] = (),
     ) -> None:
         self._forest = forest
         self._palettes = palettes
         self._registered = registry
-        self._registry = yielding(registry, models)
+        self._registry = registry_without(registry, models)
         self._models = models
         self._collector = collector
         self._guesses = collector.guesses
@@ -196,8 +196,10 @@ class Binder:
 
     def _words_of(self, home: Forest | None) -> _Vocabulary:
         if home not in self._words:
-            models = read_models([*(home.files if home is not None else ()), *self._palettes], Collector())
-            self._words[home] = yielding(self._registered, models), models, {}, {}
+            models = read_models(
+                [*(home.files if home is not None else ()), *self._palettes], FindingCollector()
+            )
+            self._words[home] = registry_without(self._registered, models), models, {}, {}
         return self._words[home]
 
     def _enter(self, tree: BoundTree) -> None:
@@ -255,15 +257,15 @@ class Binder:
         if not variants:
             return self._report_unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
-        if spec.required and is_own_word(tag) and is_anothers(element, variants, self._guesses):
+        if spec.required and is_library_tag(tag) and is_anothers(element, variants, self._guesses):
             self._report_anothers(element, spec)
             return None
         bound = self._alone(element, tag, spec, variants)
         if bound.spec.is_plain and not (element.children or bound.keys or bound.conditions or bound.oneshot):
             self._current.nodes.append(bound)
             return bound
-        self._file_away(bound)
-        self._take_in(bound)
+        self._index_node(bound)
+        self._append_finding(bound)
         self._count_children(bound)
         if bound.spec.rule is not None:
             bound.spec.rule(bound, self._collector)
@@ -292,7 +294,7 @@ class Binder:
             return [self._models.nodes[tag].spec()]
         return variants
 
-    def _take_in(self, bound: BoundNode) -> None:
+    def _append_finding(self, bound: BoundNode) -> None:
         """Add a node to the tree that is being bound, and its children to the node."""
         tree = self._current
         tree.nodes.append(bound)
@@ -306,7 +308,7 @@ class Binder:
             tree.parents.append(bound)
             self._level -= 1
 
-    def _file_away(self, bound: BoundNode) -> None:
+    def _index_node(self, bound: BoundNode) -> None:
         """Index the nodes with rare features, so that these are found without a search of all nodes."""
         tree, spec = self._current, bound.spec
         if bound.keys:
@@ -315,7 +317,7 @@ class Binder:
             tree.scripted.append(bound)
         if spec.references:
             tree.referring.append(bound)
-        if spec.is_demanding or bound.keys or bound.subtree is not None:
+        if spec.needs_context or bound.keys or bound.subtree is not None:
             tree.demanding.append(bound)
         if bound.conditions or bound.oneshot is not None:
             tree.wrappers += bool(bound.conditions) + (bound.oneshot is not None)
@@ -363,7 +365,7 @@ class Binder:
         # Bound as the tag that was probably meant, so that one slip does not cause a finding for every
         # reference to the node as well.
         bound = BoundNode(element, variants[0], element.attributes.get("name", variants[0].tag))
-        self._take_in(bound)
+        self._append_finding(bound)
         return bound
 
     def _report_anothers(self, element: Element, spec: NodeSpec) -> None:
@@ -470,7 +472,7 @@ class Binder:
             element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
             for element in elements
         }
-        return [*self._registry.called_for(used), *self._models.nodes, SUBTREE_TAG]
+        return [*self._registry.tags_like(used), *self._models.nodes, SUBTREE_TAG]
 
     def _count_children(self, bound: BoundNode) -> None:
         element = bound.element
@@ -525,7 +527,7 @@ class Binder:
             cause = None if near else Cause("there are no such trees", tree_id)
             advice = Advice(suggestion=near, hint=hint, common_cause=cause)
             self._collector.add("unknown-tree", message, element, value="ID", **advice)
-        self._file_away(bound)
+        self._index_node(bound)
         return bound
 
     def _bind_described(self, bound: BoundNode, model: Model) -> None:

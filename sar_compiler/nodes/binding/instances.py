@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.references import Candidates, report_missing
 from sar_compiler.nodes.btcpp import NAMES
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.runtime.blackboard import STROKE, Board, Scope
@@ -65,7 +65,7 @@ class Instance:
                 yield from self.inner[bound].in_place()
 
 
-def expand(main: BoundTree, collector: Collector) -> Instance:
+def expand(main: BoundTree, collector: FindingCollector) -> Instance:
     """Expand every subtree.
 
     Args:
@@ -85,7 +85,7 @@ def expand(main: BoundTree, collector: Collector) -> Instance:
 
 
 class _Expansion:
-    def __init__(self, collector: Collector) -> None:
+    def __init__(self, collector: FindingCollector) -> None:
         self._collector = collector
         self._candidates: dict[BoundTree, Candidates] = {}
         self._count = 0

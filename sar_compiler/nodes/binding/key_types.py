@@ -15,7 +15,7 @@ from sar_compiler.nodes.btcpp.port_types import (
     type_of_constant,
     type_of_port,
 )
-from sar_compiler.nodes.collector import Collector, file_of
+from sar_compiler.nodes.collector import FindingCollector, file_of
 from sar_compiler.nodes.cpp_names import TEXT
 from sar_compiler.nodes.spec import Direction, Parameter
 from sar_compiler.nodes.values import ConversionError, ValueType, literal_value
@@ -53,7 +53,7 @@ EntryTypes = Mapping[tuple[Scope, str], EntryType]
 """The types of entries, by scope and key."""
 
 
-def report_key_types(top: Instance, collector: Collector) -> EntryTypes:
+def report_key_types(top: Instance, collector: FindingCollector) -> EntryTypes:
     """Report ports that cannot share a key, in a tree with its subtrees expanded; return the types of its entries.
 
     What comes first gives an entry its type: a port, in the order of the tree with its subtrees in place, or a constant that
@@ -128,7 +128,7 @@ def fits(value_type: ValueType, value: object) -> bool:
     return True
 
 
-def _may_share(first: EntryType, later: EntryType, key: str, collector: Collector) -> bool:
+def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> bool:
     """Return whether a port may share the key of the first one, after a report if it may not."""
     assert later.parameter is not None  # noqa: S101 - a constant comes first
     if first.parameter is not None and not agree(first.parameter, later.parameter):
@@ -149,7 +149,7 @@ def agree(first: Parameter, later: Parameter) -> bool:
     return other is None or known in _TEXTS or known is other
 
 
-def _report_here(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+def _report_here(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
     assert first.parameter is not None and later.parameter is not None  # noqa: S101, PT018 - both are ports
     message = (
         f"{later.name}: '{key}' is {later.parameter.value_type.label} here, and {first.parameter.value_type.label} for "
@@ -158,7 +158,7 @@ def _report_here(first: EntryType, later: EntryType, key: str, collector: Collec
     collector.add("key-of-two-types", message, later.bound.element, value=later.name, hint="use two keys")
 
 
-def _report_there(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+def _report_there(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
     """Report a port that is refused in C++ only."""
     runs_here = not (first.bound.spec.is_foreign or later.bound.spec.is_foreign)
     message = (
@@ -180,7 +180,7 @@ def severity_there(btcpp: Version | None) -> Severity:
     return Severity.ERROR if btcpp is not None else Severity.WARNING
 
 
-def _report_constant(first: EntryType, later: EntryType, key: str, collector: Collector) -> None:
+def _report_constant(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
     """Report a port that cannot read a constant since that has a type, unless it cannot do so anyway."""
     assert later.parameter is not None  # noqa: S101 - a constant comes first
     written = first.bound.remapping.constants[first.name]

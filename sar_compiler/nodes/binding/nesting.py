@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 
 MAX_NODES = 300_000
 """The largest number of nodes in a tree with its subtrees expanded."""
@@ -18,7 +18,7 @@ _LONGEST_CIRCLE = 8
 """The largest circle that is named in full; of a longer one only the ends are."""
 
 
-def cut_circles(trees: Iterable[BoundTree], collector: Collector) -> None:
+def cut_circles(trees: Iterable[BoundTree], collector: FindingCollector) -> None:
     """Report every `SubTree` that is within the tree it names, and remove its tree."""
     done: set[BoundTree] = set()
     for tree in trees:
@@ -26,7 +26,7 @@ def cut_circles(trees: Iterable[BoundTree], collector: Collector) -> None:
             _follow(tree, done, collector)
 
 
-def count_within_limits(main: BoundTree, collector: Collector, others: int = 0) -> int | None:
+def count_within_limits(main: BoundTree, collector: FindingCollector, others: int = 0) -> int | None:
     """Check that a tree with its subtrees expanded is neither too large nor too deep.
 
     Args:
@@ -68,7 +68,7 @@ def _heights(trees: Iterable[BoundTree]) -> dict[BoundTree, int]:
     return heights
 
 
-def _follow(start: BoundTree, done: set[BoundTree], collector: Collector) -> None:
+def _follow(start: BoundTree, done: set[BoundTree], collector: FindingCollector) -> None:
     path: dict[BoundTree, Iterator[BoundNode]] = {start: iter(list(start.subtrees()))}
     while path:
         tree = next(reversed(path))
@@ -82,7 +82,7 @@ def _follow(start: BoundTree, done: set[BoundTree], collector: Collector) -> Non
             path[node.subtree] = iter(list(node.subtree.subtrees()))
 
 
-def _cut(node: BoundNode, path: list[BoundTree], collector: Collector) -> None:
+def _cut(node: BoundNode, path: list[BoundTree], collector: FindingCollector) -> None:
     assert node.subtree is not None  # noqa: S101 - the caller has looked
     names = [tree.name for tree in path[path.index(node.subtree) :]] + [node.subtree.name]
     if len(names) > _LONGEST_CIRCLE:

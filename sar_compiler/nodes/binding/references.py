@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from graphlib import CycleError, TopologicalSorter
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import Collector, file_of
+from sar_compiler.nodes.collector import FindingCollector, file_of
 from sar_compiler.nodes.spec import Parameter
 from sar_compiler.nodes.values import MOST_LISTED, join_words
 
@@ -13,7 +13,7 @@ from sar_compiler.nodes.values import MOST_LISTED, join_words
 class Candidates:
     """The nodes of a tree, indexed by class and name."""
 
-    def __init__(self, nodes: list[BoundNode], collector: Collector) -> None:
+    def __init__(self, nodes: list[BoundNode], collector: FindingCollector) -> None:
         self.collector = collector
         self._nodes = nodes
         # Those of a class in their order, and those of a class (None: of any) by their names.
@@ -63,7 +63,7 @@ class Candidates:
         return False
 
 
-def resolve_references(tree: BoundTree, collector: Collector) -> None:
+def resolve_references(tree: BoundTree, collector: FindingCollector) -> None:
     """Resolve the references of a tree; those to nodes outside it are left open."""
     referring = tree.referring
     if not referring:
@@ -114,7 +114,7 @@ def _resolve(tree: BoundTree, bound: BoundNode, parameter: Parameter, candidates
         tree.open_references.append((bound, parameter))
 
 
-def _report_circles(nodes: list[BoundNode], collector: Collector) -> None:
+def _report_circles(nodes: list[BoundNode], collector: FindingCollector) -> None:
     graph: dict[BoundNode, list[BoundNode]] = {}
     waiting = list(nodes)
     while waiting:
@@ -131,7 +131,7 @@ def _report_circles(nodes: list[BoundNode], collector: Collector) -> None:
 
 
 def _report_circle(
-    bound: BoundNode, graph: Mapping[BoundNode, list[BoundNode]], collector: Collector
+    bound: BoundNode, graph: Mapping[BoundNode, list[BoundNode]], collector: FindingCollector
 ) -> None:
     passed: dict[BoundNode, None] = {}
     following = list(bound.references.values())

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Sequence
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.collector import Collector
-from sar_compiler.nodes.spec import Skips
+from sar_compiler.nodes.collector import FindingCollector
+from sar_compiler.nodes.spec import SkipPossibility
 
 _CONDITIONS = ("_skipIf", "_while")
 
@@ -38,7 +38,7 @@ class SkipAnalysis:
         """Return whether a node can be skipped."""
         if bound not in self._known:
             self._known[bound] = by_itself(bound) or (
-                bound.spec.skipping.possible is not Skips.NEVER and self.among_children(bound)
+                bound.spec.skipping.possible is not SkipPossibility.NEVER and self.among_children(bound)
             )
         return self._known[bound]
 
@@ -61,7 +61,7 @@ def _as_it_is_written(bound: BoundNode) -> bool:
 
 
 def report_misread(
-    trees: Sequence[BoundTree], collector: Collector, skipped: Iterable[BoundNode] = ()
+    trees: Sequence[BoundTree], collector: FindingCollector, skipped: Iterable[BoundNode] = ()
 ) -> None:
     """Report children that can be skipped below a node that would take this for an interruption.
 
@@ -82,7 +82,7 @@ def report_misread(
             _report_children(bound, skipping, collector)
 
 
-def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: Collector) -> None:
+def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: FindingCollector) -> None:
     for child in bound.children:
         if skipping.of(child):
             message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"

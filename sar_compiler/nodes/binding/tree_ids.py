@@ -4,7 +4,7 @@ import re
 from shlex import quote
 from typing import NamedTuple
 
-from sar_compiler.nodes.registry import Registry, is_own_word
+from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.values import join_words
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
@@ -27,7 +27,7 @@ def refused_in(name: str) -> str | None:
 
 def is_node(tree_id: str, registry: Registry) -> bool:
     """Return whether an ID of a tree is that of a node that BehaviorTree.CPP knows as well: then it refuses the tree."""
-    return tree_id == SUBTREE_TAG or (tree_id in registry and not is_own_word(tree_id))
+    return tree_id == SUBTREE_TAG or (tree_id in registry and not is_library_tag(tree_id))
 
 
 class NameFault(NamedTuple):

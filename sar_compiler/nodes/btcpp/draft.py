@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.values import ConversionError, ValueType, blackboard_key, type_of
 from sar_compiler.tree.model import Element
 
@@ -31,7 +31,7 @@ class Draft:
     children: list[Element] = field(default_factory=list)
 
     def literal(
-        self, name: str, wanted: type[T], notes: Collector, value_type: ValueType | None = None
+        self, name: str, wanted: type[T], notes: FindingCollector, value_type: ValueType | None = None
     ) -> T | None:
         """Return the value of an attribute; None, with a note, if the node must be kept as it is."""
         text = self.attributes[name]

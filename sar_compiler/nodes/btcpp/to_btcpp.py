@@ -12,13 +12,13 @@ from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
 from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
 from sar_compiler.nodes.btcpp.draft import Draft
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Rewrite
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.cpp_names import normalized
-from sar_compiler.nodes.models import Model, read_models, yielding
+from sar_compiler.nodes.models import Model, read_models, registry_without
 from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
 from sar_compiler.nodes.numbers import milliseconds_in, plain_duration
-from sar_compiler.nodes.registry import Registry, is_own_word, subtree
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.registry import Registry, is_library_tag, subtree
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole
 from sar_compiler.nodes.values import (
     ConversionError,
     blackboard_key,
@@ -85,14 +85,16 @@ class _Conversion:
         self._models: dict[str, Model] = {}
         self._units: dict[str, str] = {}
         self._referring: set[tuple[str, str]] = set()
-        self.notes = Collector()
+        self.notes = FindingCollector()
 
     def root(self, tree_file: TreeFile, palettes: Iterable[TreeFile]) -> Element:
         palettes = tuple(palettes)
-        own = read_models([tree_file], Collector()).nodes
-        self._registry = yielding(self._registry, read_models([tree_file, *palettes], Collector()))
+        own = read_models([tree_file], FindingCollector()).nodes
+        self._registry = registry_without(
+            self._registry, read_models([tree_file, *palettes], FindingCollector())
+        )
         root = tree_file.root
-        others = read_models(palettes, Collector()).nodes
+        others = read_models(palettes, FindingCollector()).nodes
         self._models = {**others, **own}
         self._units = self._units_of_keys(tree_file)
         children = [self._section(child) for child in root.children]
@@ -237,7 +239,7 @@ class _Conversion:
             self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
         built_in = is_built_in(specs)
         if not built_in:
-            if spec.semantics.counterpart.hint and (not spec.kind.is_leaf or is_own_word(draft.tag)):
+            if spec.semantics.counterpart.hint and (not spec.kind.is_leaf or is_library_tag(draft.tag)):
                 message = f"BehaviorTree.CPP has no <{draft.tag}>"
                 self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
             for parameter in spec.references:
@@ -332,7 +334,7 @@ class _Conversion:
 def _ports(spec: NodeSpec, *, built_in: bool) -> Iterator[str]:
     """Yield the attributes that a node has in BehaviorTree.CPP."""
     for parameter in spec.attributes:
-        if parameter.role is Role.NAME or parameter.direction is not None or not built_in:
+        if parameter.role is ParameterRole.NAME or parameter.direction is not None or not built_in:
             yield parameter.name
 
 

@@ -12,7 +12,7 @@ from sar_compiler.nodes.language.node_rules import report_interruptions, report_
 from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
 from sar_compiler.nodes.outcome_sets import F, K, S
 from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
-from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
+from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport
 
 _SEQUENCE = "Ticks its children in order until one does not succeed; succeeds when all have."
 _SELECTOR = "Ticks its children in order until one does not fail; fails when all have."
@@ -55,7 +55,7 @@ def _in_order(
         parameter,
         fixed=implied,
         semantics=means._replace(counterpart=counterpart, with_memory=own_class),
-        skipping=Skipping(Skips.FROM_CHILD, _own(tag, f"stock:{own_class}", doc)),
+        skipping=SkipSupport(SkipPossibility.FROM_CHILD, _own(tag, f"stock:{own_class}", doc)),
         former_tags=former_tags,
         rule=rule,
     )

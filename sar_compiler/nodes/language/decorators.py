@@ -23,7 +23,7 @@ from sar_compiler.nodes.language.narrow_types import ANY_ENTRY, KEY, VARIABLE, S
 from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
 from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, milliseconds, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
-from sar_compiler.nodes.spec import Kind, NodeSpec, Skipping, Skips
+from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport
 from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
 from sar_compiler.runtime.answers import Outcome
 from sar_compiler.tree.model import SUBTREE_TAG
@@ -68,7 +68,7 @@ def _stock_unless_skipping(
     stock_class: str,
     doc: str,
     turns: Mapping[int, int],
-    possible: Skips = Skips.FROM_CHILD,
+    possible: SkipPossibility = SkipPossibility.FROM_CHILD,
     repeats: int = 0,
 ) -> NodeSpec:
     """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
@@ -79,7 +79,7 @@ def _stock_unless_skipping(
         f"py_trees.decorators:{stock_class}",
         doc,
         semantics=Semantics.turning(turns)._replace(repeats=repeats),
-        skipping=Skipping(possible, replacement),
+        skipping=SkipSupport(possible, replacement),
         outcomes=_results_after(turns),
     )
 
@@ -97,7 +97,7 @@ def _turning(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HIN
     )
 
 
-def _unless_written(tag: str, otherwise: int, doc: str, skipping: Skipping = FROM_CHILD) -> NodeSpec:
+def _unless_written(tag: str, otherwise: int, doc: str, skipping: SkipSupport = FROM_CHILD) -> NodeSpec:
     """Return a decorator that returns a status of its own until an entry is written."""
     return _own(
         tag,
@@ -128,7 +128,7 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
         input_port("if_empty", _OUTCOME, "What to answer when none is left.", Outcome.SUCCESS),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
-        skipping=Skipping(Skips.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
+        skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
     )
 
 
@@ -145,7 +145,7 @@ BEHAVIORTREE_CPP = [
         "SuccessIsRunning",
         "Starts its child again after every success, until it fails.",
         {S: R, K: R},
-        Skips.NEVER,
+        SkipPossibility.NEVER,
         repeats=S,
     ),
     _own(
@@ -182,7 +182,7 @@ BEHAVIORTREE_CPP = [
             default=True,
         ),
         semantics=Semantics(outcome_sets.run_once, once=True),
-        skipping=Skipping(Skips.ALWAYS, only_if=("then_skip", True)),
+        skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("then_skip", True)),
     ),
     _own(
         "Delay",
@@ -215,14 +215,14 @@ BEHAVIORTREE_CPP = [
         ENUMS,
         input_port("else_", _OUTCOME, "What to answer if it is false.", Outcome.FAILURE),
         semantics=Semantics(partial(outcome_sets.guard, "if")),
-        skipping=Skipping(Skips.ALWAYS, only_if=("else", Outcome.SKIPPED)),
+        skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("else", Outcome.SKIPPED)),
         former_tags=tuple(f"BlackboardCheck{kind}" for kind in ("Bool", "Double", "Int", "String")),
     ),
     _unless_written(
         "SkipUnlessUpdated",
         K,
         "Ticks its child if an entry was written since this node last looked, and is skipped if not.",
-        Skipping(Skips.ALWAYS),
+        SkipSupport(SkipPossibility.ALWAYS),
     ),
     _unless_written(
         "WaitValueUpdate",
@@ -255,7 +255,7 @@ PY_TREES = [
         attribute("duration", SECONDS, "How long the child may run, in seconds."),
         CLOCK,
         semantics=_with_rewrite(Semantics.limiting("duration"), rewrites.timeout),
-        skipping=Skipping(advice='msec="..."'),
+        skipping=SkipSupport(advice='msec="..."'),
         variant=True,
     ),
     _stock(
@@ -336,7 +336,9 @@ SUBTREE = _own(
     "py_trees.decorators:PassThrough",
     _SUBTREE_DOC,
     semantics=Semantics.passing(),
-    skipping=Skipping(Skips.FROM_CHILD, _own(SUBTREE_TAG, "kernel.turning:SubTreeNode", _SUBTREE_DOC)),
+    skipping=SkipSupport(
+        SkipPossibility.FROM_CHILD, _own(SUBTREE_TAG, "kernel.turning:SubTreeNode", _SUBTREE_DOC)
+    ),
     child_count=(0, 0),
     former_tags=("SubTreePlus",),
     former_attributes={"__shared_blackboard": "_autoremap", "__autoremap": "_autoremap"},

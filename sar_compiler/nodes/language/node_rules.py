@@ -1,6 +1,6 @@
 """Rules of single nodes: attributes that are each valid by themselves, and do not fit each other or the children."""
 
-from sar_compiler.nodes.collector import Collector, NodeView
+from sar_compiler.nodes.collector import FindingCollector, NodeView
 from sar_compiler.nodes.values import ConversionError, items_of
 from sar_compiler.tree.guessing import nearest
 
@@ -8,7 +8,7 @@ HOW_TO_SELECT = 'write the names of the children that have to succeed: selected=
 NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
 
 
-def report_out_of_reach(bound: NodeView, collector: Collector) -> None:
+def report_out_of_reach(bound: NodeView, collector: FindingCollector) -> None:
     """Report attributes that exceed the number of children; negative ones are counted from the end, and always valid."""
     there = len(bound.element.children)
     for name in bound.counts:
@@ -18,7 +18,7 @@ def report_out_of_reach(bound: NodeView, collector: Collector) -> None:
             collector.add("out-of-reach", message, bound.element, value=name, hint=f"write {there} or fewer")
 
 
-def report_interruptions(bound: NodeView, collector: Collector) -> None:
+def report_interruptions(bound: NodeView, collector: FindingCollector) -> None:
     """Report the second AsyncSequence in a reactive sequence.
 
     The first one starts over whenever the second one pauses, and interrupts it: neither ends.
@@ -34,13 +34,13 @@ def report_interruptions(bound: NodeView, collector: Collector) -> None:
         collector.add("interrupted-child", message, child, hint="put them together in an AsyncSequence")
 
 
-def report_no_answer(bound: NodeView, collector: Collector) -> None:
+def report_no_answer(bound: NodeView, collector: FindingCollector) -> None:
     """Report a queue without statuses."""
     if bound.values.get("queue") == [] and "eventually" not in bound.element.attributes:
         collector.add("wrong-value", NO_ANSWER, bound.element, value="queue")
 
 
-def report_policy(bound: NodeView, collector: Collector) -> None:
+def report_policy(bound: NodeView, collector: FindingCollector) -> None:
     """Report attributes that do not fit the policy of a Parallel, and selected children that do not exist."""
     element, policy = bound.element, bound.values.get("policy")
     if policy is None:  # a key, or a mistake
@@ -62,7 +62,7 @@ def report_policy(bound: NodeView, collector: Collector) -> None:
         _report_names(bound, written, collector)
 
 
-def _report_names(bound: NodeView, written: str, collector: Collector) -> None:
+def _report_names(bound: NodeView, written: str, collector: FindingCollector) -> None:
     names = [_bound_name(child) for child in bound.children]
     try:
         items_of(written, lambda text: place_of(text, names), blanks=True)

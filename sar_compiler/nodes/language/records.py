@@ -5,9 +5,9 @@ from typing import Any
 from sar_compiler.nodes.btcpp import BUILT_IN
 from sar_compiler.nodes.declaring import node_spec
 from sar_compiler.nodes.semantics import Semantics
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Skipping, Skips
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, SkipPossibility, SkipSupport
 
-FROM_CHILD = Skipping(Skips.FROM_CHILD)
+FROM_CHILD = SkipSupport(SkipPossibility.FROM_CHILD)
 _PLAIN = Semantics()
 
 
@@ -46,5 +46,5 @@ def stock(
     """
     module = {Kind.CONTROL: "composites", Kind.DECORATOR: "decorators"}.get(kind, "behaviours")
     factory = f"sar_compiler.nodes.language.py_trees_nodes:{made_by or 'stock'}" if parameters else ""
-    skipping, path = Skipping(advice=instead), f"py_trees.{module}:{tag}"
+    skipping, path = SkipSupport(advice=instead), f"py_trees.{module}:{tag}"
     return node_spec(kind, tag, path, doc, *parameters, factory=factory, skipping=skipping, **more)

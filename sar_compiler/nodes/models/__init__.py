@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT
-from sar_compiler.nodes.collector import Collector, file_of
-from sar_compiler.nodes.registry import Registry, is_own_word
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Signature, any_port
+from sar_compiler.nodes.collector import FindingCollector, file_of
+from sar_compiler.nodes.registry import Registry, is_library_tag
+from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, ParameterRole, Signature, any_port
 from sar_compiler.nodes.values import (
     ANYTHING,
     NO_VALUE,
@@ -115,7 +115,7 @@ class Model(NamedTuple):
     def spec(self) -> NodeSpec:
         """Return the spec of a node that is only described."""
         kind = self.kind or Kind.ACTION
-        name = Parameter("name", Role.NAME, required=False, value_type=type_of(str))
+        name = Parameter("name", ParameterRole.NAME, required=False, value_type=type_of(str))
         parameter = _used_port if self.is_from_use else _parameter
         parameters = {"name": name, **{port.name: parameter(port) for port in self.ports.values()}}
         return NodeSpec(
@@ -142,7 +142,7 @@ class Models(NamedTuple):
     enums: Mapping[str, int | None] = {}
 
 
-def read_models(files: Iterable[TreeFile], collector: Collector) -> Models:
+def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> Models:
     """Read the models of some files; the first description of a node counts.
 
     What a file says that nobody has named is not compared with what others say.
@@ -173,7 +173,7 @@ def enums_file(numbers: Mapping[str, int]) -> TreeFile:
     )
 
 
-def _read_enum(element: Element, enums: dict[str, int | None], collector: Collector) -> None:
+def _read_enum(element: Element, enums: dict[str, int | None], collector: FindingCollector) -> None:
     """Add an enumeration; the first number that is stated for a name is the one that is used."""
     name, written = element.attributes.get("ID", ""), element.attributes.get("value")
     if not (name.isidentifier() and name.isascii()):
@@ -263,7 +263,7 @@ def _described_name(description: Element) -> str:
     return SUBTREE_TAG if description.tag == SUBTREE_TAG else description.attributes.get("ID", "")
 
 
-def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
+def _compare_twice(first: Model, second: Model, collector: FindingCollector) -> None:
     """Report a second description that differs, or a second one of a subtree in the same file."""
     same_file = second.element.source is first.element.source
     if first.says == second.says and not (second.kind is None and same_file):
@@ -276,19 +276,19 @@ def _compare_twice(first: Model, second: Model, collector: Collector) -> None:
     collector.add("wrong-model", message, here, value="ID", hint="delete one of the two", common_cause=cause)
 
 
-def yielding(registry: Registry, models: Models) -> Registry:
+def registry_without(registry: Registry, models: Models) -> Registry:
     """Return a registry without py_trees' nodes whose names are declared for others: what the user declares wins."""
     taken = {
         tag
         for tag, model in models.nodes.items()
-        if tag in registry and is_own_word(tag) and not model.is_of_py_trees
+        if tag in registry and is_library_tag(tag) and not model.is_of_py_trees
     }
     return registry.without(taken) if taken else registry
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
     """Return the nodes that files describe, that are not registered, and whose names can be tags."""
-    models = read_models(files, Collector())
+    models = read_models(files, FindingCollector())
     return [model.spec() for tag, model in models.nodes.items() if tag not in registry and can_be_tag(tag)]
 
 
@@ -297,7 +297,7 @@ def can_be_tag(name: str) -> bool:
     return is_name(name) and ":" not in name
 
 
-def _model(element: Element, collector: Collector) -> Model | None:
+def _model(element: Element, collector: FindingCollector) -> Model | None:
     kind = _KINDS.get(element.tag)
     if kind is None and element.tag != SUBTREE_TAG:
         known = [*_KINDS, SUBTREE_TAG, ENUM_TAG]
@@ -317,7 +317,7 @@ def _model(element: Element, collector: Collector) -> Model | None:
     return Model(element, tag, kind, _ports(element, kind, collector))
 
 
-def _ports(element: Element, kind: Kind | None, collector: Collector) -> dict[str, Port]:
+def _ports(element: Element, kind: Kind | None, collector: FindingCollector) -> dict[str, Port]:
     ports: dict[str, Port] = {}
     for child in element.children:
         port = _port(child, kind, collector) if child.tag != METADATA_TAG else None
@@ -327,7 +327,7 @@ def _ports(element: Element, kind: Kind | None, collector: Collector) -> dict[st
     return ports
 
 
-def _port(element: Element, kind: Kind | None, collector: Collector) -> Port | None:
+def _port(element: Element, kind: Kind | None, collector: FindingCollector) -> Port | None:
     direction, name = _DIRECTIONS.get(element.tag), element.attributes.get("name")
     if direction is None:
         message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
@@ -354,7 +354,7 @@ def _report_slip(
     attribute: str | None,
     message: str,
     kind: Kind | None,
-    collector: Collector,
+    collector: FindingCollector,
     hint: str | None = None,
 ) -> None:
     """Report a wrong attribute, or a missing one: an error in the model of a subtree, which BehaviorTree.CPP reads."""
@@ -372,7 +372,7 @@ def _parameter(port: Port) -> Parameter:
     value_type = port_type_of_cpp_name(port.type_name)
     return Parameter(
         port.name,
-        Role.ATTRIBUTE,
+        ParameterRole.ATTRIBUTE,
         required=False,
         default=port.default,
         value_type=value_type,
@@ -386,7 +386,7 @@ _TEXT = type_of(str)
 _COMPARED = (bool, int, float, str, list)
 
 
-def compare_models(models: Models, registry: Registry, collector: Collector) -> None:
+def compare_models(models: Models, registry: Registry, collector: FindingCollector) -> None:
     """Report models that contradict the registry, and defaults that their ports do not accept.
 
     BehaviorTree.CPP does not look at the models of nodes, so these are warnings.
@@ -409,14 +409,14 @@ def compare_models(models: Models, registry: Registry, collector: Collector) -> 
                 _check_default(port, type_of_cpp_name(port.type_name) or ANYTHING, collector)
 
 
-def _compare_kind(model: Model, spec: NodeSpec, collector: Collector) -> None:
+def _compare_kind(model: Model, spec: NodeSpec, collector: FindingCollector) -> None:
     if model.kind is not spec.kind:
         article = "an" if spec.kind is Kind.ACTION else "a"
         message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
         collector.add("model-mismatch", message, model.element, suggestion=spec.kind.value)
 
 
-def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Collector) -> None:
+def _compare_port(model: Model, port: Port, parameter: Parameter, collector: FindingCollector) -> None:
     if {parameter.direction, port.direction} == {Direction.INPUT, Direction.OUTPUT}:
         right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
         message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"
@@ -441,7 +441,7 @@ def _agree(said: ValueType, real: ValueType) -> bool:
     return said.cpp == real.cpp if list in (said.python, real.python) else said.python is real.python
 
 
-def _check_default(port: Port, value_type: ValueType, collector: Collector) -> None:
+def _check_default(port: Port, value_type: ValueType, collector: FindingCollector) -> None:
     """Report a default that is not a valid value of the port; an empty one and that of an output do not count."""
     text = port.default
     if not text or port.direction is Direction.OUTPUT or blackboard_key(text, port.name) is not None:

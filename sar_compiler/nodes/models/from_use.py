@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, KIND_TAGS
 from sar_compiler.nodes.binding.binder import OF_ANY, is_anothers
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
 from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, Models, can_be_tag, read_models
-from sar_compiler.nodes.registry import Registry, is_own_word
+from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.spec import Direction, Kind
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import (
@@ -109,7 +109,7 @@ class UseOfNodes:
 
     def add(self, tree_file: TreeFile, palettes: Iterable[TreeFile], registry: Registry) -> None:
         """Add the trees of a file, in which its own models, those of palettes and registered nodes count."""
-        models = read_models([tree_file, *palettes], Collector())
+        models = read_models([tree_file, *palettes], FindingCollector())
         described = models.nodes
         self._trees.update(models.subtrees, (tree.attributes.get("ID", "") for tree in tree_file.trees))
         handed_over = _handed_over(tree_file)
@@ -154,7 +154,7 @@ class UseOfNodes:
         if tag in _NOT_NODES:
             return True
         variants = registry.variants(tag)
-        return bool(variants) and not (is_own_word(tag) and is_anothers(node, variants, self._guesses))
+        return bool(variants) and not (is_library_tag(tag) and is_anothers(node, variants, self._guesses))
 
 
 def _types_of_keys(nodes: Iterable[Element], models: Models, registry: Registry) -> Mapping[str, str]:

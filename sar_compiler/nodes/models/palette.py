@@ -8,8 +8,8 @@ from datetime import timedelta
 from enum import Enum
 
 from sar_compiler.nodes.models import LIBRARY, METADATA_TAG
-from sar_compiler.nodes.registry import is_own_word
-from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, Role
+from sar_compiler.nodes.registry import is_library_tag
+from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, ParameterRole
 from sar_compiler.nodes.values import as_text
 from sar_compiler.tree.model import MODEL_TAG, ROOT_TAG, Element, synthetic_element, synthetic_file
 from sar_compiler.tree.xml_writer import write_xml
@@ -47,9 +47,9 @@ def description(specs: Sequence[NodeSpec]) -> Element:
         parameter.name: _port(parameter, spec)
         for spec in specs
         for parameter in spec.attributes
-        if parameter.role is not Role.NAME and parameter.name not in spec.fixed
+        if parameter.role is not ParameterRole.NAME and parameter.name not in spec.fixed
     }
-    notes = [_LIBRARY] if is_own_word(specs[0].tag) else []
+    notes = [_LIBRARY] if is_library_tag(specs[0].tag) else []
     attributes = {"ID": specs[0].tag, "editable": "true"}
     return synthetic_element(specs[0].kind.value, attributes, [*ports.values(), *notes])
 
@@ -73,7 +73,7 @@ def _port(parameter: Parameter, spec: NodeSpec) -> Element:
 
 
 def _doc(parameter: Parameter) -> str:
-    if parameter.role is not Role.REFERENCE:
+    if parameter.role is not ParameterRole.REFERENCE:
         return parameter.doc
     return f"{parameter.doc} The name of a {parameter.target_name} node.".lstrip()
 

@@ -20,7 +20,15 @@ from sar_compiler.nodes.numbers import SensibleNumbers, number_hint, number_in, 
 from sar_compiler.nodes.outcome_sets import F, S, adding, passing
 from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
-from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, Role, Skipping, Skips
+from sar_compiler.nodes.spec import (
+    Direction,
+    Kind,
+    NodeSpec,
+    Parameter,
+    ParameterRole,
+    SkipPossibility,
+    SkipSupport,
+)
 from sar_compiler.nodes.values import (
     ANYTHING,
     JSON,
@@ -211,14 +219,21 @@ def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
         made = NodeSpec(tag, f"{_KERNEL}{stand_in}", kind)
         spec: NodeSpec = KnownSpec(tag, None, kind, _ALL, answers=answers, stand_in=made)
         counts = (1, 4) if kind is Kind.CONTROL else (1, 1)
-        free = _FreeNode("", semantics, Skips.NEVER if kind is Kind.CONTROL else Skips.FROM_CHILD, counts)
+        free = _FreeNode(
+            "",
+            semantics,
+            SkipPossibility.NEVER if kind is Kind.CONTROL else SkipPossibility.FROM_CHILD,
+            counts,
+        )
     else:
         spec = NodeSpec(tag, f"{_KERNEL}{free.node}", kind, _ALL)
     ports = _ports(said["ports"], version, is_free=not spec.stand_in)
     return replace(
         spec,
         semantics=free.semantics._replace(counterpart=_IN_CPP),
-        skipping=Skipping(free.skips, is_handled=free.skips is Skips.NEVER and not spec.stand_in),
+        skipping=SkipSupport(
+            free.skips, is_handled=free.skips is SkipPossibility.NEVER and not spec.stand_in
+        ),
         signature=signature(kind, said["doc"], *free.handed_over, *ports, fixed=free.fixed),
         child_count=free.child_count or spec.child_count,
     )
@@ -241,7 +256,7 @@ def _parameter(match: "re.Match[str]", *, required: bool) -> Parameter:
         default = float(text) if value_type.python is float else value_type.convert(text)
     return Parameter(
         match["name"],
-        Role.ATTRIBUTE,
+        ParameterRole.ATTRIBUTE,
         required,
         default=default,
         value_type=value_type,
@@ -264,7 +279,7 @@ class _FreeNode(NamedTuple):
 
     node: str
     semantics: Semantics
-    skips: Skips = Skips.FROM_CHILD
+    skips: SkipPossibility = SkipPossibility.FROM_CHILD
     child_count: tuple[int, int | None] | None = None
     handed_over: Sequence[Parameter] = ()
     fixed: Mapping[str, object] = {}
@@ -289,10 +304,12 @@ _FREE: Mapping[str, _FreeNode] = {
     ),
     "RoundRobin main": _FreeNode(_TURNS, Semantics(partial(outcomes.round_robin, wraps=None), resumes=True)),
     "NonblockingSequence": _FreeNode(
-        "nav2_controls:NonblockingNode", Semantics(outcomes.nonblocking, Order.TOGETHER), Skips.NEVER
+        "nav2_controls:NonblockingNode",
+        Semantics(outcomes.nonblocking, Order.TOGETHER),
+        SkipPossibility.NEVER,
     ),
     "PersistentSequence": _FreeNode(
-        "nav2_controls:PersistentNode", Semantics(outcomes.persistent, resumes=True), Skips.NEVER
+        "nav2_controls:PersistentNode", Semantics(outcomes.persistent, resumes=True), SkipPossibility.NEVER
     ),
 }
 

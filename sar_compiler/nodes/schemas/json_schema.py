@@ -12,7 +12,7 @@ from urllib.parse import quote
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas import attributes_by_name, required_names, value_types
-from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import CHILD_COUNTS, Kind, NodeSpec, Parameter, ParameterRole
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.model import CHILDREN_KEY, INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG
@@ -142,9 +142,9 @@ def _tag(specs: list[NodeSpec]) -> Schema:
 
 
 def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
-    if parameter.role is Role.NAME:
+    if parameter.role is ParameterRole.NAME:
         schema: Schema = dict(_SCALAR)
-    elif parameter.role is not Role.ATTRIBUTE:
+    elif parameter.role is not ParameterRole.ATTRIBUTE:
         schema = dict(_NAME)
     elif parameter.name in spec.fixed:
         schema = {"enum": _both_ways(spec.texts_of_fixed(parameter))}

@@ -7,7 +7,7 @@ from pathlib import Path
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES, ONESHOT, ONESHOT_HELP, ONESHOT_TYPE
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.nodes.schemas import attributes_by_name, value_types
-from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, Role
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole
 from sar_compiler.nodes.values import CONDITION, ValueType
 from sar_compiler.tree.model import SUBTREE_TAG
 
@@ -119,13 +119,13 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
     if parameter.name in spec.fixed:
         allowed = _enumeration(spec.texts_of_fixed(parameter))
         return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
-    if parameter.role is Role.NAME:
+    if parameter.role is ParameterRole.NAME:
         head += ' type="xs:string"'
-    elif parameter.role is not Role.ATTRIBUTE:
+    elif parameter.role is not ParameterRole.ATTRIBUTE:
         head += ' type="name"'
     else:
         head += f' type="{value_type.name}.value"'
-    if parameter.required and always and parameter.role is Role.ATTRIBUTE:
+    if parameter.required and always and parameter.role is ParameterRole.ATTRIBUTE:
         head += ' use="required"'
     if not parameter.help:
         return [f"{head}/>"]

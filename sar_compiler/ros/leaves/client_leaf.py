@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 
-class Exchange(ABC):
+class PendingCall(ABC):
     """A goal or a call: sent to a server at most once, and answered at most once.
 
     Args:
@@ -100,7 +100,7 @@ class Exchange(ABC):
         return Deadline(seconds, self._leaf._clock)
 
 
-E = TypeVar("E", bound=Exchange)
+E = TypeVar("E", bound=PendingCall)
 
 
 class ClientLeaf(RosLeaf, Generic[E]):
@@ -266,7 +266,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
             self._verdict = Status.FAILURE
 
 
-class ServiceCall(Exchange):
+class ServiceCall(PendingCall):
     """One request, sent at most once, and its answer.
 
     Args:

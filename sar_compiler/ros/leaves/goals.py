@@ -13,7 +13,7 @@ from weakref import WeakMethod
 
 from sar_compiler.nodes.ros_interfaces import reported_error
 from sar_compiler.ros.clock import AWAKE, Deadline
-from sar_compiler.ros.leaves.client_leaf import ClientLeaf, Exchange
+from sar_compiler.ros.leaves.client_leaf import ClientLeaf, PendingCall
 from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.tree.showing import in_one_line
@@ -184,7 +184,7 @@ def goal_feedback_of(node: "Node", action_type: Any, action: str) -> GoalFeedbac
     return of_node(node, (GoalFeedback, action_type, action), lambda: GoalFeedback(node, action_type, action))
 
 
-class GoalNews(NamedTuple):
+class GoalEvent(NamedTuple):
     """A change of a goal: it is about to be sent, or has ended.
 
     Attributes:
@@ -204,13 +204,13 @@ class GoalNews(NamedTuple):
         return self.status is not None
 
 
-class GoalsUnderWay:
+class ActiveGoals:
     """Notifies listeners of the goals that one node sends, by their ids (32 hexadecimal digits); use `goals_under_way`."""
 
     def __init__(self) -> None:
         self._active: dict[str, str] = {}
         self._lost: set[str] = set()
-        self._listeners: list[Callable[[GoalNews], None]] = []
+        self._listeners: list[Callable[[GoalEvent], None]] = []
 
     def __len__(self) -> int:
         """Return the number of active goals."""
@@ -225,22 +225,22 @@ class GoalsUnderWay:
         """Whether a goal may be active whose end can still be seen."""
         return any(goal not in self._lost for goal in self._active)
 
-    def active(self) -> "list[GoalNews]":
+    def active(self) -> "list[GoalEvent]":
         """Return the goals that were sent and have not been seen to end; may be called from any thread."""
-        return [GoalNews(goal_id, action) for goal_id, action in [*self._active.items()]]
+        return [GoalEvent(goal_id, action) for goal_id, action in [*self._active.items()]]
 
     def lost(self, goal_id: str) -> None:
         """Record that the server of a goal has fallen silent: its end will not be seen."""
         self._lost.add(goal_id)
 
-    def listen(self, listener: Callable[[GoalNews], None]) -> None:
+    def listen(self, listener: Callable[[GoalEvent], None]) -> None:
         """Register a callback before each goal is sent, and after its end is seen."""
         self._listeners.append(listener)
 
     def sending(self, goal_id: str, action: str) -> None:
         """Record a goal just before it is sent; *action* is the full name of its action."""
         self._active[goal_id] = action
-        self._tell(GoalNews(goal_id, action))
+        self._tell(GoalEvent(goal_id, action))
 
     def ended(self, goal_id: str, status: int) -> None:
         """Record that a goal was rejected or has ended.
@@ -252,16 +252,16 @@ class GoalsUnderWay:
         self._lost.discard(goal_id)
         action = self._active.pop(goal_id, None)
         if action is not None:
-            self._tell(GoalNews(goal_id, action, status))
+            self._tell(GoalEvent(goal_id, action, status))
 
-    def _tell(self, news: GoalNews) -> None:
+    def _tell(self, news: GoalEvent) -> None:
         for listener in self._listeners:
             listener(news)
 
 
-def goals_under_way(node: "Node") -> GoalsUnderWay:
+def goals_under_way(node: "Node") -> ActiveGoals:
     """Return the goals of a node, one object for each node."""
-    return of_node(node, GoalsUnderWay, GoalsUnderWay)
+    return of_node(node, ActiveGoals, ActiveGoals)
 
 
 _FAILURES = {
@@ -420,7 +420,7 @@ class GoalSender(ClientLeaf["ActionGoal"]):
         """Take note that the server has accepted the goal, or ended it well."""
 
 
-class ActionGoal(Exchange):
+class ActionGoal(PendingCall):
     """One goal, from the request to its end, sent at most once and without blocking.
 
     The leaf calls `advance` in every tick and reads `answer` and `trouble`. The server's messages arrive in callbacks, each bound to its own
@@ -432,7 +432,7 @@ class ActionGoal(Exchange):
         message: The goal to send.
 
     Attributes:
-        sent, trouble: As in every `Exchange`.
+        sent, trouble: As in every `PendingCall`.
         answer: The server's final answer, with `status` (a constant of `action_msgs/msg/GoalStatus`) and
             `result`; None until then.
         rejected: Whether the server rejected the goal.

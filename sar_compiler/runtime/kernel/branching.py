@@ -6,7 +6,7 @@ from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.tree_nodes import (
     ControlNode,
     InTurnNode,
-    Part,
+    NodeBuilder,
     Ticker,
     TreeNode,
     reset,
@@ -25,7 +25,7 @@ class IfThenElseNode(ControlNode):
         chosen: The cell with the index of the branch; 0 while the condition has not ended.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.chosen = part.cell()
 
@@ -54,7 +54,7 @@ class WhileDoElseNode(ControlNode):
         branch: The cell with the index of the branch in hand; 0 for the condition.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.branch = part.cell()
 
@@ -88,7 +88,7 @@ class SwitchNode(ControlNode):
         running: The cell with the number of the child that runs, or is in hand, counted from 1.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         behaviour = part.behaviour
         self.variable: Any = behaviour.variable
@@ -140,7 +140,7 @@ class TryCatchNode(InTurnNode):
         catches: Whether the last child is to be ticked once because the node is stopped.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.last = len(self.children) - 1
         self.catches = False

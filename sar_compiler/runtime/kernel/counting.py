@@ -4,7 +4,7 @@ from typing import Final
 
 from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import ControlNode, Part, Ticker
+from sar_compiler.runtime.kernel.tree_nodes import ControlNode, NodeBuilder, Ticker
 
 _BITS: Final = 30
 """So many children are bits of one cell, whose numbers have 32."""
@@ -25,7 +25,7 @@ class CountingNode(ControlNode):
         skips: The cell with the number of children that were skipped, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.through = part.cell()
         for _ in range(_BITS, len(part.children), _BITS):
@@ -115,7 +115,7 @@ class ParallelNode(CountingNode):
         counts_skips: The cell with 1 if skipped children count as successes, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.enough, self.too_many = part.cell(of_tick=True), part.cell(of_tick=True)
         self.counts_skips = part.cell(of_tick=True)
@@ -156,7 +156,7 @@ class ParallelAllNode(CountingNode):
         too_many: The cell with the number of failures that are too many, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.too_many = part.cell(of_tick=True)
 

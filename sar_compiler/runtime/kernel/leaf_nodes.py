@@ -18,10 +18,10 @@ from sar_compiler.runtime.kernel.cells import (
     WORDS,
     number_of,
 )
-from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, Part, Ticker, Visit
+from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, NodeBuilder, Ticker, Visit
 from sar_compiler.runtime.kernel.turning import is_news, watched_entry
 from sar_compiler.runtime.leaf_protocol import NoStatusError
-from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.parents import EngineBehaviour
 
 _INVALID: Final[Any] = Status.INVALID
 _RUNNING: Final[Any] = Status.RUNNING
@@ -38,7 +38,7 @@ class LeafNode(ChildlessNode):
         terminates: Whether it has a `terminate` of its own.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.shows_itself = True
         self.initialises = is_own(part.behaviour, "initialise")
@@ -155,7 +155,7 @@ class ForeignNode(ChildlessNode):
     def insist(self) -> None:
         """Have everything that is not ticked by nodes of this tree raise where it answers with no status."""
         for each in self.behaviour.iterate():
-            if not isinstance(each, Built):
+            if not isinstance(each, EngineBehaviour):
                 insist_on_status(each)
 
     def begin(self, ticker: Ticker) -> int:
@@ -189,7 +189,7 @@ class RememberingNode(LeafNode):
         kept: The cell.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.kept = part.value(self.save(), keeps=True)
 
@@ -277,7 +277,7 @@ class ConstantNode(ChildlessNode):
         tells: Whether the behaviour has the message by now.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.outcome = WORDS.index(type(part.behaviour).__name__.upper())
         self.tells = False
@@ -308,7 +308,7 @@ class UpdateCheckNode(ChildlessNode):
         seen: The cell that says how often the entry had been written then.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.entry = watched_entry(part.behaviour)
         self.seen = part.cell(keeps=True)

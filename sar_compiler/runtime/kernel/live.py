@@ -20,7 +20,7 @@ message of that moment. A node of ours may be ticked twice in a tick (Repeat), o
 noted as a `Visit`, and when the tick is over each behaviour is shown once more as it was then, and put back.
 
 Why a behaviour may be ticked by itself. `py_trees_ros` ticks the root by its generator, and a py_trees composite of somebody's own ticks a control
-of ours below it in the same way. Such a behaviour is the root of a tree of its own (`Built._place`), as deep as the nodes are known; a `ForeignNode`
+of ours below it in the same way. Such a behaviour is the root of a tree of its own (`EngineBehaviour._place`), as deep as the nodes are known; a `ForeignNode`
 stands for what is ticked by methods of its own, with all that is below it. Each place where one way of ticking ends and the other begins is such a node.
 
 Why a new tree may take over from a former one. Whoever adds or takes away children at run time (py_trees' `insert_subtree`) changes the number
@@ -36,8 +36,8 @@ from sar_compiler.runtime.kernel.leaf_nodes import ForeignNode
 from sar_compiler.runtime.kernel.table import NotFlatError, node_class_of
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode, Visit
-from sar_compiler.runtime.parents import Built, Children
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker, TreeNode, Visit
+from sar_compiler.runtime.parents import Children, EngineBehaviour
 
 
 class LiveTicker(Ticker):
@@ -133,7 +133,7 @@ class LiveTree:
         for node in self._flat.nodes:
             if is_strict and isinstance(node, ForeignNode):
                 node.insist()
-            if isinstance(node.behaviour, Built) and not isinstance(node, ForeignNode):
+            if isinstance(node.behaviour, EngineBehaviour) and not isinstance(node, ForeignNode):
                 node.behaviour.place = self, node.index
 
     @property
@@ -221,12 +221,12 @@ class LiveTree:
             here.values[node.first_value : node.last_value] = there.values[old.first_value : old.last_value]
 
 
-def _node_of(part: Part) -> TreeNode:
+def _node_of(part: NodeBuilder) -> TreeNode:
     """Build the node of a behaviour; one of a class that is not known is ticked by its own methods."""
     known = node_class_of(part.behaviour)
     if known is not None:
         return known(part)
-    if type(part.behaviour).tick is Built.tick:
+    if type(part.behaviour).tick is EngineBehaviour.tick:
         # It has nothing but what its node says.
         raise NotFlatError(part.behaviour)
     return ForeignNode(part)

@@ -4,7 +4,14 @@ from typing import Final
 
 from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import ControlNode, InTurnNode, Part, Ticker, reset, reset_all
+from sar_compiler.runtime.kernel.tree_nodes import (
+    ControlNode,
+    InTurnNode,
+    NodeBuilder,
+    Ticker,
+    reset,
+    reset_all,
+)
 
 _USUAL_RETRIES: Final = 1
 """How often to recover where the number is less than 0."""
@@ -23,7 +30,7 @@ class RecoveringNode(ControlNode):
         wanted: The cell with the number of recoveries that are allowed, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.current, self.retries, self.wanted = part.cell(), part.cell(), part.cell(of_tick=True)
 
@@ -83,7 +90,7 @@ class PipelineNode(InTurnNode):
         skips: The cell with the number of children that were skipped, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, of_tick=True)
         self.furthest, self.skips = part.cell(), part.cell(of_tick=True)
 
@@ -122,7 +129,7 @@ class RoundRobinNode(InTurnNode):
         skips: The cell with the number of children that were skipped, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.failures, self.skips = part.cell(), part.cell(of_tick=True)
 
@@ -168,7 +175,7 @@ class NonblockingNode(InTurnNode):
         runs: The cell with 1 if a child runs, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, of_tick=True)
         self.runs = part.cell(of_tick=True)
 
@@ -205,7 +212,7 @@ class NonblockingNode(InTurnNode):
 class PersistentNode(InTurnNode):
     """A sequence whose place is a key of the blackboard, which outlasts a halt."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
@@ -264,7 +271,7 @@ class PauseResumeNode(ControlNode):
 
     asks_whether_it_starts = True
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.asked, self.branches = part.children[0], part.children[1:]
         self.asking, self.mode = part.cell(of_tick=True), part.cell(_RESUMED)

@@ -5,7 +5,7 @@ from typing import Final
 
 from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.timing import COUNTING, Countdown
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, OwnNode, Part, Ticker
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, NodeBuilder, OwnNode, Ticker
 
 NO_PERIOD: Final = 0.0
 
@@ -19,7 +19,7 @@ class RateNode(DecoratorNode):
 
     asks_whether_it_starts = True
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
         self.period = part.value(NO_PERIOD)
@@ -73,7 +73,7 @@ class SingleTriggerNode(DecoratorNode):
 
     asks_whether_it_starts = True
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.done = part.cell()
 
@@ -105,7 +105,7 @@ class AskingNode(OwnNode):
         waits: Whether the leaf runs on while it answers RUNNING, as somebody who waits for what comes one day.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.asked, self.child = part.children
         self.asking = part.cell(of_tick=True)
@@ -142,7 +142,7 @@ class WhenDueNode(AskingNode):
 
     asks_whether_it_starts = True
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.waits = True
 
@@ -170,7 +170,7 @@ class DistanceNode(AskingNode):
 
     asks_whether_it_starts = True
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.is_first = part.cell(of_tick=True)
 
@@ -200,7 +200,7 @@ class LongerPathNode(AskingNode):
         seen: The cell with 1 once it has seen a path; it outlasts every end and halt.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.seen = part.cell(keeps=True)
 

@@ -1,7 +1,7 @@
 """Sequences and fallbacks of BehaviorTree.CPP: children in order, until one of them decides."""
 
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED
-from sar_compiler.runtime.kernel.tree_nodes import InTurnNode, Part, Ticker, reset, reset_all
+from sar_compiler.runtime.kernel.tree_nodes import InTurnNode, NodeBuilder, Ticker, reset, reset_all
 
 
 class OrderedNode(InTurnNode):
@@ -11,7 +11,7 @@ class OrderedNode(InTurnNode):
         hands_over: The outcome after which the next child is ticked.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, keeps=part.behaviour.keeps_place)
         self.hands_over: int = part.behaviour.hands_over
 
@@ -31,7 +31,7 @@ class ResumingNode(OrderedNode):
         goes_back: Whether it begins with the first child after an end or a halt.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.skips = part.cell()
         self.goes_back: bool = not part.behaviour.keeps_place
@@ -81,7 +81,7 @@ class PausingNode(ResumingNode):
         before: The cell with the status of the child in hand before it was ticked.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.before = part.cell()
 
@@ -111,7 +111,7 @@ class ReactiveNode(OrderedNode):
         so_far: The cell with the outcome so far, of this tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.so_far = part.cell()
 

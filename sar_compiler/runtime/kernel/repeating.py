@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from sar_compiler.runtime.frozen import freeze, thaw
 from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SKIPPED, SUCCESS, number_of
-from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, Part, Ticker, reset
+from sar_compiler.runtime.kernel.tree_nodes import DecoratorNode, NodeBuilder, Ticker, reset
 from sar_compiler.runtime.queues import QueueError, queue_items
 from sar_compiler.runtime.tokens import excerpt
 
@@ -29,7 +29,7 @@ class AgainNode(DecoratorNode):
         told: How often one without an end has ticked its child. It makes no difference, so it is in no cell.
     """
 
-    def __init__(self, part: Part, times: Any, goes_on: int, noun: str) -> None:
+    def __init__(self, part: NodeBuilder, times: Any, goes_on: int, noun: str) -> None:
         super().__init__(part)
         self.times = times
         self.goes_on = goes_on
@@ -112,14 +112,14 @@ class AgainNode(DecoratorNode):
 class RepeatNode(AgainNode):
     """Ticks its child again after a success."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, part.behaviour.num_cycles, SUCCESS, "cycle")
 
 
 class RetryNode(AgainNode):
     """Ticks its child again after a failure; the child may have changed the number of attempts."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, part.behaviour.num_attempts, FAILURE, "attempt")
 
     def read_again(self, wanted: int) -> int:
@@ -142,7 +142,7 @@ class LoopNode(DecoratorNode):
 
     asks_whether_it_starts = True
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         queue = part.behaviour.queue
         self.literal: Any = _freeze_items(self.read(queue.get())) if queue.entry is None else _UNSEEN

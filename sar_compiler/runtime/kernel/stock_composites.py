@@ -5,7 +5,7 @@ from typing import Any, Final
 from py_trees.common import ParallelPolicy
 
 from sar_compiler.runtime.kernel.cells import CALLED, FAILURE, INVALID, IS_2_3, RUNNING, SKIPPED, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker, TreeNode
 
 _NOWHERE: Final = -2
 
@@ -19,7 +19,7 @@ class StockNode(TreeNode):
         pointed: The index of the child that is the current one for py_trees, as far as that is known to be so still.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.pointed = _NOWHERE
 
@@ -53,7 +53,7 @@ class StockSequenceNode(StockNode):
         position: The cell with the index of the child in hand.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.memory: bool = part.behaviour.memory
         self.position = part.cell()
@@ -112,7 +112,7 @@ class StockSelectorNode(StockNode):
         current: The cell with the index of the child in hand, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.memory: bool = part.behaviour.memory
         self.position, self.current = part.cell(), part.cell()
@@ -168,7 +168,7 @@ class StockParallelNode(StockNode):
         current: The cell with the index of the child in hand, in a tick.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         behaviour = part.behaviour
         behaviour.validate_policy_configuration()

@@ -22,7 +22,7 @@ from sar_compiler.runtime.kernel.cells import (
 )
 from sar_compiler.runtime.kernel.leaf_nodes import is_own
 from sar_compiler.runtime.kernel.timing import Countdown
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker, TreeNode
 
 _FAILURE: Final[Any] = Status.FAILURE
 
@@ -51,7 +51,7 @@ class StockDecoratorNode(TreeNode):
         terminates: Whether its class has a `terminate` of its own.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.child = part.children[0]
         self.turns: bool = type(part.behaviour) in TURNING
@@ -132,7 +132,7 @@ class StockCountingNode(StockDecoratorNode):
         count: The cell with the count; one that has no end does not have to remember it.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.count = part.cell()
         self.known: dict[int, int] = {}
@@ -220,7 +220,7 @@ class StockOneShotNode(StockDecoratorNode):
         final: The cell with the outcome of its child, which is kept for good, whatever is stopped.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         behaviour = part.behaviour
         self.final = part.cell(number_of(behaviour.final_status), keeps=True)
@@ -257,7 +257,7 @@ class StockForEachNode(StockDecoratorNode):
         has_item: The cell with 1 while an item is in hand.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.waiting, self.has_item = part.value(()), part.cell()
 
@@ -301,7 +301,7 @@ class StockForEachNode(StockDecoratorNode):
 class StockTimeoutNode(StockDecoratorNode):
     """A Timeout of py_trees', on the mission's clock."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
 

@@ -11,11 +11,11 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.kernel import leaf_nodes, stock_composites, stock_decorators
 from sar_compiler.runtime.kernel.cells import IS_2_3
 from sar_compiler.runtime.kernel.tree import FlatTree, flat_tree
-from sar_compiler.runtime.kernel.tree_nodes import Part, TreeNode
-from sar_compiler.runtime.parents import Built, Parent
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, TreeNode
+from sar_compiler.runtime.parents import EngineBehaviour, EngineParent
 from sar_compiler.runtime.skipping import SkippableLeaf
 
-NodeClass = Callable[[Part], TreeNode]
+NodeClass = Callable[[NodeBuilder], TreeNode]
 
 STOCK: dict[type[Behaviour], NodeClass] = {
     composites.Sequence: stock_composites.StockSequenceNode,
@@ -59,7 +59,7 @@ class NotFlatError(UndecidableError):
         super().__init__(message)
 
 
-def known_node(part: Part) -> TreeNode:
+def known_node(part: NodeBuilder) -> TreeNode:
     """Build the node of a behaviour.
 
     Raises:
@@ -78,7 +78,7 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
     known = STOCK.get(cls)
     if known is not None and "update" not in vars(behaviour):
         return known
-    if isinstance(behaviour, Built):
+    if isinstance(behaviour, EngineBehaviour):
         return behaviour.build_node if is_known_class(cls) else None
     if behaviour.children or isinstance(behaviour, (Composite, Decorator)):
         return None
@@ -92,11 +92,13 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
 
 def is_known_class(cls: type[Behaviour]) -> bool:
     """Return whether it is known when a control or decorator of a class ticks and stops its children."""
-    if not issubclass(cls, Built):
+    if not issubclass(cls, EngineBehaviour):
         return cls in STOCK
     # One derived from a class of ours does as that does, unless it ticks or stops otherwise.
-    does_as_ours = cls.tick is Built.tick and cls.stop is Built.stop
-    return does_as_ours and (cls.node_class is not None or getattr(cls, "begin", None) is not Parent.begin)
+    does_as_ours = cls.tick is EngineBehaviour.tick and cls.stop is EngineBehaviour.stop
+    return does_as_ours and (
+        cls.node_class is not None or getattr(cls, "begin", None) is not EngineParent.begin
+    )
 
 
 def flatten(root: Behaviour, node_of: NodeClass = known_node) -> FlatTree:

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from sar_compiler.errors import NodeError
 from sar_compiler.runtime.kernel.cells import ENDED, FAILURE, RUNNING, SUCCESS
-from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, Part, Ticker, reset
+from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, NodeBuilder, Ticker, reset
 
 OFF: Final = 0
 COUNTING: Final = 1
@@ -42,7 +42,7 @@ class Countdown:
         part: The node.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         self.index = part.index
         self.state = part.cell(OFF)
         self.token = part.value(0)
@@ -86,7 +86,7 @@ class Countdown:
 class TimedNode(DecoratorNode):
     """A decorator with a timer, which counts while the node runs."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
 
@@ -162,7 +162,7 @@ class TimeoutNode(TimedNode):
 class SleepNode(ChildlessNode):
     """A leaf that waits, then succeeds; it tells nothing any more when it is stopped."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
 

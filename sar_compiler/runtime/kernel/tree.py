@@ -7,7 +7,7 @@ from librt.vecs import vec
 from mypy_extensions import i32
 
 from sar_compiler.runtime.kernel.times import Times
-from sar_compiler.runtime.kernel.tree_nodes import Layout, Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import CellLayout, NodeBuilder, Ticker, TreeNode
 
 _MANY: Final = 2
 """A count of writes that represents all larger ones. After 1 an entry may be removed, and written once more."""
@@ -25,7 +25,7 @@ class FlatTree:
         nodes: The nodes, in pre-order.
     """
 
-    def __init__(self, nodes: list[TreeNode], layout: Layout) -> None:
+    def __init__(self, nodes: list[TreeNode], layout: CellLayout) -> None:
         self.nodes = nodes
         self._layout = layout
         # The nodes whose status is another node's.
@@ -75,7 +75,7 @@ def children_of(behaviour: Any) -> list[Any]:
 
 
 def flat_tree(
-    root: Any, node_of: Callable[[Part], TreeNode], below: Callable[[Any], list[Any]] = children_of
+    root: Any, node_of: Callable[[NodeBuilder], TreeNode], below: Callable[[Any], list[Any]] = children_of
 ) -> FlatTree:
     """Bring a tree into flat form.
 
@@ -93,7 +93,7 @@ def flat_tree(
         inside: list[Any] = below(behaviour)
         waiting.extend([(inside[place], len(behaviours)) for place in range(len(inside) - 1, -1, -1)])
         behaviours.append(behaviour)
-    layout = Layout(len(behaviours))
+    layout = CellLayout(len(behaviours))
     children: list[list[TreeNode]] = [[] for _ in behaviours]
     nodes: list[TreeNode] = []
     # Backwards, so that children come before their parents, however deep the tree is.
@@ -102,7 +102,7 @@ def flat_tree(
         inner.reverse()
         at = inner[0].at if inner and getattr(behaviour, "is_its_child", False) else index
         cells, values = len(layout.cells), len(layout.values)
-        node = node_of(Part(index, at, behaviour, inner, layout))
+        node = node_of(NodeBuilder(index, at, behaviour, inner, layout))
         node.first_cell, node.last_cell = cells, len(layout.cells)
         node.first_value, node.last_value = values, len(layout.values)
         nodes.append(node)

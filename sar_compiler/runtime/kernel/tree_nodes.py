@@ -18,7 +18,7 @@ from sar_compiler.runtime.leaf_protocol import NoStatusError
 _INVALID: Final[Any] = Status.INVALID
 
 
-class Layout:
+class CellLayout:
     """The cells of a tree while its nodes are built.
 
     Attributes:
@@ -33,7 +33,7 @@ class Layout:
         self.watched: list[tuple[Any, int]] = []
 
 
-class Part:
+class NodeBuilder:
     """A node that is to be built.
 
     Args:
@@ -45,7 +45,7 @@ class Part:
     """
 
     def __init__(
-        self, index: int, at: int, behaviour: Any, children: "list[TreeNode]", layout: Layout
+        self, index: int, at: int, behaviour: Any, children: "list[TreeNode]", layout: CellLayout
     ) -> None:
         self.index = index
         self.at = at
@@ -111,7 +111,7 @@ class TreeNode:
         first_cell, last_cell, first_value, last_value: Where the cells of its own begin, and the first behind them.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         self.index = part.index
         self.at = part.at
         self.behaviour = part.behaviour
@@ -383,7 +383,7 @@ class OwnNode(TreeNode):
 
     asks_whether_it_starts: ClassVar[bool] = False
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.is_reset: bool = self.asks_whether_it_starts and is_reset(part.behaviour)
         self.heeds_end = self.is_reset
@@ -451,7 +451,7 @@ class InTurnNode(ControlNode):
         position: The cell with the index of the child in hand.
     """
 
-    def __init__(self, part: Part, *, keeps: bool = False, of_tick: bool = False) -> None:
+    def __init__(self, part: NodeBuilder, *, keeps: bool = False, of_tick: bool = False) -> None:
         super().__init__(part)
         self.position = part.cell(keeps=keeps, of_tick=of_tick)
 
@@ -495,7 +495,7 @@ class InTurnNode(ControlNode):
 class DecoratorNode(OwnNode):
     """A decorator: `begin` decides whether its child is ticked, and `after` what is made of its outcome."""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.child = part.children[0]
 

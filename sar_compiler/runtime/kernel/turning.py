@@ -6,7 +6,7 @@ from librt.vecs import vec
 from mypy_extensions import i32
 
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING, SKIPPED, WORDS, number_of
-from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import ChildlessNode, DecoratorNode, NodeBuilder, Ticker, TreeNode
 from sar_compiler.runtime.scripting import NodeScript
 
 
@@ -17,7 +17,7 @@ class TurningNode(DecoratorNode):
         turned: The answer for each outcome; the behaviour has the words of those for SUCCESS, FAILURE and SKIPPED.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         turned: list[int] = [WORDS.index(word) for word in part.behaviour.turned]
         self.turned = [INVALID, RUNNING, *turned]
@@ -44,7 +44,7 @@ class RunOnceNode(DecoratorNode):
         answer: The cell with the outcome of the child, which is kept for good.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.answer = part.cell(INVALID, keeps=True)
 
@@ -73,7 +73,7 @@ class GuardedNode(DecoratorNode):
 
     why_not = ""
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.child_runs = part.cell()
 
@@ -104,7 +104,7 @@ class PreconditionNode(GuardedNode):
 
     why_not = "the condition is false"
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         behaviour = part.behaviour
         scope, enums = behaviour.scope, behaviour.enums
@@ -129,7 +129,7 @@ class UpdateGuardNode(GuardedNode):
 
     why_not = "no update"
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.unless_written = WORDS.index(part.behaviour.unless_written)
         self.entry = watched_entry(part.behaviour)
@@ -178,7 +178,7 @@ class ConditionsNode(DecoratorNode):
 
     asks_whether_it_starts = True
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         behaviour = part.behaviour
         self.before: list[Any] = behaviour._before

@@ -16,7 +16,7 @@ from sar_compiler.runtime.kernel.cells import (
     number_of,
 )
 from sar_compiler.runtime.kernel.timing import Countdown
-from sar_compiler.runtime.kernel.tree_nodes import OwnNode, Part, Ticker, TreeNode, reset
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OwnNode, Ticker, TreeNode, reset
 from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 _INVALID: Final[Any] = Status.INVALID
@@ -68,7 +68,7 @@ class UserNode(OwnNode):
         claim: What its record says of it; None where nobody asks.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.in_hand = part.cell()
         self.timer = Countdown(part)

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from sar_compiler.analysis.verify.counterfactual import Retrospect, counterfactual
+from sar_compiler.analysis.verify.counterfactual import WhatIfSearch, counterfactual
 from sar_compiler.analysis.verify.limits import lift_limits
 from sar_compiler.analysis.verify.recorded_runs import NotReplayedError, OtherTreeError
 from sar_compiler.errors import UndecidableError
@@ -181,7 +181,7 @@ def led_to(path, body, record, leaf, registry=REGISTRY):
     path.write_text(document(body), encoding="utf-8")
     tree = simulated(path, registry)
     names = [each.name for each in pre_order(tree.root)]
-    retrospect = Retrospect(tree, names)
+    retrospect = WhatIfSearch(tree, names)
     found = retrospect.consequences(record, leaf)
     # Each question is one of its own.
     assert retrospect.consequences(record, leaf) == found

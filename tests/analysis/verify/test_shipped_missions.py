@@ -10,8 +10,8 @@ from sar_compiler.analysis.verify.properties import read_property_file
 from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.registry import default_registry
+from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
-from sar_compiler.tree.gathering import read_tree_file
 from tests.analysis.verify.stage import BROKEN, PROVED, outcome, told, verdict
 
 pytestmark = pytest.mark.unmeasured

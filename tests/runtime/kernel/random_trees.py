@@ -7,7 +7,7 @@ from collections.abc import Callable
 from py_trees import decorators
 
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.runtime.parents import Parent
+from sar_compiler.runtime.parents import EngineParent
 from tests.node_forms import forms
 from tests.trees import class_of
 
@@ -34,7 +34,7 @@ FORMS = [form for form in forms() if not any("{" in text or "v ==" in text for _
 def knows_skips(spec: NodeSpec) -> bool:
     """Return whether a child of a node may be skipped."""
     cls = class_of(spec)
-    return (cls is not None and issubclass(cls, Parent)) or spec.skipping.replacement is not None
+    return (cls is not None and issubclass(cls, EngineParent)) or spec.skipping.replacement is not None
 
 
 class RandomTree:

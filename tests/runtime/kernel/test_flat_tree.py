@@ -13,7 +13,7 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED, SUCCESS
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten, known_node
 from sar_compiler.runtime.kernel.times import ClockTimes, Times
-from sar_compiler.runtime.kernel.tree_nodes import Part, Ticker, TreeNode
+from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker, TreeNode
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.stock import AsyncSequence
 from tests.kernels import python_only
@@ -200,7 +200,7 @@ class TestLeaves:
                 ticker.cells[self.at] = SUCCESS
                 return SUCCESS
 
-        def node_of(part: Part) -> TreeNode:
+        def node_of(part: NodeBuilder) -> TreeNode:
             return Telling(part) if isinstance(part.behaviour, Running) else known_node(part)
 
         root = composites.Sequence("root", memory=True, children=[Running("a"), Running("b")])

@@ -4,7 +4,7 @@ import pytest
 
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.kernel.table import STOCK
-from sar_compiler.runtime.parents import Built
+from sar_compiler.runtime.parents import EngineBehaviour
 from tests.chance import rounds
 from tests.runtime.kernel.stage import (
     FlatStage,
@@ -53,7 +53,7 @@ def known_classes():
         cls
         for spec in default_registry()
         for cls in classes_of(spec)
-        if cls is not None and issubclass(cls, Built)
+        if cls is not None and issubclass(cls, EngineBehaviour)
     }
     return ours | set(STOCK)
 

@@ -286,7 +286,7 @@ def _plain(value: Any) -> dict[str, Any]:
     return fields
 
 
-class Situation:
+class DisplayState:
     """The display state of a mission, folded from the `changed` entries of its journal.
 
     Args:

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.state_search.chances import Spending
+from sar_compiler.analysis.state_search.chances import LimitUse
 from sar_compiler.analysis.state_search.trail import Guarded, Trail
 from sar_compiler.analysis.stub_leaf import FactVariables, StubLeaf, StubLeafError
 from sar_compiler.analysis.verify.limits import spending_conditions
@@ -121,7 +121,7 @@ class _HeldCondition:
             self._tell(str(error))
 
 
-class PropertyWatch:
+class RuntimeMonitor:
     """Monitors one run of a tree.
 
     Args:
@@ -180,7 +180,7 @@ class PropertyWatch:
         self._hears = monitors.heard.union(rules.guarded)
         # For each leaf: its last event, and the tick of that.
         self._last: dict[int, tuple[str, int]] = {}
-        self._spending = Spending(
+        self._spending = LimitUse(
             spending_conditions(simulated, limits), [*map(simulated.facts.resolve, limits)]
         )
 

@@ -14,7 +14,7 @@ from sar_compiler.runtime.answers import Outcome
 _WORDS = {outcome.status: outcome.name for outcome in Outcome}
 
 
-class LeafEar(Protocol):
+class LeafListener(Protocol):
     """Who is told what a leaf does."""
 
     def looks(self, number: int) -> None:
@@ -30,7 +30,7 @@ class LeafEar(Protocol):
         """Be told that a leaf is stopped while it was running."""
 
 
-def hear(leaf: Behaviour, number: int, ear: LeafEar) -> None:
+def hear(leaf: Behaviour, number: int, ear: LeafListener) -> None:
     """Tell what a leaf does, from now on; to be called before its tree is ticked for the first time.
 
     Args:

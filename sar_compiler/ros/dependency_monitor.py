@@ -17,7 +17,7 @@ from sar_compiler.ros.frame_sources import frame_sources
 from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
 from sar_compiler.ros.leaves.goals import (
     ABORTED,
-    GoalNews,
+    GoalEvent,
     cancel_client,
     canceled_action,
     goal_statuses_of,
@@ -28,7 +28,7 @@ from sar_compiler.ros.lifecycle import NAV2_NODES
 from sar_compiler.ros.poses import estimated_pose
 from sar_compiler.ros.readiness import MOVED_M, SHADOW_SEC
 from sar_compiler.ros.robot_estimate import robot_estimate
-from sar_compiler.ros.sole_mission import SoleMission
+from sar_compiler.ros.robot_lease import RobotLease
 
 # How long a robot may brake, and how long after a goal's end a movement is attributed to that goal, seconds.
 _BRAKES_SEC, _LATEST_SEC = 0.7, 2.0
@@ -145,7 +145,7 @@ class UnaskedMotion:
         self._told = True
         self._node.get_logger().warning(text)
 
-    def _on_goal(self, news: GoalNews) -> None:
+    def _on_goal(self, news: GoalEvent) -> None:
         if news.action in self._actions:
             self._was_aborted = self._cancels_early = news.status == ABORTED
         if news.action in self._actions and not news.is_over:
@@ -173,7 +173,7 @@ _RESPAWN_SEC = 12.0
 _TURNED = 0.2
 
 
-class Watch:
+class DependencyMonitor:
     """Watches servers, the localisation and transforms of a running mission, and reports their changes.
 
     The node logs each event once.
@@ -185,7 +185,7 @@ class Watch:
     Otherwise the operator is asked for the pose. Leaves that use Nav2 wait meanwhile (`ActionLeaf.hold_timeout_sec`). *
     The robot moves without a goal of the mission: reported, or stopped (`UnaskedMotion`). * No transform from `map` for
     3 s: reported, whatever the nodes answer. * A frame, the clock, or a topic that should have one source now has
-    several: reported. * No node of Nav2 in the graph answers any more, even to a new client: reported (`deafness`).
+    several: reported. * No node of Nav2 in the graph answers any more, even to a new client: reported (`lost_discovery`).
 
     Args:
         node: The node that the tree runs on.
@@ -199,10 +199,10 @@ class Watch:
     """
 
     def __init__(
-        self, node: Node, uses: Iterable[Use], *, sole: SoleMission | None = None, drives: Iterable[str] = ()
+        self, node: Node, uses: Iterable[Use], *, sole: RobotLease | None = None, drives: Iterable[str] = ()
     ) -> None:
         uses, drives = list(dict.fromkeys(uses)), list(drives)
-        self.trouble = self.deafness = ""
+        self.trouble = self.lost_discovery = ""
         self._node = node
         self._sole = sole
         self._graph = ros_graph(node)
@@ -230,7 +230,7 @@ class Watch:
         if self._localisation is not None:
             for line in self._localisation.look():
                 self._node.get_logger().warning(line)
-            self.deafness = self._localisation.deafness
+            self.lost_discovery = self._localisation.lost_discovery
         if self._motion is not None:
             self._motion.look()
 
@@ -272,7 +272,7 @@ class _Localisation:
         self._known: set[bytes] = set()
         self._new_since: float | None = None
         self._transform_is_lost = False
-        self.deafness = ""
+        self.lost_discovery = ""
         self._pose_topic = node.resolve_topic_name("amcl_pose")
         self._poses = with_full_name("initialpose", node.resolve_topic_name("initialpose"))
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
@@ -280,11 +280,11 @@ class _Localisation:
     def look(self) -> Iterable[str]:
         """Yield the changes."""
         looked = [(each, each.missing()) for each in self._nodes]
-        was_deaf, self.deafness = bool(self.deafness), self._deafness()
-        if self.deafness:
+        was_deaf, self.lost_discovery = bool(self.lost_discovery), self._deafness()
+        if self.lost_discovery:
             if not was_deaf:
-                yield f"{self.deafness}."
-            self._robot.lacks = self.deafness
+                yield f"{self.lost_discovery}."
+            self._robot.lacks = self.lost_discovery
             return
         if any(
             each.is_there and each.has_heard_nothing and each.silent_sec < _DEAF_SEC for each in self._nodes

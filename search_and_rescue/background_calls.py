@@ -8,7 +8,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def begin_beside(
+def run_in_background(
     wake: Callable[[], None], work: Callable[P, T], *args: P.args, **kwargs: P.kwargs
 ) -> Future[T]:
     """Start work in a new thread.

@@ -35,7 +35,7 @@ class RunEnd(NamedTuple):
     reason: str
 
 
-class Kept(NamedTuple):
+class SpilledEntries(NamedTuple):
     """The content of a reserve.
 
     Attributes:
@@ -55,7 +55,7 @@ def lost(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 
 
-class Reserve:
+class SpillFile:
     """An open reserve; it is created with all of its blocks if missing.
 
     Args:
@@ -80,7 +80,7 @@ class Reserve:
         size = os.fstat(self._descriptor).st_size
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
-    def keep(self, kept: Kept, numbers: Mapping[str, int]) -> None:
+    def keep(self, kept: SpilledEntries, numbers: Mapping[str, int]) -> None:
         """Replace its content; the new content is on disk when this returns.
 
         Args:
@@ -103,7 +103,7 @@ class Reserve:
                 self.path.unlink()
 
 
-def read_reserve(journal: Path) -> Kept:
+def read_reserve(journal: Path) -> SpilledEntries:
     """Return the content of a journal's reserve; empty if there is none.
 
     Raises:
@@ -115,7 +115,7 @@ def read_reserve(journal: Path) -> Kept:
         # Do not follow links: errors would show the target's content.
         content = read_file(NamedPath.within(path, [path.parent.resolve()]), RESERVE).data
     except MissingFileError:
-        return Kept()
+        return SpilledEntries()
     slots = _slots(content[: 2 * _SLOT_BYTES])
     try:
         if not slots:
@@ -160,7 +160,7 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
     return found
 
 
-def _fitting(kept: Kept, numbers: Mapping[str, int]) -> str:
+def _fitting(kept: SpilledEntries, numbers: Mapping[str, int]) -> str:
     """Return the content as text of a slot's size at most."""
     count = len(kept.facts)
     while True:
@@ -173,12 +173,12 @@ def _fitting(kept: Kept, numbers: Mapping[str, int]) -> str:
         count = count * 3 // 4
 
 
-def _kept(content: bytes) -> Kept:
+def _kept(content: bytes) -> SpilledEntries:
     if not content:
-        return Kept()
+        return SpilledEntries()
     data = json.loads(content)
     end: Any = data["end"]
-    return Kept(
+    return SpilledEntries(
         float(data["began"]),
         [_row(*fact) for fact in data["facts"]],
         None if end is None else RunEnd(int(end[0]), float(end[1]), Ending(end[2]), int(end[3]), str(end[4])),

@@ -189,7 +189,7 @@ class EventPattern:
         return self.what != ANSWERED or self.answer in (event.label, event.status)
 
 
-class LeafWords:
+class LeafVocabulary:
     """The vocabulary of a document for the leaves of one tree, and for conditions."""
 
     def __init__(self, document: Document, simulated: SimulatedTree) -> None:

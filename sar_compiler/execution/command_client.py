@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.journal.journal_entries import CommandAuthor
-from sar_compiler.missions.mission import Verb, VerbError
+from sar_compiler.missions.mission import OperatorCommand, VerbError
 from sar_compiler.ros.leaves.leaf import find_interface
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _UNKNOWN = CommandAuthor()
 
 
-class VerbCalls:
+class CommandClient:
     """Calls the services of a mission's commands; usable from any thread, while the calls are made in the node's executor.
 
     Args:
@@ -28,7 +28,7 @@ class VerbCalls:
     def __init__(
         self,
         node: "Node",
-        verbs: Sequence[Verb],
+        verbs: Sequence[OperatorCommand],
         sign: Callable[[str, CommandAuthor, Callable[[], None]], object] = lambda _verb, _author, then: (
             then()
         ),
@@ -36,7 +36,10 @@ class VerbCalls:
     ) -> None:
         self._sign = sign
         self._verbs = {verb.name: verb for verb in verbs}
-        types = {verb.name: find_interface("Verb", "srv", verb.name, verb.service_type) for verb in verbs}
+        types = {
+            verb.name: find_interface("OperatorCommand", "srv", verb.name, verb.service_type)
+            for verb in verbs
+        }
         self._clients = {name: node.create_client(kind, f"{of}/{name}") for name, kind in types.items()}
         self._waiting: deque[Callable[[], None]] = deque()
         self._node = node
@@ -84,7 +87,7 @@ class VerbCalls:
 
     def _send(
         self,
-        verb: Verb,
+        verb: OperatorCommand,
         client: Any,
         request: Any,
         answer: "Future[tuple[bool, str]]",

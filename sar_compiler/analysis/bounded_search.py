@@ -14,7 +14,7 @@ from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules.entry_accesses import key_accesses_of
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import count_within_limits
-from sar_compiler.nodes.collector import Collector
+from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
 from sar_compiler.runtime.events import Event
@@ -33,7 +33,7 @@ _A_TICK, _PREPARING = 200, 4000
 """The cost of a tick without its nodes, and the cost of preparing a node."""
 
 
-class TrialBudget:
+class SearchBudget:
     """A search budget: an amount of work, which is the same on every machine, or a time.
 
     Work is counted in nodes: a tick costs those of its tree, and preparing a tree costs as much as many ticks.
@@ -102,16 +102,16 @@ class _Raised(NamedTuple):
     ticks: list[tuple[bytes, Callable[[TickSteps], bool]]]
 
 
-def can_prepare(binding: Binding, budget: TrialBudget) -> bool:
+def can_prepare(binding: Binding, budget: SearchBudget) -> bool:
     """Return whether a budget is enough to prepare a tree, and use its cost."""
-    nodes = count_within_limits(binding.main, Collector())
+    nodes = count_within_limits(binding.main, FindingCollector())
     return nodes is not None and budget.take(nodes * _PREPARING)
 
 
 def findings_of_runs(
     simulated: SimulatedTree,
     binding: Binding,
-    budget: TrialBudget,
+    budget: SearchBudget,
     how_to_see: str,
     known: Iterable[Diagnostic],
 ) -> list[Diagnostic]:

@@ -39,14 +39,14 @@ class AnotherMissionError(SarError):
         claim: The claim of the other mission.
     """
 
-    def __init__(self, claim: "MissionClaim") -> None:
+    def __init__(self, claim: "LeaseClaim") -> None:
         self.claim = claim
         super().__init__(
             f"another mission drives this robot already: {claim.describe()} uses the action '{claim.action}'. Stop it first"
         )
 
 
-class MissionClaim(NamedTuple):
+class LeaseClaim(NamedTuple):
     """A mission's claim to an action, with the identity of its process.
 
     Attributes:
@@ -72,12 +72,12 @@ class MissionClaim(NamedTuple):
         node, host = (ascii(text[:_SHOWN])[1:-1] for text in (self.node, self.host))
         return f"node {node} (process {self.pid} on {host})"
 
-    def goes_before(self, other: "MissionClaim") -> bool:
+    def goes_before(self, other: "LeaseClaim") -> bool:
         """Return whether the other must give way: a running mission has priority, then the older one."""
         return (not self.runs, self.since, self.key) < (not other.runs, other.since, other.key)
 
 
-class SoleMission(Requirement):
+class RobotLease(Requirement):
     """A mission's claims to the actions that it drives, and the claims of others.
 
     A claim is a message that is kept for late subscribers, so it exists exactly as long as its process.
@@ -98,13 +98,13 @@ class SoleMission(Requirement):
         self._look_sec, self._seen = look_sec, Counter[str]()
         self._looks_since: float | None = time.monotonic()
         self._clear_at = self._looks_since + look_sec
-        self._others: dict[str, MissionClaim] = {}
+        self._others: dict[str, LeaseClaim] = {}
         self._told: set[str] = set()
         # When another node of this name was first seen: infinity before, None after the report.
         self._named_since: float | None = math.inf
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         own = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._mine = MissionClaim(
+        self._mine = LeaseClaim(
             "",
             runs=False,
             since=time.time_ns(),
@@ -181,7 +181,7 @@ class SoleMission(Requirement):
                 "Give this one another name: --ros-args -r __node:=NAME"
             )
 
-    def _rival(self) -> MissionClaim | None:
+    def _rival(self) -> LeaseClaim | None:
         return next((other for other in self._others.values() if other.goes_before(self._mine)), None)
 
     def _publish(self) -> None:
@@ -202,11 +202,11 @@ class SoleMission(Requirement):
         self._others[claim.key] = claim
 
 
-def parse_claim(text: str) -> MissionClaim | None:
+def parse_claim(text: str) -> LeaseClaim | None:
     """Return the claim in a message; None if it contains none."""
     try:
         said: Any = json.loads(text)
-        claim = MissionClaim(**said)
+        claim = LeaseClaim(**said)
     except (ValueError, TypeError, RecursionError):
         return None
     kinds = (str, bool, int, str, str, str, int)

@@ -25,7 +25,7 @@ from sar_compiler.ros.arguments import security_arguments, split_arguments
 from sar_compiler.ros.leaves.goals import (
     FINAL,
     UNKNOWN,
-    GoalNews,
+    GoalEvent,
     cancel_client,
     cancel_request,
     goal_statuses_of,
@@ -48,7 +48,7 @@ _TURN_SEC = 0.05
 def note_goals(node: Node, journal: Journal) -> None:
     """Record every goal of a node in the journal before it is sent, and its end."""
 
-    def note(news: GoalNews) -> None:
+    def note(news: GoalEvent) -> None:
         if news.status is None:
             journal.note(GOAL_SENT, action=news.action, goal=news.goal_id)
         else:
@@ -61,7 +61,7 @@ def _watch_end(journal: Journal, goal_id: str, status: int) -> None:
     journal.watch(GOAL_ENDED, goal=goal_id, status=status)
 
 
-class LeftGoals(Requirement):
+class OrphanedGoals(Requirement):
     """The goals that earlier runs sent, all of which must have ended.
 
     Args:
@@ -72,7 +72,7 @@ class LeftGoals(Requirement):
     def __init__(self, node: Node, journal: Journal) -> None:
         self._goals = [
             LeftGoal(
-                node, GoalNews(goal.goal_id, goal.action), on_end=partial(_watch_end, journal, goal.goal_id)
+                node, GoalEvent(goal.goal_id, goal.action), on_end=partial(_watch_end, journal, goal.goal_id)
             )
             for goal in journal.goals_left()
         ]
@@ -155,7 +155,7 @@ class LeftGoal:
     def __init__(
         self,
         node: Node,
-        goal: GoalNews,
+        goal: GoalEvent,
         *,
         on_end: Callable[[int], None] = lambda _: None,
         on_request: Callable[[], None] = lambda: None,
@@ -261,7 +261,7 @@ class Canceller:
         self.node = Node(name, context=self.context, start_parameter_services=False, enable_rosout=False)
 
     def cancel(
-        self, goals: Iterable[GoalNews], limit_sec: float, on_request: Callable[[GoalNews], None]
+        self, goals: Iterable[GoalEvent], limit_sec: float, on_request: Callable[[GoalEvent], None]
     ) -> list[str]:
         """Cancel goals until their ends are seen; return the actions of those that may still be active.
 
@@ -298,7 +298,7 @@ def cancel_apart(node: Node) -> Cancel:
     domain, security = node.context.get_domain_id(), security_arguments(split_arguments(sys.argv[1:]).ros)
     logger, name = node.get_logger(), node.get_name()
 
-    def report(goal: GoalNews) -> None:
+    def report(goal: GoalEvent) -> None:
         logger.info(f"Canceling the goal of '{goal.action}'.")
 
     def cancel(limit_sec: float) -> Sequence[str]:

@@ -125,7 +125,7 @@ def is_palette(path: Path) -> bool:
     return is_alone and _MODEL.search(data) is not None
 
 
-def files_meant(folder: Path, pattern: str) -> list[Path]:
+def matching_files(folder: Path, pattern: str) -> list[Path]:
     """Return the files that a path, a folder or a glob pattern names.
 
     Of folders and patterns these are the tree files; a plain path is returned whatever is there.
