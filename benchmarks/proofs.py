@@ -15,7 +15,7 @@ from benchmarks.trees import around, described, mission, sequence
 _RESILIENT = "search_and_rescue_resilient"
 _SHIPPED = ("search_and_rescue", _RESILIENT, "search_areas")
 _OWN = 17
-_CHANCES = """
+_PROBABILITIES = """
 answers:
   NavigateToZone: [{answer: arrived, p: 0.7, sec: 30}, {answer: aborted, p: 0.25, sec: 5}, {answer: unavailable, p: 0.05}]
   DetectSurvivor: [{answer: found, p: 0.3, sec: 2}, {answer: nothing, p: 0.6, sec: 2}, {answer: no answer, p: 0.1, sec: 5}]
@@ -60,7 +60,7 @@ def set_up(_effort: Effort) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "patrol.xml").write_text(_patrol(), encoding="utf-8")
-        (folder / "chances.yaml").write_text(_CHANCES, encoding="utf-8")
+        (folder / "probabilities.yaml").write_text(_PROBABILITIES, encoding="utf-8")
         for at in range(_OWN):
             (folder / f"mission_{at}.xml").write_text(mission(at, has_scripts=at % 2 == 0), encoding="utf-8")
         yield folder
@@ -104,7 +104,7 @@ def _predict_row(folder: Path, effort: Effort) -> Measured:
     zones = 5 if effort.share == 1 else 1
     words: list[str | Path] = [
         "--answers",
-        folder / "chances.yaml",
+        folder / "probabilities.yaml",
         "--set",
         f"zones_left={zones}",
         "--max-states",

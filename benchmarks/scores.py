@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.commands import require_ros
 from benchmarks.explaining import CAUSES, score
 from benchmarks.figures import Effort
-from benchmarks.mending import TREES, mended, slips
+from benchmarks.fixing import TREES, fixed, typos
 from benchmarks.rows import Benchmark, Limit, Measured, Row
 from sar_compiler.checks.fixing import is_safe
 
@@ -31,13 +31,13 @@ def _why(_stage: None, effort: Effort) -> Measured:
 
 
 def _fix(_stage: None, effort: Effort) -> Measured:
-    made = list(slips(effort.size(_TYPOS)))
+    made = list(typos(effort.size(_TYPOS)))
     with TemporaryDirectory() as name:
         folder = Path(name)
         for path in TREES:
             shutil.copy(path, folder)
-        suggested = [mended(each, folder, lambda _: True) for each in made]
-        safely = [mended(each, folder, is_safe).is_as_before for each in made]
+        suggested = [fixed(each, folder, lambda _: True) for each in made]
+        safely = [fixed(each, folder, is_safe).is_as_before for each in made]
     shares = [
         100.0 * sum(found) / len(made)
         for found in (

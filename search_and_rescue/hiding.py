@@ -44,12 +44,12 @@ class Hiding:
         seed: int,
         grounds: Mapping[str, Ground] | None = None,
     ) -> None:
-        self._chance = random.Random(seed)  # noqa: S311 - nothing to guess
+        self._probability = random.Random(seed)  # noqa: S311 - nothing to guess
         self._areas = areas
         names = sorted(areas)
         shares = [areas[name].poa for name in names]
         elsewhere = max(0.0, 1.0 - math.fsum(shares))
-        (self.area,) = self._chance.choices([*names, None], [*shares, elsewhere])
+        (self.area,) = self._probability.choices([*names, None], [*shares, elsewhere])
         self.ground = (grounds or {}).get(self.area or "")
         self._place = self._somewhere(poses)
 
@@ -64,7 +64,7 @@ class Hiding:
         outline = shapely.Polygon(self.ground.polygon)
         left, low, right, high = outline.bounds
         while True:
-            x, y = self._chance.uniform(left, right), self._chance.uniform(low, high)
+            x, y = self._probability.uniform(left, right), self._probability.uniform(low, high)
             if shapely.contains_xy(outline, x, y):
                 return x, y
 
@@ -81,7 +81,7 @@ class Hiding:
             robot is None or math.dist(robot, self._place) > self.ground.detection_range
         ):
             return None
-        return self._place if self._chance.random() < self._areas[area].pod else None
+        return self._place if self._probability.random() < self._areas[area].pod else None
 
 
 def read_hiding(reader: ParameterReader, areas: Mapping[str, Area]) -> bool:

@@ -452,7 +452,7 @@ OPENED_ELSEWHERE = {
     "missions/parameter_file.py": {"yaml.parse": TEXT},
     "runtime/kernel/__init__.py": {"_RECORD.read_bytes": OWN, "path.read_bytes": OWN},
     "style/__init__.py": {"Path(__file__).with_name('marks.css').read_text": OWN},
-    "sim/flights.py": {"path.open": "a lock; its content is not read"},
+    "sim/simulated_runs.py": {"path.open": "a lock; its content is not read"},
     "sim/isolation.py": {"path.read_text": "the system's lists of sockets, in /proc"},
     "sim/occupancy.py": {"Image.open": TEXT},
     "tree/yaml_events.py": {

@@ -192,13 +192,13 @@ class AgentTools:
         return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
 
     async def validate(self, file: str) -> ToolAnswer:
-        """Find all errors in a tree file. `output` has them; `mended` is the file's text with all suggestions applied."""
+        """Find all errors in a tree file. `output` has them; `fixed` is the file's text with all suggestions applied."""
         path = self._access.path(file)
         answer = await self._data("validate", self._project, path)
-        mended = None
+        fixed = None
         if any(finding["suggestion"] for finding in answer["output"] or ()):
-            _, mended, _ = await self._access.run("validate", [*self._project, "--mended"], path)
-        return {**answer, "mended": mended}
+            _, fixed, _ = await self._access.run("validate", [*self._project, "--print-fixed"], path)
+        return {**answer, "fixed": fixed}
 
     async def explain(self, code: str) -> ToolAnswer:
         """Explain a kind of finding, with an example that has it and one that does not."""

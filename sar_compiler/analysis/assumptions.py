@@ -119,7 +119,7 @@ def _read_answers(value: Value, words: LeafVocabulary) -> dict[str, tuple[Answer
         options = [_answer(words.document, item, specs) for item in inner.listed if item not in kept]
         declared = _declared(words, key, kept, leaves, specs) if kept else ()
         found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
-        _check_chances(words.document, inner, found)
+        _check_probabilities(words.document, inner, found)
         said[key.text or ""] = found
     return said
 
@@ -150,13 +150,13 @@ def _declared(
                     message = f"the answer '{name}' is listed twice here"
                     words.document.report("wrong-value", message, item.mapping["answer"])
                 said.add(place)
-                p, sec = _chance(words.document, item.mapping)
+                p, sec = _probability(words.document, item.mapping)
                 answers[place] = replace(answer, p=p, sec=sec)
                 break
     return tuple(answers)
 
 
-def _chance(
+def _probability(
     document: Document, parts: Mapping[str, Value]
 ) -> tuple[tuple[float, float] | None, tuple[float, float]]:
     """Return the probability and the duration of an answer in a file."""
@@ -172,7 +172,7 @@ def _interval(document: Document, value: Value | None) -> tuple[float, float] | 
     return numbers[0], numbers[-1]
 
 
-def _check_chances(document: Document, value: Value, answers: Sequence[Answer]) -> None:
+def _check_probabilities(document: Document, value: Value, answers: Sequence[Answer]) -> None:
     """Report impossible sums of probabilities, and a time for the answers of a leaf that never runs."""
     ending = [answer for answer in answers if answer.status != "RUNNING"]
     known = [answer.p for answer in ending if answer.p is not None]
@@ -209,10 +209,10 @@ def check_answers(value: Value | None, words: LeafVocabulary) -> None:
             if placeholders(text):
                 continue  # filled for each leaf
             with suppress(ScriptError):  # reported already
-                for slip in unknown_in(parse(text), words.names):
-                    if text[slice(*slip.place)] != UNKNOWN:
+                for typo in unknown_in(parse(text), words.names):
+                    if text[slice(*typo.place)] != UNKNOWN:
                         words.document.report(
-                            "unknown-fact", slip.message, part, slip.place, suggestion=slip.suggestion
+                            "unknown-fact", typo.message, part, typo.place, suggestion=typo.suggestion
                         )
 
 
@@ -223,7 +223,7 @@ def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answ
     label, when, then = (
         parts[part].text or "" if part in parts else "" for part in ("label", "when", "then")
     )
-    answer = Answer(status or "", label, when, then, *_chance(document, parts))
+    answer = Answer(status or "", label, when, then, *_probability(document, parts))
     usable = all(_scripts_fit(document, parts, answer, spec) for spec in specs)
     return answer if status is not None and usable else None
 

@@ -37,7 +37,7 @@ class PropertyFate(Enum):
     """A required event was missing, or the end decides, when the run was stopped."""
 
 
-class FlownProperty(NamedTuple):
+class RecordedProperty(NamedTuple):
     """A property with its result.
 
     Attributes:
@@ -95,7 +95,7 @@ class Conformance(NamedTuple):
 
     ticks: int
     misfit: Misfit | None
-    properties: tuple[FlownProperty, ...]
+    properties: tuple[RecordedProperty, ...]
     left_out: tuple[LeftOut, ...]
 
     @property
@@ -131,7 +131,7 @@ def conform(
     """
     prepared = Prepared.of(simulated)
     properties = properties_of(file, prepared, tags)
-    flight = _ReplayedFlight(TreeRuns(simulated, names, properties.rules, prepared), [*record], simulated)
+    flight = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), [*record], simulated)
     moments, lost = flight.runs.found_again(flight.record)
     if lost is not None and not is_over and flight.is_unfinished(lost):
         lost = None
@@ -145,7 +145,7 @@ def conform(
     return Conformance(ticks, misfit, judged.found(), properties.left_out)
 
 
-class _ReplayedFlight:
+class _ReplayedRun:
     """A recorded run, in parallel with all runs of its tree."""
 
     def __init__(self, runs: TreeRuns, record: Sequence[Event], simulated: SimulatedTree) -> None:
@@ -345,8 +345,8 @@ class _Judged:
         moments: Its ticks, as far as they are possible for the tree.
     """
 
-    def __init__(self, flight: _ReplayedFlight, properties: Properties, moments: Sequence[FoundTick]) -> None:
-        self._flight, self._properties = flight, properties
+    def __init__(self, flight: _ReplayedRun, properties: Properties, moments: Sequence[FoundTick]) -> None:
+        self._compared_run, self._properties = flight, properties
         self._has_ended = False
         self._open = 0
         self._last = FoundTick(0, 0.0, ())
@@ -365,7 +365,7 @@ class _Judged:
         each: dict[bytes, int] = {}
         events: dict[int, Event] = {}
         for state, way in moment.ways:
-            judgement = self._flight.judgement(way.state)
+            judgement = self._compared_run.judgement(way.state)
             self._has_ended |= judgement.ends
             broken = judgement.broken
             for rule, event in way.broken:
@@ -394,14 +394,14 @@ class _Judged:
             is_over: Whether it met its own end condition, so that every further tick would change nothing.
         """
         if is_over:
-            stepper, states = self._flight.runs.stepper, [*self._some]
+            stepper, states = self._compared_run.runs.stepper, [*self._some]
             ends = {state: stepper.judgement(state, idle=True) for state in states}
             self._has_ended |= any(each.ends for each in ends.values())
             broken = {state: each.broken for state, each in ends.items()}
             some = {state: self._some[state] | broken[state] for state in states}
             each = {state: self._each[state] | broken[state] for state in states}
             self._note(some, each, {})
-        pending = [self._flight.judgement(state).pending for state in self._some]
+        pending = [self._compared_run.judgement(state).pending for state in self._some]
         self._open = reduce(or_, pending, 0)
         if not self._has_ended:
             self._open |= self._at_end
@@ -415,7 +415,7 @@ class _Judged:
     def go_on(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
         """Evaluate the rest of a run that is no longer possible for the tree, by its events alone."""
         times, names = {}, self._properties.names
-        for tick in ticks_of(self._flight.record):
+        for tick in ticks_of(self._compared_run.record):
             times[tick[-1].tick] = tick[-1].time_sec or 0.0
             for event in tick:
                 watch.take(event)
@@ -431,23 +431,25 @@ class _Judged:
 
     def _event_of(self, alarm: WatchAlarm) -> Event | None:
         said = (
-            each for each in self._flight.record if (each.tick, each.number) == (alarm.tick, alarm.number)
+            each
+            for each in self._compared_run.record
+            if (each.tick, each.number) == (alarm.tick, alarm.number)
         )
         return next((each for each in said if event_words(each) == alarm.event), None)
 
-    def found(self) -> tuple[FlownProperty, ...]:
+    def found(self) -> tuple[RecordedProperty, ...]:
         """Return the result of each property."""
         return tuple(self._fate(rule, name) for rule, name in enumerate(self._properties.names))
 
-    def _fate(self, rule: int, name: str) -> FlownProperty:
+    def _fate(self, rule: int, name: str) -> RecordedProperty:
         breakage, fate = self._broken.get(rule), PropertyFate.BROKEN
         if breakage is None:
             breakage, fate = self._doubted.get(rule), PropertyFate.IN_DOUBT
         if breakage is None:
-            return FlownProperty(name, PropertyFate.OPEN if self._open >> rule & 1 else PropertyFate.KEPT)
+            return RecordedProperty(name, PropertyFate.OPEN if self._open >> rule & 1 else PropertyFate.KEPT)
         tick, time_sec, event, by_events = breakage
         number = None if event is None else event.number
-        place = "" if number is None else self._flight.place(number)
+        place = "" if number is None else self._compared_run.place(number)
         said = "" if event is None else event_words(event)
-        run = self._flight.led_to(tick, number)
-        return FlownProperty(name, fate, tick, time_sec, said, place, by_events, run)
+        run = self._compared_run.led_to(tick, number)
+        return RecordedProperty(name, fate, tick, time_sec, said, place, by_events, run)

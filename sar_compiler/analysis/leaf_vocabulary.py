@@ -81,7 +81,7 @@ class Names(NamedTuple):
     is_open: bool
 
 
-class Slip(NamedTuple):
+class Typo(NamedTuple):
     """An error in a condition.
 
     Attributes:
@@ -122,7 +122,7 @@ def _made_by(effect: str) -> Iterator[str]:
     return (use.name for use in name_uses(parse(effect)) if use.access is Access.CREATE)
 
 
-def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Iterator[Slip]:
+def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Iterator[Typo]:
     """Yield the unknown names in a script: those that neither the tree nor the script itself defines.
 
     Args:
@@ -134,10 +134,10 @@ def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Itera
     for use in name_uses(script) if not names.is_open else ():
         if use.access is not Access.CREATE and use.name.removeprefix(ROOT_SIGN) not in known:
             message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(known) or 'none'}"
-            yield Slip(message, (use.start, use.end), suggestion=nearest(use.name, known))
+            yield Typo(message, (use.start, use.end), suggestion=nearest(use.name, known))
 
 
-def slips(script: Script, names: Names, own: Collection[str], later: Collection[str] = ()) -> Iterator[Slip]:
+def typos(script: Script, names: Names, own: Collection[str], later: Collection[str] = ()) -> Iterator[Typo]:
     """Yield the errors in a condition.
 
     Args:
@@ -151,10 +151,10 @@ def slips(script: Script, names: Names, own: Collection[str], later: Collection[
         place = (use.start, use.end)
         if use.access is not Access.READ:
             message = f"a condition only reads '{use.name}' and must not change it"
-            yield Slip(message, place, hint="write == to compare")
+            yield Typo(message, place, hint="write == to compare")
         elif use.name in later:
             message = f"'{use.name}' is only known after a tick, and events come before that"
-            yield Slip(message, place, hint="use it in end or at_end")
+            yield Typo(message, place, hint="use it in end or at_end")
         else:
             continue
         usable = False
@@ -241,11 +241,11 @@ class LeafVocabulary:
         condition = script(self.document, value)
         if condition is None or value is None:
             return None
-        found = list(slips(condition, self.names, own, later))
-        for slip in found:
-            code = "wrong-condition" if slip.hint else "unknown-fact"
+        found = list(typos(condition, self.names, own, later))
+        for typo in found:
+            code = "wrong-condition" if typo.hint else "unknown-fact"
             self.document.report(
-                code, slip.message, value, slip.place, suggestion=slip.suggestion, hint=slip.hint
+                code, typo.message, value, typo.place, suggestion=typo.suggestion, hint=typo.hint
             )
         return None if found else condition
 

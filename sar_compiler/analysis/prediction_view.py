@@ -35,7 +35,7 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     rows = [("success", _percent(found.success)), ("an end", _percent(found.ends))]
     rows += [("time", _time(found))] if found.time_sec else []
     rows += [("time to success", _seconds(found.success_sec))] if found.success_sec else []
-    rows += [(name, _percent(chance)) for name, chance in found.properties.items()]
+    rows += [(name, _percent(probability)) for name, probability in found.properties.items()]
     width = max(len(name) for name, _ in rows) + 1
     yield from (f"  {name + ':':{width}} {said}" for name, said in rows)
     for each in found.left_out:
@@ -68,8 +68,8 @@ def _influence_lines(found: Prediction) -> Iterator[str]:
         yield f"  {'/'.join(each.leaf):{width}}  {gain:>18}  {100 * each.if_never_failed:>16.1f} %"
 
 
-def _percent(chance: Between) -> str:
-    low, high = (f"{100 * each:.1f}" for each in chance)
+def _percent(probability: Between) -> str:
+    low, high = (f"{100 * each:.1f}" for each in probability)
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
@@ -95,7 +95,7 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
     data = {
         "success": numbers(prediction.success),
         "end": numbers(prediction.ends),
-        "properties": {name: numbers(chance) for name, chance in prediction.properties.items()},
+        "properties": {name: numbers(probability) for name, probability in prediction.properties.items()},
         "time_sec": numbers(prediction.time_sec),
         "success_sec": numbers(prediction.success_sec),
         "quantiles_sec": {f"{share:g}": prediction.quantile(share) for share in _SHARES},

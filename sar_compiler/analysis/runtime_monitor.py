@@ -12,7 +12,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.state_search.chances import LimitUse
+from sar_compiler.analysis.state_search.probabilities import LimitUse
 from sar_compiler.analysis.state_search.trail import Guarded, Trail
 from sar_compiler.analysis.stub_leaf import FactVariables, StubLeaf, StubLeafError
 from sar_compiler.analysis.verify.limits import spending_conditions

@@ -200,7 +200,7 @@ class StubLeaf(SkippableLeaf):
         self._quick: dict[tuple[FactVariables, Program], Callable[[], Any] | None] = {}
 
     @property
-    def is_by_chance(self) -> bool:
+    def is_random(self) -> bool:
         """Whether any of its answers has a known probability or duration."""
         return any(answer.p is not None or answer.sec != (0.0, 0.0) for answer in self.answers)
 

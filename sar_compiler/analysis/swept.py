@@ -75,13 +75,13 @@ class ScenarioRuns:
         stage = _stage(self.tree, self.content, self.additions)
         return understand(parse_yaml(self.scenario, self.path, ""), stage)
 
-    def are_by_chance(self) -> bool:
+    def are_random(self) -> bool:
         """Return whether two runs can differ."""
         play = self.understood()
         steps = [step for script in play.scenario.scripts.values() for step in script]
-        if any(step.chance < 1.0 or step.longest_sec > step.after_sec for step in steps):
+        if any(step.probability < 1.0 or step.longest_sec > step.after_sec for step in steps):
             return True
-        return bool(self.unusual) or any(leaf.is_by_chance for leaf in play.simulated.leaves)
+        return bool(self.unusual) or any(leaf.is_random for leaf in play.simulated.leaves)
 
     def events(self, simulated: SimulatedTree) -> list[EventPattern]:
         """Return the events to count.

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from sar_compiler.checks.rules import CheckContext, is_misnamed
-from sar_compiler.nodes.binding.attributes import slip_in_note
+from sar_compiler.nodes.binding.attributes import typo_in_note
 from sar_compiler.nodes.binding.tree_ids import find_main_tree, is_node
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models import read_models
@@ -152,7 +152,7 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         near = None if is_note else guesses.nearest(name, known)
         if name == "name" and is_misnamed(element) and "ID" in known:
             near = "ID"
-        if near is not None or (is_note and slip_in_note(name, guesses) is not None):
+        if near is not None or (is_note and typo_in_note(name, guesses) is not None):
             yield element.finding("unknown-attribute", message, name=name, suggestion=near)
         elif not is_note:
             hint = "BehaviorTree.CPP passes over it as well; delete it, or begin it with _"

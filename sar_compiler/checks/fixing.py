@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, close_key
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Source
-from sar_compiler.tree.guessing import is_slip
+from sar_compiler.tree.guessing import is_typo
 from sar_compiler.tree.model import Element, TreeFile, last_before
 from sar_compiler.tree.showing import in_one_line, shortened
 from sar_compiler.tree.yaml_writer import scalar
@@ -41,7 +41,7 @@ def _same_but_case(written: str, suggestion: str) -> bool:
 
 def _attribute(written: str, suggestion: str) -> bool:
     """Attributes that any node may have, with one slip; others in the wrong case."""
-    return _same_but_case(written, suggestion) or (suggestion in _COMMON and is_slip(written, suggestion))
+    return _same_but_case(written, suggestion) or (suggestion in _COMMON and is_typo(written, suggestion))
 
 
 def _value(written: str, suggestion: str) -> bool:
@@ -50,7 +50,7 @@ def _value(written: str, suggestion: str) -> bool:
         written.strip() == suggestion
         or _same_but_case(written.strip(), suggestion)
         or close_key(written) == suggestion
-        or (suggestion in _TRUTHS and is_slip(written, suggestion))
+        or (suggestion in _TRUTHS and is_typo(written, suggestion))
     )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sar_compiler.budget import Budget
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.project import ProjectTree
-    from sar_compiler.reports.compared_runs import Flight
+    from sar_compiler.reports.compared_runs import ComparedRun
     from sar_compiler.runtime.events import Event
 
 
@@ -36,10 +36,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "a file of properties for the recorded runs (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_search_options(parser, "compare with")
-    parser.set_defaults(run=conform_flights)
+    parser.set_defaults(run=conform_runs)
 
 
-def conform_flights(arguments: argparse.Namespace) -> int:
+def conform_runs(arguments: argparse.Namespace) -> int:
     """Compare recorded runs with all possible runs of a tree, and print the deviations.
 
     Returns:
@@ -54,26 +54,28 @@ def conform_flights(arguments: argparse.Namespace) -> int:
     (tree,) = load_checked(arguments, arguments.file)
     # Its code never checks whether to stop.
     budget = budget_of(arguments, patience_sec=0.0)
-    flights = [_flight(place, tree, budget, arguments) for place in arguments.journals]
-    show = views.flights_as_json if arguments.format == "json" else views.flights_as_text
+    flights = [_compared_run(place, tree, budget, arguments) for place in arguments.journals]
+    show = views.runs_as_json if arguments.format == "json" else views.runs_as_text
     print_text(show(flights))
     if budget.is_interrupted:
         return budget.exit_status
     return OK if all(each.is_fine for each in flights) else FINDINGS
 
 
-def _flight(place: Path, tree: "ProjectTree", budget: "Budget", arguments: argparse.Namespace) -> "Flight":
+def _compared_run(
+    place: Path, tree: "ProjectTree", budget: "Budget", arguments: argparse.Namespace
+) -> "ComparedRun":
     """Return the result for the last run of a journal."""
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
-    from sar_compiler.reports.compared_runs import Flight
+    from sar_compiler.reports.compared_runs import ComparedRun
     from sar_compiler.reports.journals import journal_word
 
     with JournalFile.reading(place) as file:
         state = MissionState.of(file.last_run(without=OF_ROBOT, is_condensed=True))
     state.look_at_process(is_gone=not file.is_written)
-    flight = Flight(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
+    flight = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
     if not state.nodes:
         return flight._replace(problem="it has no run of a tree")
     try:

@@ -213,7 +213,7 @@ def _options(argv: Sequence[str]) -> Namespace:
         parser.error("the name of the tree file is empty")
     given.no_journal = given.journal == _NO_JOURNAL
     given.journal = None if given.no_journal else given.journal
-    for message in (*_slips(given), *_slips_of_serving(given), *_slips_of_companions(given)):
+    for message in (*_option_errors(given), *_serving_option_errors(given), *_extension_option_errors(given)):
         parser.error(message)
     given.seed, given.speed, given.like = given.seed or 0, given.speed or 1.0, given.like or QUICK_NAME
     given.until = Until(given.until) if given.until else None
@@ -221,7 +221,7 @@ def _options(argv: Sequence[str]) -> Namespace:
     return given
 
 
-def _slips(given: Namespace) -> Iterator[str]:
+def _option_errors(given: Namespace) -> Iterator[str]:
     """Yield errors about options that exclude each other."""
     for option in ("speed", "fault", "seed", "like"):
         if given.sim is None and getattr(given, option) not in (None, []):
@@ -236,7 +236,7 @@ def _slips(given: Namespace) -> Iterator[str]:
         yield "--supervise resumes a mission from its journal: remove --journal none and --check"
 
 
-def _slips_of_serving(given: Namespace) -> Iterator[str]:
+def _serving_option_errors(given: Namespace) -> Iterator[str]:
     if given.managed and given.serve is None:
         yield "--managed applies to a server of trees: add --serve TREE"
     if given.serve is None:
@@ -247,7 +247,7 @@ def _slips_of_serving(given: Namespace) -> Iterator[str]:
         yield "--serve starts a run for each goal: remove --check, --resume, --report and --record"
 
 
-def _slips_of_companions(given: Namespace) -> Iterator[str]:
+def _extension_option_errors(given: Namespace) -> Iterator[str]:
     for option, is_given in (("--web-port", given.web_port is not None), ("--open", given.open)):
         if is_given and given.view != "web":
             yield f"{option} applies to the page: add --view web"
@@ -300,7 +300,7 @@ _EPILOG = (
 def _parser() -> Parser:
     text = "Run a mission: check the tree, wait for its requirements, tick it."
     parser = Parser(PROG, text, epilog=_EPILOG)
-    _add_what_is_flown(parser, parser.add_argument_group("what to run"))
+    _add_run_options(parser, parser.add_argument_group("what to run"))
     _add_simulation(parser, parser.add_argument_group("simulate"))
     _add_companions(parser, parser.add_argument_group("see and record"))
     _add_safety(parser, parser.add_argument_group("safety"))
@@ -310,7 +310,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _add_what_is_flown(parser: Parser, group: _ArgumentGroup) -> None:
+def _add_run_options(parser: Parser, group: _ArgumentGroup) -> None:
     # py_trees, which it imports, cannot be imported if standard output is closed.
     from sar_compiler.execution.until import Until
 

@@ -25,7 +25,7 @@ from sar_compiler.writing import write_text
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.sweep import Played, SweptRow
-    from sar_compiler.sim.flights import Flights
+    from sar_compiler.sim.simulated_runs import SimulatedRuns
 
 _NO_FAULTS = "none"
 # More than any machine reaches: a run takes processor time.
@@ -59,7 +59,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
         TreeError: If the tree or a world is not valid.
         SarError: If a file cannot be read, a fault is impossible, or a run ends before its mission starts.
     """
-    from sar_compiler.sim.flights import fewest_faults, in_threads
+    from sar_compiler.sim.simulated_runs import fewest_faults, in_threads
 
     require_middleware()
     # The runs are stopped gracefully, however the command ends.
@@ -79,10 +79,10 @@ def sweep_missions(options: argparse.Namespace) -> int:
     return run_sweep(list(rows), 1, in_threads, write, kind, options, budget)
 
 
-def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
+def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, SimulatedRuns]]":
     """Yield a row for each combination, with its runs, after all possible checks."""
     from sar_compiler.analysis.sweep import SweptRow
-    from sar_compiler.sim.flights import Flights
+    from sar_compiler.sim.simulated_runs import SimulatedRuns
 
     program = tuple(helper_command("sar_compiler.cli.console", "sar_run_repeatedly"))
     worlds, mixes = options.world or [DEFAULT_WORLD], options.fault or [_NO_FAULTS]
@@ -95,7 +95,9 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, Flights]]":
             labels[name] = text
             ros += ["-p", f"{name}:={text}"]
         faults = () if mix == _NO_FAULTS else tuple(mix.split())
-        flights = Flights(program, (options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros))
+        flights = SimulatedRuns(
+            program, (options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros)
+        )
         yield SweptRow(labels, flights), flights
 
 

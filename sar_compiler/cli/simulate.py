@@ -116,7 +116,7 @@ def _play(
         return PlayedScenario(str(path or arguments.file), problem=str(error), is_finding=is_finding)
     for finding in play.scenario.warnings:
         print_error(finding.render())
-    unknown = _slip(arguments.until, play.simulated) if arguments.until else None
+    unknown = _typo(arguments.until, play.simulated) if arguments.until else None
     if unknown is not None:
         print_error(f"sar-compile: {unknown}")
         return PlayedScenario(str(path or arguments.file), problem=unknown)
@@ -138,16 +138,16 @@ def _play(
     return PlayedScenario(scenario.name, run, tuple(missed))
 
 
-def _slip(until: "Script", simulated: "SimulatedTree") -> str | None:
+def _typo(until: "Script", simulated: "SimulatedTree") -> str | None:
     """Return the error in the argument of `--until`, if there is one."""
-    from sar_compiler.analysis.leaf_vocabulary import names_of, slips
+    from sar_compiler.analysis.leaf_vocabulary import names_of, typos
     from sar_compiler.analysis.simulate.scenario_files import OWN
 
-    slip = next(slips(until, names_of(simulated), OWN), None)
-    if slip is None:
+    typo = next(typos(until, names_of(simulated), OWN), None)
+    if typo is None:
         return None
-    advice = did_you_mean(slip.suggestion) or (f"; {slip.hint}" if slip.hint else "")
-    return f"--until: {slip.message}{advice}"
+    advice = did_you_mean(typo.suggestion) or (f"; {typo.hint}" if typo.hint else "")
+    return f"--until: {typo.message}{advice}"
 
 
 def _trace_failure(run: "Run") -> "list[Failure]":

@@ -64,7 +64,7 @@ def require_rows(*counts: int) -> None:
         raise TooManyRowsError(f"{many} = {rows:,} combinations, more than {MOST_ROWS:,}: vary fewer values")
 
 
-class NothingByChanceError(SarError):
+class NothingRandomError(SarError):
     """All runs of a sweep would be the same."""
 
 
@@ -104,9 +104,9 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     varied = [len(values) for _, values in (*arguments.vary, *arguments.set)]
     require_rows(len(arguments.scenario) or 1, len(arguments.unusual), *varied)
     rows = dict(_rows(arguments))
-    if not any(runs.are_by_chance() for runs in rows.values()):
-        message = "all runs would be the same: add chance: (or after: 4s to 9s) to steps of a scenario, or --unusual 0.1"
-        raise NothingByChanceError(message)
+    if not any(runs.are_random() for runs in rows.values()):
+        message = "all runs would be the same: add probability: (or after: 4s to 9s) to steps of a scenario, or --unusual 0.1"
+        raise NothingRandomError(message)
 
     def write(row: "SweptRow", played: "Played") -> Written | None:
         text = smallest_scenario(rows[row], played.seed)

@@ -25,7 +25,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--no-cache", action="store_true", help=text)
     add("--fix", action="store_true", help="first fix typos in the files")
     text = "print one file with all suggestions applied, including guesses, instead of the findings; no file is changed"
-    add("--mended", action="store_true", help=text)
+    add("--print-fixed", action="store_true", help=text)
     text = "with text and github: report each location, instead of each cause once"
     add("--all", action="store_true", help=text)
     text = "for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"

@@ -56,8 +56,8 @@ _ROUNDS = 20
 
 def validate_files(arguments: argparse.Namespace) -> int:
     """Print the findings about files, and return the exit status: 130 after Ctrl-C, with the findings so far."""
-    if arguments.mended:
-        return _print_mended(arguments)
+    if arguments.print_fixed:
+        return _print_fixed(arguments)
     validation = _Validation(arguments)
     if arguments.fix:
         validation.mend()
@@ -75,7 +75,7 @@ def validate_files(arguments: argparse.Namespace) -> int:
     return FINDINGS if any(each.severity in counted for each in validation.findings) else OK
 
 
-def _print_mended(arguments: argparse.Namespace) -> int:
+def _print_fixed(arguments: argparse.Namespace) -> int:
     """Print a file with all suggestions applied, and return the exit status: whether errors are left.
 
     Raises:
@@ -86,7 +86,7 @@ def _print_mended(arguments: argparse.Namespace) -> int:
     from sar_compiler.project import Workspace
 
     if len(arguments.files) > 1 or arguments.fix:
-        raise SarError("--mended prints a single file: name one file, and remove --fix")
+        raise SarError("--print-fixed prints a single file: name one file, and remove --fix")
     path, added = find_tree(arguments.files[0]), additions(arguments)
     tree = mend(path, lambda read: Workspace(added, read, tell_note, further_checks()).load_file(path))
     print(tree.source.text, end="")
@@ -170,7 +170,7 @@ class _Validation:
             if path != STANDARD_INPUT:
                 self._guard(path)
 
-    def _mend_file(self, path: Path) -> None:
+    def _fix_file(self, path: Path) -> None:
         for _ in range(_ROUNDS):
             try:
                 tree = self._workspace.load_file(path)
@@ -245,7 +245,7 @@ class _Validation:
     def _guard(self, path: Path) -> None:
         """Fix a file; an error must not prevent findings about the other files."""
         try:
-            self._mend_file(path)
+            self._fix_file(path)
         except TreeError as error:
             self._report(error.findings)
         except SarError as error:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from sar_compiler.execution.until import Until as Until
 
 PUBLIC_MODULES = (
+    "command_client",
     "extensions",
     "mission_run",
     "order_record",
@@ -23,7 +24,6 @@ PUBLIC_MODULES = (
     "supervision",
     "supervisor",
     "until",
-    "verb_calls",
 )
 """The modules that other parts may import."""
 if not TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 ALIVE, ENDING, JOURNAL, DEAF = b".", b"=", b"/", b"?"
 """The signs of a run, each the first letter of a line: heartbeat, end, place of the journal, lost discovery.
-The guardian has one more (`ros.guardian.ADRIFT_SIGN`)."""
+The guardian has one more (`ros.guardian.MAY_MOVE_SIGN`)."""
 
 _VARIABLE = "SAR_SUPERVISION"
 PERIOD_SEC = 1.0

@@ -22,7 +22,7 @@ from sar_compiler.execution.supervision import (
     Supervision,
 )
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.ros.guardian import ADRIFT_SIGN
+from sar_compiler.ros.guardian import MAY_MOVE_SIGN
 from sar_compiler.ros.signals import StopSignals
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def supervise(
         signals.last_words = lambda life=life: life.hurry(signals)
         life.watch(signals)
         status, death = life.end()
-        if life.is_adrift:
+        if life.may_move:
             print_error("sar-run: the mission has crashed, and one of its goals may still be active")
             return ROBOT_MAY_MOVE
         if signals.came and death:
@@ -86,11 +86,11 @@ class _Life:
         has_begun: Whether to resume the mission.
 
     Attributes:
-        is_adrift: Whether one of its goals may still be active.
+        may_move: Whether one of its goals may still be active.
     """
 
     def __init__(self, argv: Sequence[str], deaths: Sequence[str], *, has_begun: bool) -> None:
-        self.is_adrift = False
+        self.may_move = False
         self._began = time.time()
         signs, theirs = os.pipe()
         handed = Supervision(theirs, deaths, has_begun).environment()
@@ -200,7 +200,7 @@ class _Life:
             self._is_deaf = True
         elif line.startswith(JOURNAL):
             self._place = Path(json.loads(line[1:]))
-        self.is_adrift = self.is_adrift or line.startswith(ADRIFT_SIGN)
+        self.may_move = self.may_move or line.startswith(MAY_MOVE_SIGN)
 
     def _run_in_journal(self) -> "JournalRun | None":
         """Return the journal's record of this run; None if it had not started."""

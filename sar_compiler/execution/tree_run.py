@@ -274,7 +274,7 @@ class TreeRun:
         self._has_ticked = False
         self._messages: list[str] = []
         self._started = 0.0
-        self._adrift = ""
+        self._may_move = ""
         self._callback_failure: Exception | None = None
         self._sole: RobotLease | None = None
         self._watch: DependencyMonitor | None = None
@@ -346,7 +346,7 @@ class TreeRun:
             self._node,
             self.tree.uses(),
             initial_pose=self._parameters.initial_pose if with_pose else None,
-            begins_anew=self.simulation is not None,
+            restarts=self.simulation is not None,
             can_resume=self.setup.journal.aside is not None,
             first=(OrphanedGoals(self._node, self.setup.journal), self._sole),
             endpoints=declared_endpoints(self.tree.root),
@@ -364,11 +364,11 @@ class TreeRun:
         """Tick the tree until it is over, and summarise; returns the exit status."""
         self._has_ticked = True
         try:
-            return self._fly()
+            return self._execute_run()
         finally:
             self._output.leave()
 
-    def _fly(self) -> int:
+    def _execute_run(self) -> int:
         """Tick the tree until it is over, and close the journal; returns the exit status."""
         # The order of the end matters. Properties are evaluated before the tree is halted, because halting is not an event of the run. The
         # journal is closed last: its end records whether every goal was observed to have ended, and a crash before it leaves a journal that
@@ -451,7 +451,7 @@ class TreeRun:
         deadline = time.monotonic() + limit_sec
         names = self.engine.settle(self.executor, limit_sec)
         if names:
-            self._adrift = (
+            self._may_move = (
                 f"a goal may still be active, and the robot may still be moving: {', '.join(names)}"
             )
         robot = self._robot
@@ -460,7 +460,7 @@ class TreeRun:
                 return
             self._turn(lambda: self.executor.spin_once(_TURN_SEC))
         if robot is not None and robot.moves and not names:
-            self._adrift = (
+            self._may_move = (
                 f"no goal of this mission is active, but the robot still moves ({robot.speed_in_words})"
             )
 
@@ -554,10 +554,10 @@ class TreeRun:
 
     def _status(self) -> int:
         status = self._status_of_run()
-        if not self._adrift or self._failure_of_simulation is not None:
+        if not self._may_move or self._failure_of_simulation is not None:
             return status
-        self._messages.append(self._adrift)
-        self._reason = " ".join([*filter(None, [self._reason]), self._adrift])
+        self._messages.append(self._may_move)
+        self._reason = " ".join([*filter(None, [self._reason]), self._may_move])
         return ROBOT_MAY_MOVE
 
     def _status_of_run(self) -> int:

@@ -5,8 +5,8 @@ Only the mission's own process writes to the file. All later displays of the mis
 
 PUBLIC_MODULES = (
     "chain",
-    "condition",
     "database",
+    "display",
     "errors",
     "following",
     "georeference",
@@ -17,7 +17,7 @@ PUBLIC_MODULES = (
     "opening",
     "recorded_events",
     "refused_start",
-    "situation",
+    "status_line",
     "status_watch",
 )
 """The modules that other parts may import."""

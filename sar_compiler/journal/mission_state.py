@@ -275,7 +275,7 @@ class MissionState:
         situation: The display state of the mission.
         is_told: Whether the mission itself has reported a display state; without one there are only events.
         since: The start of each alarm, by its text.
-        courses: The history of each figure in percent, by its name: the times of its changes.
+        figure_history: The history of each figure in percent, by its name: the times of its changes.
         facts: The events with the operator's commands, in order; without goals of actions, see `goals`.
         pose: The last pose of the robot; None before the first one.
         trail: The previous poses.
@@ -294,7 +294,7 @@ class MissionState:
         finished: When each landmark was finished or given up in the last run, by kind and name.
         process: The state of the process that runs it; by default, it exists and reports.
         properties: The monitored properties of the last run, by name; empty if there are none.
-        doubted: The first time that the last run contradicted an assumption of the verification; None if it did not.
+        assumption_failed_at: The first time that the last run contradicted an assumption of the verification; None if it did not.
         place: A georeference that is supplied afterwards; else the parameters may have one.
     """
 

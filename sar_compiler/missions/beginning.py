@@ -65,8 +65,8 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in (*_keys(binding), *_script_keys(binding)))
     names = (*RUN_PARAMETER_NAMES, *own, *keys)
-    slips = lookalikes(reader.parameters, names, reader.place_of)
-    return Beginning(run, parameters, (*slips, *unread_files(reader, names), *reader.notes))
+    typos = lookalikes(reader.parameters, names, reader.place_of)
+    return Beginning(run, parameters, (*typos, *unread_files(reader, names), *reader.notes))
 
 
 class FileStart(NamedTuple):

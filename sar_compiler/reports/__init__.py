@@ -2,7 +2,7 @@
 
 PUBLIC_MODULES = (
     "checked_journal",
-    "compared_flights",
+    "compared_runs",
     "explanation",
     "journals",
     "leaf_statistics",

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from sar_compiler.analysis.conformance import (
     Conformance,
-    FlownProperty,
     Misfit,
     PropertyFate,
+    RecordedProperty,
     event_words,
 )
 from sar_compiler.analysis.sweep_table import table_text
@@ -23,7 +23,7 @@ _WRONG = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
 _GOING_ON = {"running": "running, judged so far"}
 
 
-class Flight(NamedTuple):
+class ComparedRun(NamedTuple):
     """The last run of a journal, and the result of its comparison.
 
     Attributes:
@@ -48,23 +48,23 @@ class Flight(NamedTuple):
         return self.found is not None and self.found.is_fine
 
     @property
-    def wrong(self) -> list[FlownProperty]:
+    def wrong(self) -> list[RecordedProperty]:
         """The properties that are violated, or may be."""
         return [each for each in self.found.properties if each.fate in _WRONG] if self.found else []
 
 
-def flights_as_text(flights: Sequence[Flight]) -> str:
+def runs_as_text(flights: Sequence[ComparedRun]) -> str:
     """Return one run with all details; several runs as a table, with their problems below."""
     if len(flights) == 1:
-        return "\n".join(map(in_one_line, _flight_lines(flights[0])))
+        return "\n".join(map(in_one_line, _run_lines(flights[0])))
     lines = [table_text([*map(_row, flights)], 4)]
     for flight in flights:
         if not flight.is_fine:
-            lines += ["", *map(in_one_line, _flight_lines(flight))]
+            lines += ["", *map(in_one_line, _run_lines(flight))]
     return "\n".join(lines)
 
 
-def _row(flight: Flight) -> dict[str, str]:
+def _row(flight: ComparedRun) -> dict[str, str]:
     found = flight.found
     fits = "not judged"
     if found is not None:
@@ -78,11 +78,11 @@ def _row(flight: Flight) -> dict[str, str]:
     }
 
 
-def _doubt(each: FlownProperty) -> str:
+def _doubt(each: RecordedProperty) -> str:
     return " (perhaps)" if each.fate is PropertyFate.IN_DOUBT else ""
 
 
-def _flight_lines(flight: Flight) -> Iterator[str]:
+def _run_lines(flight: ComparedRun) -> Iterator[str]:
     found = flight.found
     if found is None:
         yield f"{flight.journal}: not compared: {flight.problem}"
@@ -104,7 +104,7 @@ def _misfit_lines(misfit: Misfit) -> Iterator[str]:
         yield f"  {misfit.why}"
     if misfit.possible:
         yield f"  possible there: {', '.join(misfit.possible)}"
-    yield from _run_lines(misfit.run)
+    yield from _event_lines(misfit.run)
 
 
 def _property_lines(found: Conformance) -> Iterator[str]:
@@ -124,28 +124,28 @@ def _property_lines(found: Conformance) -> Iterator[str]:
             yield from _broken_lines(broken)
 
 
-def _broken_lines(broken: FlownProperty) -> Iterator[str]:
+def _broken_lines(broken: RecordedProperty) -> Iterator[str]:
     said = f"by {broken.event} in" if broken.event else "at the end of"
     place = f"  ({broken.place})" if broken.place else ""
     yield f"{broken.name}: {broken.fate.value} {said} tick {broken.tick}, {clock_text(broken.time_sec)}{place}"
     if broken.fate is PropertyFate.IN_DOUBT:
         yield "  the record matches runs that violate it and runs that do not"
-    yield from _run_lines(broken.run)
+    yield from _event_lines(broken.run)
 
 
-def _run_lines(run: Sequence[Event]) -> Iterator[str]:
+def _event_lines(run: Sequence[Event]) -> Iterator[str]:
     if run:
         yield "  the last events:"
     for event in run:
         yield f"    {clock_text(event.time_sec or 0.0):>7}  tick {event.tick:>4}  {event_words(event)}"
 
 
-def flights_as_json(flights: Sequence[Flight]) -> str:
-    """Return recorded runs as a JSON object; see `flights_as_text`."""
-    return as_json({"fine": all(each.is_fine for each in flights), "flights": [*map(_flight_data, flights)]})
+def runs_as_json(flights: Sequence[ComparedRun]) -> str:
+    """Return recorded runs as a JSON object; see `runs_as_text`."""
+    return as_json({"fine": all(each.is_fine for each in flights), "runs": [*map(_run_data, flights)]})
 
 
-def _flight_data(flight: Flight) -> dict[str, object]:
+def _run_data(flight: ComparedRun) -> dict[str, object]:
     found = flight.found
     data: dict[str, object] = {
         "journal": str(flight.journal),

@@ -195,7 +195,7 @@ class DependencyMonitor:
 
     Attributes:
         trouble: The reason why the run must end; empty if it need not.
-        deafness: The reason why another process must continue the mission; empty if there is none.
+        lost_discovery: The reason why another process must continue the mission; empty if there is none.
     """
 
     def __init__(

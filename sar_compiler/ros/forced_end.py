@@ -63,8 +63,8 @@ class ForcedEnd:
             self._print(f"{words}: {', '.join(active)}")
             return ROBOT_MAY_MOVE
 
-        may_be_adrift = self._cancel is not None and goals_under_way(self._node).active()
-        status = ROBOT_MAY_MOVE if may_be_adrift else self._signals.exit_status
+        could_still_move = self._cancel is not None and goals_under_way(self._node).active()
+        status = ROBOT_MAY_MOVE if could_still_move else self._signals.exit_status
         end_at_once(status, cancel, _LEAVES_SEC + _APART_SEC + settle_sec)
 
     def hurry(self) -> int | None:

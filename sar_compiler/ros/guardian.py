@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.engine import Engine
     from sar_compiler.ros.orphaned_goals import LeftGoal
 
-ADRIFT_SIGN = b"!"
+MAY_MOVE_SIGN = b"!"
 """Written to the mission's supervisor if the guardian has not seen the end of a goal."""
 
 # The first character of a line: a goal is sent, has ended, a heartbeat.
@@ -160,7 +160,7 @@ def main() -> None:
     wards = _Wards(node)
     wards.follow(sys.stdin)
     if not wards.cancel(_GONE) and signs:
-        os.write(int(signs), ADRIFT_SIGN)
+        os.write(int(signs), MAY_MOVE_SIGN)
     end_process(0, node.destroy_node)
 
 

@@ -118,7 +118,7 @@ class LocalisationCheck(Requirement):
     Args:
         node: The node to publish with.
         pose: The robot's pose, in the frame `map`.
-        begins_anew: Whether the localisation is known to have none, as that of a simulation that has just begun.
+        restarts: Whether the localisation is known to have none, as that of a simulation that has just begun.
         can_resume: Whether the journal of the mission before is there.
 
     Attributes:
@@ -128,13 +128,13 @@ class LocalisationCheck(Requirement):
     may_publish = True
 
     def __init__(
-        self, node: Node, pose: InitialPose, *, begins_anew: bool = False, can_resume: bool = False
+        self, node: Node, pose: InitialPose, *, restarts: bool = False, can_resume: bool = False
     ) -> None:
         self._node = node
         self._pose = pose
         self._robot = robot_estimate(node)
-        self._begins_anew, self._can_resume = begins_anew, can_resume
-        self._heard_of_at = -math.inf if begins_anew else math.inf
+        self._restarts, self._can_resume = restarts, can_resume
+        self._heard_of_at = -math.inf if restarts else math.inf
         self._sent_at = -math.inf
         self._localised_at = math.inf
         self._answered = False
@@ -188,7 +188,7 @@ class LocalisationCheck(Requirement):
         Raises:
             MisplacedRobotError: If it is elsewhere.
         """
-        is_known = self._begins_anew or self._has_asked or self._robot.is_localised
+        is_known = self._restarts or self._has_asked or self._robot.is_localised
         if is_known or not ros_graph(self._node).publishers(_ODOMETRY.name):
             return True
         if self._robot.odometry is None:
@@ -373,7 +373,7 @@ class Readiness:
         uses: The resources that the tree's leaves use, with resolved names; may contain duplicates.
         initial_pose: The initial pose for the localisation, if Nav2 is used: x, y (m), yaw (rad) in the
             frame `map`; None to send none and not to wait for it.
-        begins_anew: Whether the localisation is known to have no pose yet.
+        restarts: Whether the localisation is known to have no pose yet.
         can_resume: Whether the journal of the previous mission exists.
         endpoints: The use of actions, services and topics by the leaves; names that are not listed may have any type.
         first: Requirements of the caller, who also closes them, to check before all others.
@@ -389,7 +389,7 @@ class Readiness:
         uses: Iterable[Use],
         *,
         initial_pose: InitialPose | None,
-        begins_anew: bool = False,
+        restarts: bool = False,
         can_resume: bool = False,
         endpoints: Mapping[Use, Endpoint] | None = None,
         first: Iterable[Requirement] = (),
@@ -409,7 +409,7 @@ class Readiness:
         self._steps.append(lambda: self._graph.clock() or None)
         self.uses_nav2 = any(use.kind == "nav2" for use in uses)
         if self.uses_nav2:
-            self._wait_for_nav2(initial_pose, begins_anew, can_resume)
+            self._wait_for_nav2(initial_pose, restarts, can_resume)
         elif Use.transforms() in uses:
             sources = frame_sources(node)
             self._steps.append(lambda: self._graph.missing_transforms() or sources.conflict() or None)
@@ -430,12 +430,12 @@ class Readiness:
     def _missing_endpoint(self, endpoint: Endpoint) -> str | None:
         return self._graph.ask(endpoint).line
 
-    def _wait_for_nav2(self, initial_pose: InitialPose | None, begins_anew: bool, can_resume: bool) -> None:
+    def _wait_for_nav2(self, initial_pose: InitialPose | None, restarts: bool, can_resume: bool) -> None:
         localizer, navigator = NAV2_NODES
         self._parameters = nav2_parameters(self.node)
         if initial_pose is not None:
             self._localised = LocalisationCheck(
-                self.node, initial_pose, begins_anew=begins_anew, can_resume=can_resume
+                self.node, initial_pose, restarts=restarts, can_resume=can_resume
             )
             self._closing.append(self._localised)
             self._steps.append(self._localised.missing)

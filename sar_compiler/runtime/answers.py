@@ -72,7 +72,7 @@ def nominal(options: Sequence[Answer]) -> Answer:
     return next((answer for answer in options if answer.status != "RUNNING"), options[0])
 
 
-def chances(answers: Sequence[Answer]) -> list[tuple[float, float]]:
+def probabilities(answers: Sequence[Answer]) -> list[tuple[float, float]]:
     """Return how likely each of some answers is, at least and at most, where it will be one of them.
 
     Where all have a chance, these count in relation to each other, as some of a leaf's answers may be impossible now. One

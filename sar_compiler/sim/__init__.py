@@ -5,13 +5,13 @@ Only :mod:`sar_compiler.sim.simulation` connects it to ROS 2; no other module he
 """
 
 PUBLIC_MODULES = (
-    "flights",
     "isolation",
     "messages",
     "node_host",
     "occupancy",
     "placement",
     "planner",
+    "simulated_runs",
     "simulation",
     "survey",
     "world",

@@ -147,8 +147,8 @@ class Robot:
 
     def _measure(self, odometry: Pose2D, moved: float, turned: float) -> Pose2D:
         """Return the odometry after a step of *moved* metres and *turned* radians."""
-        slip, skid = self._random.standard_normal(2)
-        moved *= 1.0 + _ODOMETRY_NOISE * float(slip)
+        typo, skid = self._random.standard_normal(2)
+        moved *= 1.0 + _ODOMETRY_NOISE * float(typo)
         turned *= 1.0 + _ODOMETRY_NOISE * float(skid)
         return _moved(odometry, moved, turned)
 

@@ -81,7 +81,7 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
     return found[0] if found else None
 
 
-def is_slip(written: str, meant: str) -> bool:
+def is_typo(written: str, meant: str) -> bool:
     """Return whether a word is another one with a slip: letters in the wrong case, or one too many, too few, wrong, or two swapped."""
     one, other = written.lower(), meant.lower()
     if one == other:
@@ -121,16 +121,16 @@ def _is_misspelt(written: str, meant: str) -> bool:
     """Return whether a name is another one with one letter too many, too few or swapped; with a wrong one it may be another."""
     shorter = min(len(written), len(meant))
     is_other = len(written) == len(meant) and sorted(written.lower()) != sorted(meant.lower())
-    return shorter > _SHORT and not is_other and is_slip(written, meant)
+    return shorter > _SHORT and not is_other and is_typo(written, meant)
 
 
 def _is_like(word: str, other: str, least: float) -> bool:
     """Return whether one word may be a slip for another; `unlock` for `lock` is none, nor `get` for `set`."""
     one, two = word.lower(), other.lower()
     if one[:1] != two[:1]:
-        return min(len(one), len(two)) > _SHORT and is_slip(one, two)
+        return min(len(one), len(two)) > _SHORT and is_typo(one, two)
     least = min(least, _LIKE_SHORT) if len(one) <= _SHORT else least
-    return one == two or is_slip(one, two) or (not one.isdigit() and likeness(one, two) >= least)
+    return one == two or is_typo(one, two) or (not one.isdigit() and likeness(one, two) >= least)
 
 
 def did_you_mean(near: str | None) -> str:

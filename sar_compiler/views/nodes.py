@@ -12,7 +12,7 @@ from sar_compiler.tree.model import synthetic_element
 from sar_compiler.tree.plain import as_json, plain, value_as_script
 
 # The question to the user about a leaf without declared answers, for a file that predicts runs.
-_CHANCES = ("p", "sec")
+_PROBABILITIES = ("p", "sec")
 
 
 def nodes_as_text(specs: Sequence[NodeSpec]) -> str:
@@ -114,7 +114,7 @@ def _as_dict(spec: NodeSpec) -> dict[str, object]:
         "effects": spec.effects,
         "uses": [{"kind": use.kind, "name": use.name} for use in spec.uses],
         "answers": [
-            {name: value for name, value in asdict(answer).items() if name not in _CHANCES}
+            {name: value for name, value in asdict(answer).items() if name not in _PROBABILITIES}
             for answer in spec.answers
         ],
         "facts": dict(spec.facts),

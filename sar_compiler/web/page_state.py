@@ -83,9 +83,9 @@ class PageState:
         self._walls: list[float] = []
         # The index of the last event in the log; its sentence follows it.
         self._fact: int | None = None
-        self.tell_anew()
+        self.resend()
 
-    def tell_anew(self) -> None:
+    def resend(self) -> None:
         """Make the next change contain the whole state."""
         self._is_new = True
         self._touched: set[str] = set()
@@ -151,7 +151,7 @@ class PageState:
             change.update({name: news for name, each in self._lists() if (news := each.news())})
         else:
             return None
-        self.tell_anew()
+        self.resend()
         self._is_new = False
         return change
 
@@ -309,7 +309,7 @@ class PageState:
         ]
         return {
             "watched": watched,
-            "doubted": mission.assumption_failed_at and mission.assumption_failed_at.time,
+            "assumption_failed_at": mission.assumption_failed_at and mission.assumption_failed_at.time,
         }
 
     def _pose_values(self) -> PageChange | None:

@@ -95,7 +95,7 @@ class ReplayTrack:
                 if self.first is None:
                     self.first = entry.time
                 if number and number % every == 0:
-                    state.tell_anew()
+                    state.resend()
                     self._checkpoints.append(Checkpoint(place, _pack(state)))
                 place = place.behind(entry)
                 state.take(entry)
@@ -179,7 +179,7 @@ class Replay:
         states = [track.at(time, robot) for robot, track in enumerate(self._tracks)]
         if since != self._number:
             for state in states:
-                state.tell_anew()
+                state.resend()
         self._number += 1
         return {"number": self._number, "time": time, "changes": all_changes(states)}
 

@@ -116,8 +116,8 @@ def test_a_tool_answers_what_the_command_says_and_leaves_the_folder_as_it_was(wo
 
 def test_what_is_wrong_comes_with_the_text_as_it_is_suggested(work):
     right, wrong = call(("validate", {"file": "right.xml"}), ("validate", {"file": "wrong.xml"}))
-    assert right["mended"] is None
-    assert wrong["mended"] == WRONG.replace("Sequnce", "Sequence").replace("memroy", "memory")
+    assert right["fixed"] is None
+    assert wrong["fixed"] == WRONG.replace("Sequnce", "Sequence").replace("memroy", "memory")
 
 
 def test_a_tree_with_errors_is_not_verified_and_the_notes_have_them(work):

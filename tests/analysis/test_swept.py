@@ -34,9 +34,9 @@ DAY = f"""
 until: "zones_left == 0 && at == 'base'"
 ticks: 150
 leaves:
-  NavigateToZone: [{{answer: aborted, after: 2s to 5s, chance: 0.3, {ALWAYS}}}, {{answer: arrived, after: 4s, {ALWAYS}}}]
-  DetectSurvivor: [{{answer: found, chance: 0.5, {ALWAYS}}}, {{answer: nothing, {ALWAYS}}}]
-  NavigateToBase: [{{answer: aborted, chance: 0.2, {ALWAYS}}}]
+  NavigateToZone: [{{answer: aborted, after: 2s to 5s, probability: 0.3, {ALWAYS}}}, {{answer: arrived, after: 4s, {ALWAYS}}}]
+  DetectSurvivor: [{{answer: found, probability: 0.5, {ALWAYS}}}, {{answer: nothing, {ALWAYS}}}]
+  NavigateToBase: [{{answer: aborted, probability: 0.2, {ALWAYS}}}]
 expect:
   root: SUCCESS
   never: [NotifyBase refused]
@@ -136,7 +136,7 @@ def test_the_smallest_scenario_fails_as_its_run_has_and_leaves_nothing_to_chance
     text = smallest_scenario(runs(), seed)
     assert text is not None
     small = runs(text, unusual=0.0)
-    assert not small.are_by_chance()
+    assert not small.are_random()
     assert missed(small) == missed(runs(), seed)
 
 
@@ -162,10 +162,10 @@ def test_two_leaves_of_one_path_have_no_scenario(tmp_path):
 
 
 def test_chances_and_durations_between_two_are_what_chance_decides():
-    assert not runs("ticks: 9", 0.0).are_by_chance()
-    assert runs("ticks: 9", 0.1).are_by_chance()
-    assert runs("leaves: {NavigateToZone: {answer: arrived, after: 1s to 2s}}", 0.0).are_by_chance()
-    assert runs("leaves: {NavigateToZone: {answer: aborted, chance: 0.5}}", 0.0).are_by_chance()
+    assert not runs("ticks: 9", 0.0).are_random()
+    assert runs("ticks: 9", 0.1).are_random()
+    assert runs("leaves: {NavigateToZone: {answer: arrived, after: 1s to 2s}}", 0.0).are_random()
+    assert runs("leaves: {NavigateToZone: {answer: aborted, probability: 0.5}}", 0.0).are_random()
 
 
 def test_what_is_varied_is_put_into_the_scenario_and_a_trace_is_left_out():

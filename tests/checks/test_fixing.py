@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 
 from sar_compiler.cli.compile import main
-from sar_compiler.tree.guessing import is_slip
+from sar_compiler.tree.guessing import is_typo
 from tests.cli.test_validate import SARIF
 from tests.trees import document
 
@@ -250,4 +250,4 @@ def test_an_included_file_that_is_not_named_is_not_touched(tmp_path, capsys):
     ],
 )
 def test_a_slip_is_one_letter_or_two_that_are_swapped(written, meant, slip):
-    assert is_slip(written, meant) is slip
+    assert is_typo(written, meant) is slip

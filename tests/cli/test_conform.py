@@ -70,7 +70,7 @@ def test_as_json_there_is_the_same(conform, flight):
     status, out, _ = conform(flight(), options=("--properties", "p.yaml", "--format", "json"))
     told = json.loads(out)
     assert (status, told["fine"]) == (1, False)
-    (one,) = told["flights"]
+    (one,) = told["runs"]
     assert (one["run"], one["end"], one["conforms"], one["misfit"]) == (1, "over", True, None)
     broken, kept = one["properties"]
     assert (broken["fate"], broken["event"], broken["tick"]) == ("broken", "Tell counted", 1)

@@ -30,8 +30,8 @@ for each in PARSERS:
 # The pages that say more, by command, or command and option.
 MORE = {
     "sar-compile validate": ["tree-files.md", "configuration.md"],
-    "sar-compile validate --fix": ["configuration.md#what---fix-mends"],
-    "sar-compile validate --mended": ["../how-to/agents.md#mending"],
+    "sar-compile validate --fix": ["configuration.md#what---fix-changes"],
+    "sar-compile validate --print-fixed": ["../how-to/agents.md#fixing"],
     "sar-compile validate --deep": ["../findings/failing-tick.md"],
     "sar-compile show": ["../how-to/draw-a-tree.md"],
     "sar-compile convert": ["yaml.md", "btcpp.md"],

@@ -170,8 +170,8 @@ def test_a_number_in_another_notation_or_unit_gets_the_one_that_is_to_be_written
 @pytest.mark.parametrize(
     ("text", "advice"),
     [
-        ("leaves: {A: {answer: SUCCESS, chance: 30}}", "30 percent are 0.3: write 0.3"),
-        ("leaves: {A: {answer: SUCCESS, chance: lots}}", "for example 0.1"),
+        ("leaves: {A: {answer: SUCCESS, probability: 30}}", "30 percent are 0.3: write 0.3"),
+        ("leaves: {A: {answer: SUCCESS, probability: lots}}", "for example 0.1"),
         ("answers: {A: {answer: SUCCESS, p: 80}}", "80 percent are 0.8: write 0.8"),
         ("answers: {A: {answer: SUCCESS, p: '80'}}", "80 percent are 0.8: write 0.8, without quotes"),
         ("answers: {A: {answer: SUCCESS, p: 80%}}", "did you mean '0.8'?"),

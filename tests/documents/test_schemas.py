@@ -96,7 +96,16 @@ def test_every_key_of_a_file_is_described_for_editors(name):
 def test_what_two_files_have_in_common_is_the_same_in_both():
     scenario, properties = SCHEMAS["scenario"], SCHEMAS["properties"]
     shared = scenario["definitions"].keys() & properties["definitions"].keys()
-    common = {"chance", "event", "events", "fact", "possible_answer", "possible_answers", "status", "time"}
+    common = {
+        "probability",
+        "event",
+        "events",
+        "fact",
+        "possible_answer",
+        "possible_answers",
+        "status",
+        "time",
+    }
     assert shared == common
     assert all(scenario["definitions"][each] == properties["definitions"][each] for each in shared)
     for key in ("facts", "answers", "parameters"):

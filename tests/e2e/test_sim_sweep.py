@@ -10,7 +10,7 @@ import pytest
 
 from sar_compiler.cli.sim import main
 from sar_compiler.helper_process import helper_command
-from sar_compiler.sim import flights
+from sar_compiler.sim import simulated_runs
 from search_and_rescue.hiding import Hiding
 from search_and_rescue.search_theory import Area
 from search_and_rescue.zone_manager import MapPose
@@ -62,9 +62,9 @@ def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_i
 @pytest.fixture
 def one_zone():
     """Short flights, by processes that end with the test."""
-    with flights.in_threads(1):
+    with simulated_runs.in_threads(1):
         arguments = ("search_and_rescue", "--sim", "--speed", "1000")
-        yield flights.Flights(PROGRAM, arguments, ros=("-p", "zone_order:=[zone_a]"))
+        yield simulated_runs.SimulatedRuns(PROGRAM, arguments, ros=("-p", "zone_order:=[zone_a]"))
 
 
 @pytest.mark.ros
@@ -74,13 +74,17 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
     assert outcomes[0].counts == outcomes[2].counts
     # A tick is half a second.
     assert outcomes[0].time_sec == pytest.approx(outcomes[2].time_sec, abs=1.0)
-    assert len(flights._waiting) == 1
+    assert len(simulated_runs._waiting) == 1
 
 
 def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
-    monkeypatch.setattr(flights, "_fly", lambda _program, _: flights.Flown(1, words="it broke"))
-    with pytest.raises(flights.FlightError, match="it broke"):
-        flights.Flights(PROGRAM, ("a_tree",))([0])
+    monkeypatch.setattr(
+        simulated_runs,
+        "_execute_run",
+        lambda _program, _: simulated_runs.SimulatedRunResult(1, words="it broke"),
+    )
+    with pytest.raises(simulated_runs.SimulatedRunError, match="it broke"):
+        simulated_runs.SimulatedRuns(PROGRAM, ("a_tree",))([0])
 
 
 @pytest.mark.ros
@@ -92,8 +96,8 @@ def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
         next(seed for seed in range(99) if (Hiding(POSE, area, seed).look("zone_c") is not None) is is_found)
         for is_found in (True, False)
     ]
-    with flights.in_threads(1):
-        found, missed = flights.Flights(PROGRAM, arguments, ros=only)(seeds)
+    with simulated_runs.in_threads(1):
+        found, missed = simulated_runs.SimulatedRuns(PROGRAM, arguments, ros=only)(seeds)
     assert (found.counts["survivors found"], missed.counts["survivors found"]) == (1, 0)
     # 5 m at 0.6 m/s, and never the time of the wall, which is a fraction of it.
     assert 8.0 < found.counts["first detection after"] < found.time_sec
@@ -116,14 +120,14 @@ def test_flights_go_on_with_an_rclpy_that_has_no_executor_of_events(monkeypatch)
 
 @pytest.mark.usefixtures("one_zone")
 def test_a_process_that_has_died_between_two_missions_is_replaced():
-    dead = flights.Pilot(PROGRAM)
+    dead = simulated_runs.Pilot(PROGRAM)
     dead.stop()
     dead._process.wait()
-    flights._waiting.append(dead)
-    flown = flights._fly(PROGRAM, ["--tee"])
+    simulated_runs._waiting.append(dead)
+    flown = simulated_runs._execute_run(PROGRAM, ["--tee"])
     assert flown.status == 2
     assert flown.words == "sar-run: error: unrecognized arguments: --tee; did you mean '--tree'?"
-    assert dead not in flights._waiting
+    assert dead not in simulated_runs._waiting
 
 
 @pytest.mark.ros

@@ -92,4 +92,4 @@ def test_every_analysis_of_a_tree_that_need_not_end_ends_by_itself(seed, capsys,
         assert out or "no prediction is possible: " in err, command
         found = json.loads(out) if out and "json" in options else {}
         if command == "conform":
-            assert [each["misfit"] for each in found["flights"]] == [None]
+            assert [each["misfit"] for each in found["runs"]] == [None]

@@ -790,7 +790,7 @@ class TestNav2:
         from sar_compiler.ros.readiness import LocalisationCheck
 
         nav2, node = FakeNav2(ros.node("nav2")), ros.node()
-        localised = LocalisationCheck(node, (0.0, 0.0, 0.0), begins_anew=True)
+        localised = LocalisationCheck(node, (0.0, 0.0, 0.0), restarts=True)
         ros.spin_until(lambda: node.count_subscribers("initialpose"), "the localisation")
         localised.missing()
         ros.spin_until(lambda: nav2.poses, "the pose")

@@ -113,7 +113,7 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     assert {each["text"]: (each["run"], each["time"]) for each in shown["alarms"]} == {
         text: (since.run, since.time) for text, since in mission.since.items()
     }
-    assert shown["properties"]["doubted"] == (
+    assert shown["properties"]["assumption_failed_at"] == (
         mission.assumption_failed_at and mission.assumption_failed_at.time
     )
     assert {

@@ -1,6 +1,6 @@
 """How likely a tree is to succeed, and to keep its properties, how long it takes, and which leaf matters most: computed, not played.
 
-The tree's states are searched as for a proof, with leaves whose chances and times are known (`kernel.chances`); what comes of them is a
+The tree's states are searched as for a proof, with leaves whose chances and times are known (`kernel.probabilities`); what comes of them is a
 system of linear equations (`weighed_graph`).
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 from sar_compiler.analysis.merging import MergedValues
 from sar_compiler.analysis.predict.weighed_graph import Between, Flags, WeighedGraph
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.state_search.chances import ChoiceTable, CountedTimes
 from sar_compiler.analysis.state_search.graph import Graph
+from sar_compiler.analysis.state_search.probabilities import ChoiceTable, CountedTimes
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.stub_leaf import StubLeaf
@@ -153,8 +153,8 @@ def _predicted(
     properties: Properties, *, prepared: Prepared, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
     """Return what is to be expected of a tree's runs; raises `ConditionError` as well."""
-    simulated, chances = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
-    stepper = TreeStepper(prepared, _remembering(properties.rules), chances=chances)
+    simulated, probabilities = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
+    stepper = TreeStepper(prepared, _remembering(properties.rules), probabilities=probabilities)
     nothing = _nothing_known(properties)
 
     def report(progress: Progress) -> bool:
@@ -174,7 +174,7 @@ def _predicted(
         merged=tuple(each for each in prepared.merged if each.is_used),
     )
     budget.publish(partial(replace, nothing, stopped=True))
-    return _Reckoning(stepper, graph, chances, properties, period_sec).prediction(nothing, budget)
+    return _Reckoning(stepper, graph, probabilities, properties, period_sec).prediction(nothing, budget)
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
@@ -287,13 +287,13 @@ class _Reckoning:
         self,
         stepper: TreeStepper,
         graph: Graph,
-        chances: ChoiceTable,
+        probabilities: ChoiceTable,
         properties: Properties,
         period_sec: float,
     ) -> None:
-        self._stepper, self._graph, self._chances = stepper, graph, chances
+        self._stepper, self._graph, self._probabilities = stepper, graph, probabilities
         self._properties, self._period_sec = properties, period_sec
-        self._weighed = WeighedGraph(graph, chances)
+        self._weighed = WeighedGraph(graph, probabilities)
         count = len(graph.states)
         self._ends = np.frombuffer(bytes(graph.ends), np.uint8).astype(bool)
         self._open = ~self._ends & (np.arange(count) >= graph.expanded)
@@ -368,7 +368,7 @@ class _Reckoning:
         leaves = {leaf.number: leaf for leaf in self._stepper.leaves}
         usual = [
             next((place for place, answer in enumerate(choice.answers) if answer.status == _USUAL), -1)
-            for choice in self._chances.choices
+            for choice in self._probabilities.choices
         ]
         found = [
             Influence(leaves[number].path, derivative, never)
@@ -380,7 +380,7 @@ class _Reckoning:
         """Return the paths of the leaves that have a choice of which nothing is known."""
         open_ = {
             choice.leaf
-            for choice in self._chances.choices
+            for choice in self._probabilities.choices
             if len(choice.answers) > 1 and all(answer.p is None for answer in choice.answers)
         }
         return tuple(leaf.path for leaf in self._stepper.leaves if leaf.number in open_)

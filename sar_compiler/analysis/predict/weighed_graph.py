@@ -21,8 +21,8 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
-from sar_compiler.analysis.state_search.chances import ChoiceTable
 from sar_compiler.analysis.state_search.graph import Graph
+from sar_compiler.analysis.state_search.probabilities import ChoiceTable
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.answers import middle
 
@@ -75,13 +75,13 @@ class WeighedGraph:
         chances: The weights.
     """
 
-    def __init__(self, graph: Graph, chances: ChoiceTable) -> None:
+    def __init__(self, graph: Graph, probabilities: ChoiceTable) -> None:
         # The last place stands for all that is not known.
         self._states, self._count = len(graph.states), graph.places + 1
-        self._choices = chances.choices
+        self._choices = probabilities.choices
         steps = _steps_of(graph)
         labels = np.array([waits[0] for waits in graph.waits] or [0])[steps[2]]
-        weights = np.array(chances.weights)[np.maximum(labels, 0)]
+        weights = np.array(probabilities.weights)[np.maximum(labels, 0)]
         answers, shares = weights[:, 1].astype(np.int64), weights[:, 2]
         # The last choice is that of a place where there is nothing to choose.
         self._low, self._high, self._middle = _tables([choice.bounds for choice in self._choices])
@@ -136,21 +136,21 @@ class WeighedGraph:
         Raises:
             UndecidableError: If it is not found: what was found until then may be no bound.
         """
-        chances = self._between()
+        probabilities = self._between()
         left_out = self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._count, bool)
-        values = self._reach(goal, chances, left_out)
+        values = self._reach(goal, probabilities, left_out)
         for turn in range(_MOST_ROUNDS):
-            better = self._improved(values, chances, sign) if len(self._varying) else None
+            better = self._improved(values, probabilities, sign) if len(self._varying) else None
             if better is None:
-                return values, chances
-            chances = better if turn != _FEW_ROUNDS else self._backwards(goal | left_out, values, sign)
-            values = self._reach(goal, chances, left_out)
+                return values, probabilities
+            probabilities = better if turn != _FEW_ROUNDS else self._backwards(goal | left_out, values, sign)
+            values = self._reach(goal, probabilities, left_out)
         raise UndecidableError(f"no bound of a chance was found in {_MOST_ROUNDS} rounds")
 
     def _between(self) -> Reals:
         """Return chances of the answers at each place that are between their bounds, and not 0 where they need not be."""
-        chances: Reals = self._middle[self._choice_at]
-        return chances
+        probabilities: Reals = self._middle[self._choice_at]
+        return probabilities
 
     def _backwards(self, given: Flags, values: Reals, sign: int) -> Reals:
         """Return chances that are the best ones where no round is, found in one pass from the last places to the first ones.
@@ -167,7 +167,7 @@ class WeighedGraph:
             (np.ones(len(self._source), np.int8), (self._source, self._target)), (count, count)
         )
         _, parts = csgraph.connected_components(matrix, connection="strong")
-        chances = self._between()
+        probabilities = self._between()
         first = np.searchsorted(self._source, np.arange(count + 1)).tolist()
         target, answer, share = (each.tolist() for each in (self._target, self._answer, self._share))
         known, varies = values.tolist(), np.isin(np.arange(count), self._varying).tolist()
@@ -180,11 +180,11 @@ class WeighedGraph:
             if varies[place]:
                 choice = self._choice_at[place]
                 bounds = [*zip(self._low[choice].tolist(), self._high[choice].tolist(), strict=True)]
-                chances[place] = best_chances(bounds, [sign * each for each in worth])
-            known[place] = float(chances[place] @ worth)
-        return chances
+                probabilities[place] = best_probabilities(bounds, [sign * each for each in worth])
+            known[place] = float(probabilities[place] @ worth)
+        return probabilities
 
-    def _improved(self, values: Reals, chances: Reals, sign: int) -> Reals | None:
+    def _improved(self, values: Reals, probabilities: Reals, sign: int) -> Reals | None:
         """Return chances that are better where places have a choice; None if there are none."""
         places = self._varying
         worth = self._worth(values)[places]
@@ -195,10 +195,10 @@ class WeighedGraph:
             more = np.minimum(left, (high - low)[rows, answers])
             better[rows, answers] += more
             left -= more
-        gain = sign * ((better - chances[places]) * worth).sum(axis=1)
+        gain = sign * ((better - probabilities[places]) * worth).sum(axis=1)
         if not (gain > _ROUNDING).any():
             return None
-        found = chances.copy()
+        found = probabilities.copy()
         found[places[gain > _ROUNDING]] = better[gain > _ROUNDING]
         return found
 
@@ -210,12 +210,12 @@ class WeighedGraph:
         )
         return worth.reshape(-1, width)
 
-    def _reach(self, goal: Flags, chances: Reals, left_out: Flags) -> Reals:
+    def _reach(self, goal: Flags, probabilities: Reals, left_out: Flags) -> Reals:
         """Return the chance of coming to a goal from each place."""
-        return self._equations(goal, chances, left_out).reach(goal)
+        return self._equations(goal, probabilities, left_out).reach(goal)
 
-    def _equations(self, goal: Flags, chances: Reals, left_out: Flags) -> "_Equations":
-        likely = self._share * chances[self._source, self._answer]
+    def _equations(self, goal: Flags, probabilities: Reals, left_out: Flags) -> "_Equations":
+        likely = self._share * probabilities[self._source, self._answer]
         likely[goal[self._source] | left_out[self._source]] = 0.0
         there = self._before(goal, likely > 0.0) & ~goal
         return _Equations(self._source, self._target, likely, there)
@@ -260,7 +260,9 @@ class WeighedGraph:
             goal: The states.
             best_for: The states for which chances that are not known are the worst and the best ones.
         """
-        found = [self._expected(self._wide(goal), chances) for chances in self._extremes(best_for)]
+        found = [
+            self._expected(self._wide(goal), probabilities) for probabilities in self._extremes(best_for)
+        ]
         told = [each for each in found if each is not None]
         return Between(min(told), max(told)) if told else None
 
@@ -269,8 +271,8 @@ class WeighedGraph:
         signs = (-1, 1) if len(self._varying) else (1,)
         return [self._optimum(self._wide(goal), sign)[1] for sign in signs]
 
-    def _expected(self, goal: Flags, chances: Reals) -> float | None:
-        equations = self._equations(goal, chances, np.zeros(self._count, bool))
+    def _expected(self, goal: Flags, probabilities: Reals) -> float | None:
+        equations = self._equations(goal, probabilities, np.zeros(self._count, bool))
         reached = equations.reach(goal)
         ticks = np.zeros(self._count)
         ticks[equations.places] = equations.solve(equations.mean(self._ticks * reached[self._target]))
@@ -286,9 +288,9 @@ class WeighedGraph:
             goal: The states.
             usual: Which answer of each choice is the usual one; -1 for none.
         """
-        wide, chances = self._wide(goal), self._between()
+        wide, probabilities = self._wide(goal), self._between()
         nothing = np.zeros(self._count, bool)
-        equations = self._equations(wide, chances, nothing)
+        equations = self._equations(wide, probabilities, nothing)
         reached = equations.reach(wide)
         if not reached[0]:
             return
@@ -299,14 +301,14 @@ class WeighedGraph:
         for leaf in dict.fromkeys(choice.leaf for choice in self._choices):
             places = np.flatnonzero((leaves == leaf) & (usual_at >= 0) & (visits > 0.0))
             answer = usual_at[places]
-            others = 1.0 - chances[places, answer]
+            others = 1.0 - probabilities[places, answer]
             open_ = others > _ROUNDING
             if not open_.any():
                 continue
             places, answer, others = places[open_], answer[open_], others[open_]
             best = worth[places, answer]
-            rest = (chances[places] * worth[places]).sum(axis=1) - chances[places, answer] * best
-            always = chances.copy()
+            rest = (probabilities[places] * worth[places]).sum(axis=1) - probabilities[places, answer] * best
+            always = probabilities.copy()
             always[places] = 0.0
             always[places, answer] = 1.0
             slope = float((visits[places] * (best - rest / others)).sum())
@@ -429,7 +431,7 @@ def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Rea
     return low, high, between
 
 
-def best_chances(bounds: Sequence[tuple[float, float]], gains: Sequence[float]) -> list[float]:
+def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[float]) -> list[float]:
     """Return the chances between some bounds, adding up to 1, with which most is gained."""
     likely = [low for low, _ in bounds]
     left = 1.0 - sum(likely)

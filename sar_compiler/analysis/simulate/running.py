@@ -13,11 +13,11 @@ from py_trees.common import Status
 from sar_compiler.analysis.leaf_vocabulary import EventPattern
 from sar_compiler.analysis.simulate.scenario_files import OWN, AnswerStep, Scenario
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.state_search.chances import TOLERANCE_SEC
+from sar_compiler.analysis.state_search.probabilities import TOLERANCE_SEC
 from sar_compiler.analysis.stub_leaf import FactVariables, StubLeaf
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.runtime.answers import STATUSES, Answer, chances, middle, nominal
+from sar_compiler.runtime.answers import STATUSES, Answer, middle, nominal, probabilities
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
@@ -96,7 +96,7 @@ class Scripted:
         self._unusual = scenario.unusual
         scripts = scenario.scripts.items()
         self._clock = clock
-        self._plans: dict[StubLeaf, _Plan | _ByChance] = {
+        self._plans: dict[StubLeaf, _Plan | _RandomOutcomes] = {
             leaf: _Plan(leaf, [*map(_Left, steps)], self._random, variables, clock) for leaf, steps in scripts
         }
 
@@ -107,8 +107,8 @@ class Scripted:
             ScriptedError: If the leaf cannot give that answer now.
         """
         plan = self._plans.get(leaf)
-        if plan is None and leaf.is_by_chance:
-            plan = self._plans[leaf] = _ByChance(leaf, self._random, self._clock)
+        if plan is None and leaf.is_random:
+            plan = self._plans[leaf] = _RandomOutcomes(leaf, self._random, self._clock)
         if plan is not None:
             return plan.choose(options, self.choices)
         answer = usual = nominal(options)
@@ -120,8 +120,8 @@ class Scripted:
 
 
 @dataclass(eq=False)
-class _ByChance:
-    """Chooses answer and time of a leaf with known probabilities or times at its start, as `kernel.chances` does."""
+class _RandomOutcomes:
+    """Chooses answer and time of a leaf with known probabilities or times at its start, as `kernel.probabilities` does."""
 
     leaf: StubLeaf
     random: Random
@@ -143,7 +143,7 @@ class _ByChance:
         ending = [answer for answer in options if answer.status != "RUNNING"]
         self._answer = None
         if ending:
-            self._answer = self.random.choices(ending, middle(chances(ending)))[0]
+            self._answer = self.random.choices(ending, middle(probabilities(ending)))[0]
             after_sec = round(self.random.uniform(*self._answer.sec), 3)
             self._until = self.clock.now() + after_sec
             usual = self._answer == nominal(options) and not after_sec
@@ -221,16 +221,16 @@ class _Left:
     def __init__(self, step: AnswerStep) -> None:
         self.step = step
         self._left = step.times
-        self._chances = 0
+        self._probabilities = 0
 
     def take(self, holds: _Holds, random: Random) -> bool:
         """Use the step, if that is possible now."""
         if self._left == 0 or not holds(self.step):
             return False
-        self._chances += 1
-        if self._chances % self.step.every:
+        self._probabilities += 1
+        if self._probabilities % self.step.every:
             return False
-        if self.step.chance < 1.0 and random.random() >= self.step.chance:
+        if self.step.probability < 1.0 and random.random() >= self.step.probability:
             return False
         if self._left is not None:
             self._left -= 1

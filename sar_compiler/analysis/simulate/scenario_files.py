@@ -57,7 +57,7 @@ class AnswerStep:
         when: The condition of the step; None: always.
         times: The number of times that the step is used; None for any number.
         every: Use the step only at every n-th opportunity.
-        chance: The probability with which a possible step is used.
+        probability: The probability with which a possible step is used.
     """
 
     answer: str
@@ -66,7 +66,7 @@ class AnswerStep:
     when: Program | None = None
     times: int | None = 1
     every: int = 1
-    chance: float = 1.0
+    probability: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -260,7 +260,7 @@ def _step(
         when=_program(words.condition(parts.get("when"), OWN), words.simulated),
         times=_times(parts["times"]) if "times" in parts else None if "every" in parts else times,
         every=int(parts["every"].data) if "every" in parts else 1,
-        chance=float(parts["chance"].data) if "chance" in parts else 1.0,
+        probability=float(parts["probability"].data) if "probability" in parts else 1.0,
     )
     return step if answer is not None else None
 

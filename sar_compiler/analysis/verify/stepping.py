@@ -9,9 +9,9 @@ from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.analysis.state_search.branch_nodes import BranchNode
-from sar_compiler.analysis.state_search.chances import ChoiceTable, ProbabilisticLeaf, WeighedSteps
 from sar_compiler.analysis.state_search.choices import Choices
 from sar_compiler.analysis.state_search.forking import ForkingTicker
+from sar_compiler.analysis.state_search.probabilities import ChoiceTable, ProbabilisticLeaf, WeighedSteps
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
@@ -95,7 +95,7 @@ class TreeStepper:
         *,
         forgets: bool = True,
         meets: bool = True,
-        chances: ChoiceTable | None = None,
+        probabilities: ChoiceTable | None = None,
         merges: bool = True,
     ) -> None:
         self._alphabet = prepared.alphabet
@@ -104,11 +104,11 @@ class TreeStepper:
         entries.restore(vec[i32](prepared.start if merges else prepared.plain_start or prepared.start))
         self._trail = trail = Trail(rules.guarded, rules.monitors.heard, rules.monitors.after, entries)
         simulated = prepared.simulated
-        stub = partial(ProbabilisticLeaf, chances=chances) if chances else None
+        stub = partial(ProbabilisticLeaf, probabilities=probabilities) if probabilities else None
         leaves = LeafNodes(simulated.facts.board, prepared.alphabet.numbers, choices, trail, stub)
         self.flat = flattened(leaves) if flattened else flatten(simulated.root, leaves.node_of)
         self.ran = leaves.ran
-        first = self.flat.ticker(chances.times if chances else ChosenTimes(choices, trail))
+        first = self.flat.ticker(probabilities.times if probabilities else ChosenTimes(choices, trail))
         self._begin_as_first(prepared, first)
         self.ticker = ForkingTicker(first, entries, choices, trail, meets=meets)
         self.wrong, self._rule = "", rules.count
@@ -121,8 +121,8 @@ class TreeStepper:
             UNKNOWN in each.then for leaf in self.leaves for each in leaf.answers
         )
         self.steps = (
-            WeighedSteps(self.flat, self.ticker, rules.judge, judged_by, chances.times)
-            if chances
+            WeighedSteps(self.flat, self.ticker, rules.judge, judged_by, probabilities.times)
+            if probabilities
             else TickSteps(self.flat, self.ticker, rules.judge, judged_by, forgets=forgets)
         )
         self.states = StateValues(simulated, self.steps, self._remembered)

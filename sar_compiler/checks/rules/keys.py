@@ -96,7 +96,7 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
         yield _unknown_enumeration(use, meant)
         return
     if near is not None and (
-        _is_slip(entry, near) or (context.is_main(board.top.tree) and not board.is_foreign)
+        _is_typo(entry, near) or (context.is_main(board.top.tree) and not board.is_foreign)
     ):
         yield _unwritten_finding(use, entry, near)
         return
@@ -177,7 +177,7 @@ def _how_to_give(use: EntryAccess, key: str) -> str:
     return f"let a node before it write it; a parameter of the mission is {shown}"
 
 
-def _is_slip(entry: EntryAccesses, near: str) -> bool:
+def _is_typo(entry: EntryAccesses, near: str) -> bool:
     """Return whether a key must be a misspelling of another one: blanks apart it is that, or it is used once and very similar."""
     if entry.key.strip() == near.strip():
         return True

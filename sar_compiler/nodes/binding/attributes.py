@@ -98,7 +98,7 @@ class AttributeBinder:
         self, collector: FindingCollector, known_keys: Callable[[], Collection[str]] = tuple
     ) -> None:
         self._collector = collector
-        self._slips: dict[str, str | None] = {}
+        self._option_errors: dict[str, str | None] = {}
         self._known_keys = known_keys
 
     def bind(self, bound: BoundNode, other_variants: Sequence[NodeSpec]) -> None:
@@ -132,7 +132,7 @@ class AttributeBinder:
             script = self.convert(bound.element, name, CONDITION)
             if script is not None:
                 bound.conditions = {**bound.conditions, name: script}
-        elif not name.startswith("_") or self.slip_in_note(name) is not None:
+        elif not name.startswith("_") or self.typo_in_note(name) is not None:
             return False
         elif name not in _TEXT_NOTES:
             self._check_note(bound.element, name)
@@ -173,11 +173,11 @@ class AttributeBinder:
             for part in all_parts
         )
 
-    def slip_in_note(self, name: str) -> str | None:
+    def typo_in_note(self, name: str) -> str | None:
         """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
-        if name not in self._slips:
-            self._slips[name] = slip_in_note(name, self._collector.guesses)
-        return self._slips[name]
+        if name not in self._option_errors:
+            self._option_errors[name] = typo_in_note(name, self._collector.guesses)
+        return self._option_errors[name]
 
     def report_former(self, element: Element, name: str, today: str) -> str:
         """Report an attribute of BehaviorTree.CPP 3; return the one of today."""
@@ -301,7 +301,7 @@ class AttributeBinder:
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
         message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {join_words(known)}"
         if name.startswith("_"):
-            near = self.slip_in_note(name)
+            near = self.typo_in_note(name)
             if near == name:
                 message = f"<{bound.spec.tag}> has no attribute '{name}'; it goes with <{SUBTREE_TAG}>"
                 near = None
@@ -366,7 +366,7 @@ def _unit_of(parameter: Parameter) -> str:
     return parameter.value_type.unit or unit_in(parameter.name)
 
 
-def slip_in_note(name: str, guesses: Guesses) -> str | None:
+def typo_in_note(name: str, guesses: Guesses) -> str | None:
     """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
     return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT])
 

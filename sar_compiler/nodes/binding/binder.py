@@ -565,7 +565,7 @@ class Binder:
 
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
         message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
-        near = self._attributes.slip_in_note(name)
+        near = self._attributes.typo_in_note(name)
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=near)
 
 

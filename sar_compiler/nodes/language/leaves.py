@@ -8,9 +8,9 @@ from sar_compiler.nodes.declaring import CLOCK, ENUMS, SCOPE, attribute, inout_p
 from sar_compiler.nodes.language.comparisons import CHECKS, Comparison, Junction
 from sar_compiler.nodes.language.narrow_types import (
     ANY_ENTRY,
-    CHANCES,
     KEY,
     NTH,
+    PROBABILITIES,
     STATUS_NAMES,
     VARIABLE,
     StatusName,
@@ -200,7 +200,7 @@ PY_TREES = [
         "Returns a random status.",
         attribute(
             "weights",
-            CHANCES,
+            PROBABILITIES,
             "The weights of success, failure and running: `2;1;1`; equal by default.",
             None,
         ),

@@ -24,8 +24,8 @@ PolicyName = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
 """The children of a Parallel that have to succeed, by py_trees' names."""
 
 STATUS_NAME = type_of(StatusName)
-_CHANCES = "write how often to succeed, to fail and to run, for example 2;1;1"
-_HOW_MANY_CHANCES = 3
+_PROBABILITIES = "write how often to succeed, to fail and to run, for example 2;1;1"
+_HOW_MANY_PROBABILITIES = 3
 
 
 def _variable(text: str) -> str:
@@ -59,23 +59,23 @@ def _nth(text: str) -> int:
     return number
 
 
-def _chance(text: str) -> float:
+def _probability(text: str) -> float:
     number = real_number(text)
     if number < 0:
         raise ConversionError(f"'{text}' is less than 0; write 0 for never")
     return number
 
 
-def _chances(text: str) -> list[float]:
-    chances = items_of(text, _chance)
-    if len(chances) != _HOW_MANY_CHANCES:
-        message = f"there are three ways to answer, and {len(chances)} numbers here"
-        raise ConversionError(message, hint=_CHANCES)
-    if not any(chances):
-        raise ConversionError("one of the three must be more than 0", hint=_CHANCES)
-    if not math.isfinite(sum(chances)):
-        raise ConversionError("the three together are too large for a number", hint=_CHANCES)
-    return chances
+def _probabilities(text: str) -> list[float]:
+    probabilities = items_of(text, _probability)
+    if len(probabilities) != _HOW_MANY_PROBABILITIES:
+        message = f"there are three ways to answer, and {len(probabilities)} numbers here"
+        raise ConversionError(message, hint=_PROBABILITIES)
+    if not any(probabilities):
+        raise ConversionError("one of the three must be more than 0", hint=_PROBABILITIES)
+    if not math.isfinite(sum(probabilities)):
+        raise ConversionError("the three together are too large for a number", hint=_PROBABILITIES)
+    return probabilities
 
 
 def queue_of(name: str, kind: type) -> ValueType:
@@ -104,10 +104,10 @@ ANY_ENTRY = ANYTHING._replace(cpp=ANY)
 """A value of any type, which a node of BehaviorTree.CPP reads as it is."""
 NTH = ValueType("nth", "a whole number other than 0", _nth, python=int, cpp="int", example="1")
 """The ticks in which something happens."""
-CHANCES = ValueType(
+PROBABILITIES = ValueType(
     "chances",
     "three numbers with ; between them",
-    _chances,
+    _probabilities,
     python=list,
     cpp="std::vector<double>",
     example="1;1;1",

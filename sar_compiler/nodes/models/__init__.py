@@ -308,7 +308,7 @@ def _model(element: Element, collector: FindingCollector) -> Model | None:
     tag = element.attributes.get("ID")
     if not tag:
         message = f"this <{element.tag}> describes nothing: it has no ID"
-        _report_slip(element, None, message, kind, collector, 'write ID="..."')
+        _report_typo(element, None, message, kind, collector, 'write ID="..."')
         return None
     if kind is not None and tag in _TAGS:
         message = f"a node cannot be called '{tag}': it has a meaning already"
@@ -337,19 +337,19 @@ def _port(element: Element, kind: Kind | None, collector: FindingCollector) -> P
         if kind is None or not name:
             return None
     if not name:
-        _report_slip(element, None, f"<{element.tag}> has no name", kind, collector, 'write name="..."')
+        _report_typo(element, None, f"<{element.tag}> has no name", kind, collector, 'write name="..."')
         return None
     taken = name in (*_NAMES, *CONDITIONS)
     if taken or not can_be_tag(name):
         why = "it has a meaning already" if taken else "a name has letters, digits and _ only"
-        _report_slip(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
+        _report_typo(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
         return None
     # Of one that is neither, anything may be meant.
     attributes, direction = element.attributes, direction or Direction.INOUT
     return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
 
 
-def _report_slip(
+def _report_typo(
     element: Element,
     attribute: str | None,
     message: str,

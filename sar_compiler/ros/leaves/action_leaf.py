@@ -291,7 +291,7 @@ class ActionLeaf(GoalSender):
         """Wait for a server that has not accepted the goal or has fallen silent, and for its nodes; then send it again."""
         if not self._has_asked:
             self._has_asked = True
-            nodes.ask_anew()
+            nodes.ask_again()
         obstacle = nodes.obstacle()
         is_there = obstacle == "" and not goal.server_is_gone
         if is_there and self._held is goal and self._hold is not None and not self._hold.passed:
@@ -316,7 +316,7 @@ class ActionLeaf(GoalSender):
         if not self._has_asked:
             self._has_asked = True
             if self._robot is not None:
-                self._robot.driving_nodes.ask_anew()
+                self._robot.driving_nodes.ask_again()
         obstacle = self._obstacle()
         if obstacle is None:
             return Status.RUNNING

@@ -14,8 +14,8 @@ export class PropertiesView {
     this.place = place;
   }
 
-  show({ properties: { watched, doubted } }) {
-    const key = JSON.stringify([watched, doubted]);
+  show({ properties: { watched, assumption_failed_at } }) {
+    const key = JSON.stringify([watched, assumption_failed_at]);
     if (key === this.key) return;
     this.key = key;
     this.place.hidden = !watched.length;
@@ -24,8 +24,8 @@ export class PropertiesView {
     const said = counts.filter(([count]) => count).map(([count, word]) => `${count} ${word}`).join(", ");
     summary.replaceChildren(html("span", {}, html("b", {}, "Properties"), `: ${said}`));
     summary.classList.toggle("broken", counts[0][0] > 0);
-    note.hidden = doubted === null;
-    note.textContent = doubted === null ? "" : `From ${clock(doubted)} on the run contradicts an assumption of the verification. Its results no longer apply.`;
+    note.hidden = assumption_failed_at === null;
+    note.textContent = assumption_failed_at === null ? "" : `From ${clock(assumption_failed_at)} on the run contradicts an assumption of the verification. Its results no longer apply.`;
     const order = [...watched].sort((one, other) => (other.word === "broken") - (one.word === "broken"));
     list.replaceChildren(...order.map(card));
   }

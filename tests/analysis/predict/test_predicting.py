@@ -9,7 +9,7 @@ import pytest
 from sar_compiler import load
 from sar_compiler.analysis.predict import weighed_graph
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.answers import Answer, chances, middle
+from sar_compiler.runtime.answers import Answer, middle, probabilities
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.predict.stage import CHANCES, PERIOD_SEC, played, predicted, random_timed_tree
 from tests.chance import rounds
@@ -109,7 +109,7 @@ def test_a_limit_and_a_leaf_that_takes_time_meet_as_in_flight(limit_msec, chance
     ],
 )
 def test_chances_of_what_is_possible_now_add_up(answers, bounds):
-    found = chances([Answer("SUCCESS", str(number), p=p) for number, p in enumerate(answers)])
+    found = probabilities([Answer("SUCCESS", str(number), p=p) for number, p in enumerate(answers)])
     assert found == [pytest.approx(each, abs=1e-3) for each in bounds]
     assert sum(middle(found)) == pytest.approx(1.0)
 

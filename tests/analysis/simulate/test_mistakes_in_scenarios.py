@@ -63,14 +63,14 @@ MISTAKES = {
         "advanced",
     ),
     "a chance above 1": (
-        "leaves: {NavigateToZone: {answer: aborted, chance: 5}}",
+        "leaves: {NavigateToZone: {answer: aborted, probability: 5}}",
         "wrong-value",
         1,
         52,
         None,
     ),
     "a chance of nothing": (
-        "leaves: {NavigateToZone: {answer: aborted, chance: 0}}",
+        "leaves: {NavigateToZone: {answer: aborted, probability: 0}}",
         "wrong-value",
         1,
         52,

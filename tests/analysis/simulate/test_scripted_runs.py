@@ -226,14 +226,14 @@ def by_chance(script, seed=0, ticks=200):
 
 
 def test_a_step_with_a_chance_is_taken_now_and_then_and_else_the_next_one():
-    script = "[{answer: aborted, chance: 0.25, times: always}, {answer: arrived, times: always}]"
+    script = "[{answer: aborted, probability: 0.25, times: always}, {answer: arrived, times: always}]"
     said = answers(by_chance(script, ticks=400), "NavigateToZone")
     assert set(said) == {"aborted", "arrived"}
     assert 70 <= said.count("aborted") <= 130
 
 
 def test_the_same_seed_gives_the_same_run_and_another_one_another():
-    script = "{answer: aborted, chance: 0.5}"
+    script = "{answer: aborted, probability: 0.5}"
     runs = [answers(by_chance(script, seed), "NavigateToZone") for seed in (1, 1, 2)]
     assert runs[0] == runs[1] != runs[2]
 

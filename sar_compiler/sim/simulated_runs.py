@@ -32,12 +32,12 @@ _MOST_FLIGHTS = 50
 _over = threading.Event()
 
 
-class FlightError(SarError):
+class SimulatedRunError(SarError):
     """A mission cannot be run."""
 
 
 @dataclass(frozen=True)
-class Flights:
+class SimulatedRuns:
     """Runs a mission with given seeds.
 
     Attributes:
@@ -62,7 +62,7 @@ class Flights:
         """Return the result of a mission for each seed.
 
         Raises:
-            FlightError: If it cannot be run.
+            SimulatedRunError: If it cannot be run.
             CancelledError: If the caller no longer waits for it.
         """
         return [self._outcome(seed) for seed in seeds]
@@ -70,7 +70,7 @@ class Flights:
     def _outcome(self, seed: int) -> Played:
         problem = ""
         for _ in range(_MOST_ATTEMPTS):
-            status, output, problem = _fly(
+            status, output, problem = _execute_run(
                 self.program, ["--format", "json", "--journal", "none", *self.command(seed)]
             )
             if _over.is_set() or status == INTERRUPTED:
@@ -83,10 +83,10 @@ class Flights:
                 return Played(seed, reason, said["duration"], said["figures"], size)
             if status == USAGE and _COMPANY not in problem:
                 break
-        raise FlightError(f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}")
+        raise SimulatedRunError(f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}")
 
 
-class Flown(NamedTuple):
+class SimulatedRunResult(NamedTuple):
     """A mission that was run.
 
     Attributes:
@@ -125,7 +125,7 @@ class Pilot:
         """Whether it can run another mission."""
         return self._left > 0 and self._process.poll() is None
 
-    def fly(self, arguments: Sequence[str]) -> Flown:
+    def fly(self, arguments: Sequence[str]) -> SimulatedRunResult:
         """Run a mission."""
         self._left -= 1
         asked, answers = self._process.stdin, self._process.stdout
@@ -137,8 +137,8 @@ class Pilot:
         answer = answers.readline()
         if not answer:
             _, log = self._process.communicate()
-            return Flown(self._process.returncode, words=log.strip().rpartition("\n")[2])
-        flown = Flown(*json.loads(answer))
+            return SimulatedRunResult(self._process.returncode, words=log.strip().rpartition("\n")[2])
+        flown = SimulatedRunResult(*json.loads(answer))
         if _COMPANY in flown.words:
             self._left = 0
         return flown
@@ -157,7 +157,7 @@ _flying: set[Pilot] = set()
 _waiting: list[Pilot] = []
 
 
-def _fly(program: Sequence[str], arguments: Sequence[str]) -> Flown:
+def _execute_run(program: Sequence[str], arguments: Sequence[str]) -> SimulatedRunResult:
     """Run a mission in an existing process if possible."""
     pilot = _fit_pilot(program)
     _flying.add(pilot)
@@ -194,10 +194,10 @@ def _free_domain() -> Iterator[tuple[int, IO[str]]]:
                 return
         except OSError:  # reserved, or another user's file
             continue
-    raise FlightError("all ROS domains of this machine are used by other sweeps: wait until one ends")
+    raise SimulatedRunError("all ROS domains of this machine are used by other sweeps: wait until one ends")
 
 
-def fewest_faults(flights: Flights, seed: int) -> Flights:
+def fewest_faults(flights: SimulatedRuns, seed: int) -> SimulatedRuns:
     """Return the runs with a minimal set of faults that still makes the mission of a seed fail."""
     for fault in flights.faults:
         fewer = replace(flights, faults=tuple(each for each in flights.faults if each != fault))

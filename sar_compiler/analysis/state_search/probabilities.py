@@ -18,7 +18,7 @@ from sar_compiler.analysis.state_search.searching import NOTHING
 from sar_compiler.analysis.state_search.stub_nodes import LeafNodes, Reply, StubNode
 from sar_compiler.analysis.state_search.tick_steps import Judge, TickSteps
 from sar_compiler.errors import SarError, UndecidableError
-from sar_compiler.runtime.answers import Answer, chances
+from sar_compiler.runtime.answers import Answer, probabilities
 from sar_compiler.runtime.kernel.cells import INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree import FlatTree
@@ -208,9 +208,9 @@ class ProbabilisticLeaf(StubNode):
         chances: Is told of each choice.
     """
 
-    def __init__(self, part: NodeBuilder, leaves: LeafNodes, chances: ChoiceTable) -> None:
+    def __init__(self, part: NodeBuilder, leaves: LeafNodes, probabilities: ChoiceTable) -> None:
         super().__init__(part, leaves)
-        self._chances = chances
+        self._probabilities = probabilities
         self._chosen, self._left = part.value(None), part.value(None)
         self._known: dict[tuple[int, ...], list[Option]] = {}
 
@@ -272,7 +272,7 @@ class ProbabilisticLeaf(StubNode):
                 raise UndecidableError(message)
             self._trail.going_on = option.weight
         ticker.values[self._chosen] = option.reply
-        ticker.values[self._left] = self._chances.times.left(option.ticks)
+        ticker.values[self._left] = self._probabilities.times.left(option.ticks)
 
     def _options(self, replies: list[Reply]) -> list[Option]:
         """Return the ways to go on that there are with some answers."""
@@ -289,8 +289,8 @@ class ProbabilisticLeaf(StubNode):
     def _work_out_options(self, replies: list[Reply]) -> list[Option]:
         ending = self._ending(replies)
         answers = tuple([reply.answer for reply in ending])
-        given, options = self._chances, []
-        given.choices.append(Choice(self.index, answers, tuple(chances(answers))))
+        given, options = self._probabilities, []
+        given.choices.append(Choice(self.index, answers, tuple(probabilities(answers))))
         for place, reply in enumerate(ending):
             if given.choices[-1].bounds[place][1] == 0.0:
                 continue

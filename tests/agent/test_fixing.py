@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.mending import mended as mended_slip
-from benchmarks.mending import slips
+from benchmarks.fixing import fixed as fixed_typo
+from benchmarks.fixing import typos
 from sar_compiler.tree.diagnostic import Form
 from tests.cli.running import run
 from tests.trees import document
@@ -26,10 +26,10 @@ MENDED = {
 }
 
 
-def mended(tmp_path, capsys, text, name="tree.xml"):
+def fixed(tmp_path, capsys, text, name="tree.xml"):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
-    status, said, _ = run(capsys, "validate", "--mended", path)
+    status, said, _ = run(capsys, "validate", "--print-fixed", path)
     assert path.read_text(encoding="utf-8") == text, "nothing is written"
     return status, said
 
@@ -37,41 +37,41 @@ def mended(tmp_path, capsys, text, name="tree.xml"):
 @pytest.mark.parametrize("name", MENDED)
 def test_every_suggestion_is_taken_in_all_places_that_it_is_about(name, tmp_path, capsys):
     wrong, right = MENDED[name]
-    assert mended(tmp_path, capsys, document(wrong)) == (0, document(right))
+    assert fixed(tmp_path, capsys, document(wrong)) == (0, document(right))
 
 
 def test_what_nobody_can_guess_is_left_with_the_status_of_errors(tmp_path, capsys):
     text = document('<Sequence memroy="true"><Xyzzy/><Success/></Sequence>')
-    assert mended(tmp_path, capsys, text) == (1, text.replace("memroy", "memory"))
+    assert fixed(tmp_path, capsys, text) == (1, text.replace("memroy", "memory"))
 
 
 def test_what_is_no_xml_is_printed_as_it_is(tmp_path, capsys):
-    assert mended(tmp_path, capsys, "<root") == (1, "<root")
+    assert fixed(tmp_path, capsys, "<root") == (1, "<root")
 
 
 def test_a_file_in_yaml_is_mended_as_well(tmp_path, capsys):
     text = "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n          - Succes\n"
-    assert mended(tmp_path, capsys, text, "tree.yaml") == (0, text.replace("Succes", "Success"))
+    assert fixed(tmp_path, capsys, text, "tree.yaml") == (0, text.replace("Succes", "Success"))
 
 
 @pytest.mark.parametrize("more", [["other.xml"], ["--fix"]])
 def test_one_file_is_printed_and_none_written(more, tmp_path, capsys):
     path = tmp_path / "tree.xml"
     path.write_text(document("<Succes/>"), encoding="utf-8")
-    status, _, said = run(capsys, "validate", "--mended", path, *more)
-    assert (status, "--mended prints a single file" in said) == (2, True)
+    status, _, said = run(capsys, "validate", "--print-fixed", path, *more)
+    assert (status, "--print-fixed prints a single file" in said) == (2, True)
     assert path.read_text(encoding="utf-8") == document("<Succes/>")
 
 
 def test_the_figure_is_about_the_same_slips_each_time_and_about_both_forms():
-    made = list(slips(12))
-    assert made == list(slips(12))
+    made = list(typos(12))
+    assert made == list(typos(12))
     assert {each.form for each in made} == {Form.XML, Form.YAML}
     assert all(each.right != each.wrong for each in made)
 
 
 def test_the_figure_tells_what_is_mended_from_what_is_not(tmp_path):
-    each = next(each for each in slips(50) if each.where == "tag" and each.form is Form.XML)
+    each = next(each for each in typos(50) if each.where == "tag" and each.form is Form.XML)
     alone = each._replace(right=document("<Success/>"), wrong=document("<Succes/>"))
-    assert mended_slip(alone, tmp_path, lambda _finding: True) == (True, False)
-    assert mended_slip(alone, tmp_path, lambda _finding: False) == (False, True)
+    assert fixed_typo(alone, tmp_path, lambda _finding: True) == (True, False)
+    assert fixed_typo(alone, tmp_path, lambda _finding: False) == (False, True)

@@ -1,6 +1,6 @@
 """Trees with a typo, and what becomes of them by the suggestions of their findings alone.
 
-The shipped trees, in XML and in YAML, with one slip of the hand each: a letter left out, doubled, changed, or put before its neighbour, in a tag, in
+The shipped trees, in XML and in YAML, with one typo of the hand each: a letter left out, doubled, changed, or put before its neighbour, in a tag, in
 the name of an attribute or in its value. Names of nodes, which may be anything, and numbers, of which any is as good, have none.
 """
 
@@ -24,8 +24,8 @@ TREES = sorted(Path("trees").glob("*.xml"))
 _SEED = 30
 
 
-class Slip(NamedTuple):
-    """A tree with a slip.
+class Typo(NamedTuple):
+    """A tree with a typo.
 
     Attributes:
         where: In what: a tag, an attribute or a value.
@@ -40,7 +40,7 @@ class Slip(NamedTuple):
     form: Form
 
 
-def slip(chance: random.Random, word: str) -> str:
+def typo(chance: random.Random, word: str) -> str:
     """Return a word with a letter left out, doubled, changed, or put before its neighbour."""
     place = chance.randrange(len(word))
     before, letter, after = word[:place], word[place], word[place + 1 :]
@@ -55,28 +55,28 @@ def slip(chance: random.Random, word: str) -> str:
     )
 
 
-def slips(count: int) -> Iterator[Slip]:
-    """Yield so many trees with a slip, the same ones each time."""
+def typos(count: int) -> Iterator[Typo]:
+    """Yield so many trees with a typo, the same ones each time."""
     chance = random.Random(_SEED)  # noqa: S311 - the same in every run
     while count:
         path, form = chance.choice(TREES), (Form.XML, Form.YAML)[count % 2]
         root = ET.parse(path).getroot()  # noqa: S314 - it is ours
         right = ET.tostring(root, encoding="unicode")
-        where = _make_slip(chance, root)
+        where = _make_typo(chance, root)
         wrong = ET.tostring(root, encoding="unicode")
         if where is not None and wrong != right:
             count -= 1
             right, wrong = (
                 text if form is Form.XML else convert(parse_xml(text), form).text for text in (right, wrong)
             )
-            yield Slip(where, right, wrong, form)
+            yield Typo(where, right, wrong, form)
 
 
-def _make_slip(chance: random.Random, root: ET.Element) -> str | None:
-    """Put a slip somewhere into a tree, and return in what; None where there was nothing to choose."""
+def _make_typo(chance: random.Random, root: ET.Element) -> str | None:
+    """Put a typo somewhere into a tree, and return in what; None where there was nothing to choose."""
     element, where = chance.choice([*root.iter()][1:]), chance.choice(("tag", "attribute", "value"))
     if where == "tag":
-        element.tag = slip(chance, element.tag)
+        element.tag = typo(chance, element.tag)
         return where if re.fullmatch("[A-Za-z]+", element.tag) else None
     named = [
         name for name, value in element.attrib.items() if name != "name" and re.search("[A-Za-z]", value)
@@ -85,19 +85,19 @@ def _make_slip(chance: random.Random, root: ET.Element) -> str | None:
         return None
     name = chance.choice(named)
     if where == "value":
-        element.attrib[name] = slip(chance, element.attrib[name])
+        element.attrib[name] = typo(chance, element.attrib[name])
     else:
         element.attrib = {
-            slip(chance, each) if each == name else each: value for each, value in element.attrib.items()
+            typo(chance, each) if each == name else each: value for each, value in element.attrib.items()
         }
     return where
 
 
-class Mended(NamedTuple):
-    """What has become of a tree with a slip.
+class Fixed(NamedTuple):
+    """What has become of a tree with a typo.
 
     Attributes:
-        is_as_before: Whether it is the tree that it was before the slip.
+        is_as_before: Whether it is the tree that it was before the typo.
         has_errors: Whether there are errors left.
     """
 
@@ -105,11 +105,11 @@ class Mended(NamedTuple):
     has_errors: bool
 
 
-def mended(each: Slip, folder: Path, is_meant: Callable[[Diagnostic], bool]) -> Mended:
-    """Have a tree with a slip be written as its findings suggest."""
+def fixed(each: Typo, folder: Path, is_meant: Callable[[Diagnostic], bool]) -> Fixed:
+    """Have a tree with a typo be written as its findings suggest."""
     parse, ending = (parse_xml, "xml") if each.form is Form.XML else (parse_yaml, "yaml")
-    path = folder / f"slip.{ending}"
+    path = folder / f"typo.{ending}"
     path.write_text(each.wrong, encoding="utf-8")
     tree = mend(path, lambda read: Workspace(read=read).load_file(path), is_meant)
     is_as_before = not tree.is_malformed and not difference(parse(each.right), tree.forest.main)
-    return Mended(is_as_before, any(finding.severity is Severity.ERROR for finding in tree.findings))
+    return Fixed(is_as_before, any(finding.severity is Severity.ERROR for finding in tree.findings))
