@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, is_hypothesis_test, settings
 
 from tests import warm
 from tests.chance import rounds
+from tests.costs import CostOfTests
 
 # Ports of higher domains are among those that Linux gives to anybody.
 _DOMAINS = 100
@@ -66,6 +67,19 @@ _LONG = ("packaging", "e2e", "examples", "faults", "web", "project", "launch")
 # Under nohup, or in the background of a script, they are ignored, and what the tests start would inherit that.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser):
+    """Add the option of `tests.costs`."""
+    parser.addoption(
+        "--costs", metavar="FILE", type=Path, help="write the CPU seconds of each test, and compare"
+    )
+
+
+def pytest_configure(config):
+    """Measure what tests cost, if that is wanted."""
+    if path := config.getoption("costs"):
+        config.pluginmanager.register(CostOfTests(path, is_worker=hasattr(config, "workerinput")))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -260,7 +260,7 @@ def test_checking_alone_tries_no_runs(tmp_path):
     program = (
         f"import sys; from sar_compiler import load; from sar_compiler.analysis.trial import try_tree; tree = load({str(file)!r}); trying = 'sar_compiler.analysis.bounded_search'\n"
         "tree.check(); print(trying in sys.modules)\n"
-        "def budget(): from sar_compiler.analysis.bounded_search import TrialBudget; return TrialBudget(1)\n"
+        "def budget(): from sar_compiler.analysis.bounded_search import SearchBudget; return SearchBudget(1)\n"
         "try_tree(tree, budget); print(trying in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -62,18 +62,18 @@ MISTAKES = {
         7,
         "advanced",
     ),
-    "a chance above 1": (
+    "a probability above 1": (
         "leaves: {NavigateToZone: {answer: aborted, probability: 5}}",
         "wrong-value",
         1,
-        52,
+        57,
         None,
     ),
-    "a chance of nothing": (
+    "a probability of nothing": (
         "leaves: {NavigateToZone: {answer: aborted, probability: 0}}",
         "wrong-value",
         1,
-        52,
+        57,
         None,
     ),
     "half of two durations": (
