@@ -38,11 +38,12 @@ export BTCPP_DRIVER ?=
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test nav2-test test-matrix lint format lock schemas golden pictures site bench soak mutants wheels release clean require
+.PHONY: help env demo test nav2-test test-costs test-matrix lint format lock schemas golden pictures site bench soak mutants wheels release clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
 	@echo "make test         run the tests"
+	@echo "make test-costs   record the CPU seconds of the last run of the tests: a run fails where a module takes half as much again"
 	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
 	@echo "make nav2-test    missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
 	@echo "make lint         style and types"
@@ -74,9 +75,13 @@ demo: env
 # where bytecode is not kept. Coverage is reported where all has passed, so that what failed stands last.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: env $(KERNEL_COVERAGE)
-	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0
+	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 --costs $(COSTS)
 	$(BIN)/python -m coverage combine --quiet --keep --append $(KERNEL_COVERAGE)
 	$(BIN)/python -m coverage report
+
+# After a run on a quiet machine in which modules of tests came, went or changed on purpose.
+test-costs:
+	$(BIN)/python -c "from pathlib import Path; from tests import costs; costs.save(Path('$(COSTS)'))"
 
 # Done again where the kernel, or what it is tested with, has changed.
 $(KERNEL_COVERAGE): $(KERNEL) $(shell find $(KERNEL_TESTS) -name '*.py' -o -name '*.json') $(VENV)/.packages | env

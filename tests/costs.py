@@ -1,0 +1,116 @@
+"""CPU seconds of each test, its child processes included, compared with a record.
+
+`--costs FILE` writes the table. A module of tests that takes more than half as much again as recorded fails the run. Shares of the
+whole are compared, so that a slower machine makes no difference.
+"""
+
+import json
+import resource
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+RECORD = Path(__file__).with_name("costs.json")
+"""CPU seconds of each module of tests in a run on a quiet machine; `make test-costs` writes it."""
+GROWTH = 1.5
+SLACK_SEC = 5.0
+"""A module may take so many seconds more than its share in any case; a new one has nothing else."""
+_NAME = "cost"
+
+
+def cpu_now():
+    """Return the CPU seconds of this process, and of its child processes that have ended."""
+    both = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in both)
+
+
+def grown(taken, recorded):
+    """Return a line for each module of tests that takes too much, with what it should take.
+
+    Args:
+        taken: CPU seconds by module, in this run.
+        recorded: CPU seconds by module, in the record.
+    """
+    both = taken.keys() & recorded.keys()
+    pace = sum(taken[module] for module in both) / sum(recorded[module] for module in both) if both else 1.0
+    lines = []
+    for module, seconds in sorted(taken.items()):
+        expected = pace * recorded.get(module, 0.0)
+        if seconds > max(GROWTH * expected, expected + SLACK_SEC):
+            lines.append(f"{module}: {seconds:.1f} s of CPU, expected were {expected:.1f}")
+    return lines
+
+
+class CostOfTests:
+    """Measures tests in the processes that run them, and writes the table in the one that reports them.
+
+    Args:
+        path: Where the table goes.
+        is_worker: Whether this process only runs tests for another one.
+    """
+
+    def __init__(self, path, *, is_worker):
+        self._path = path
+        self._is_worker = is_worker
+        self._start = (0.0, 0.0)
+        self._taken = {}
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_logstart(self):
+        """Read the clocks before a test."""
+        self._start = (time.perf_counter(), cpu_now())
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self, call):
+        """Add the cost of a test to the report of its end."""
+        report = yield
+        if call.when == "teardown":
+            wall, cpu = self._start
+            report.user_properties.append((_NAME, (time.perf_counter() - wall, cpu_now() - cpu)))
+        return report
+
+    def pytest_runtest_logreport(self, report):
+        """Keep the cost of a test that has ended."""
+        for name, cost in report.user_properties if report.when == "teardown" else ():
+            if name == _NAME:
+                self._taken[report.nodeid] = cost
+
+    def pytest_sessionfinish(self, session):
+        """Write the table, and fail the run if a module takes too much."""
+        if self._is_worker:
+            return
+        rows = sorted(self._taken.items(), key=lambda row: -row[1][1])
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        lines = ["cpu_sec\twall_sec\ttest", *(f"{cpu:.3f}\t{wall:.3f}\t{name}" for name, (wall, cpu) in rows)]
+        self._path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        self._lines = grown(by_module(self._path), json.loads(RECORD.read_text(encoding="utf-8")))
+        if self._lines and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter):
+        """Print what a run has cost, and which modules take too much."""
+        if self._is_worker or not self._path.exists():
+            return
+        whole = sum(cpu for _, cpu in self._taken.values())
+        terminalreporter.write_line(f"{whole:.0f} s of CPU in {len(self._taken)} tests: {self._path}")
+        for line in self._lines:
+            terminalreporter.write_line(f"costs too much: {line}", red=True)
+
+
+def by_module(path):
+    """Return the CPU seconds of each module in a table."""
+    taken: dict[str, float] = defaultdict(float)
+    for line in path.read_text(encoding="utf-8").splitlines()[1:]:
+        cpu, _, name = line.split("\t", 2)
+        taken[name.partition("::")[0]] += float(cpu)
+    return dict(taken)
+
+
+def save(path):
+    """Make the table of a run the record; a module below a tenth of a second is left out."""
+    kept = {
+        module: round(seconds, 1) for module, seconds in sorted(by_module(path).items()) if seconds >= 0.1
+    }
+    RECORD.write_text(json.dumps(kept, indent=0) + "\n", encoding="utf-8")

@@ -1,0 +1,54 @@
+"""The table of what tests cost."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.costs import by_module, grown
+
+RECORDED = {"a.py": 20.0, "b.py": 20.0, "c.py": 160.0}
+
+
+def test_a_module_that_takes_more_than_half_as_much_again_is_named():
+    assert grown({**RECORDED, "a.py": 40.0}, RECORDED) == ["a.py: 40.0 s of CPU, expected were 22.0"]
+
+
+def test_a_slower_machine_makes_no_difference():
+    assert grown({module: 3 * seconds for module, seconds in RECORDED.items()}, RECORDED) == []
+
+
+def test_a_new_module_may_take_five_seconds():
+    assert grown({**RECORDED, "new.py": 4.9}, RECORDED) == []
+    assert grown({**RECORDED, "new.py": 5.1}, RECORDED) == ["new.py: 5.1 s of CPU, expected were 0.0"]
+
+
+def test_a_part_of_the_tests_can_be_compared():
+    assert grown({"a.py": 20.0, "b.py": 21.0}, RECORDED) == []
+
+
+CONFTEST = """
+from pathlib import Path
+from tests.costs import CostOfTests
+
+def pytest_configure(config):
+    config.pluginmanager.register(CostOfTests(Path("costs.tsv"), is_worker=False))
+"""
+BUSY = "import time; end = time.process_time() + 0.2\nwhile time.process_time() < end: pass"
+
+
+def test_the_processes_that_a_test_starts_count_as_its_own(tmp_path):
+    busy = f"subprocess.run([sys.executable, '-c', {BUSY!r}])"
+    files = {
+        "conftest.py": CONFTEST,
+        "test_busy.py": f"import subprocess, sys\ndef test_process():\n    {busy}\n",
+        "test_idle.py": "def test_nothing():\n    pass\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "--rootdir", tmp_path, tmp_path]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert "2 passed" in done.stdout, done.stdout
+    taken = by_module(tmp_path / "costs.tsv")
+    assert taken["test_busy.py"] >= 0.2 > taken["test_idle.py"]
