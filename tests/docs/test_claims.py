@@ -22,29 +22,33 @@ from tests.docs.test_reliability_page import PROMISES, all_tests, promise
 SECURITY, RELIABILITY = Path("docs/concepts/security.md"), Path("docs/concepts/failures-and-recovery.md")
 NO_BEHAVIOUR = {
     SECURITY: (
-        "`tests/docs/test_claims.py` names",
+        "This page states which inputs",
+        "A hostile file may also try",
         "command line, environment, installed packages",
-        "A path that a tree gives to a leaf",
-        "Everybody with an account",
+        "A path that a tree passes to a leaf",
+        "Everyone with an account",
         "It does not know what a leaf drives",
         "If the computer, its container",
-        "Everybody in the ROS domain can call",
+        "Examples are a base that stops",
+        "Everyone in the ROS domain can call",
         "ROS 2 has no authentication",
-        "Keep it in a network",
-        "`ROS_DOMAIN_ID` is no protection",
+        "Everyone in the domain can send",
+        "If the domain must leave the machine",
+        "`ROS_DOMAIN_ID` is not an access control",
         "Use SROS 2",
         "While a mission runs in a rehearsal",
         "The project's tests do not cover",
         "Please write to the maintainers",
     ),
     RELIABILITY: (
-        "What `sar-run` promises",
-        "What has a †",
-        "*Noticed* is the time",
-        "A process that dies without notice",
-        "Security has the limits",
-        "Start the mission and Nav2 with it",
+        "This page lists how `sar-run` reacts",
+        "Rows with † were",
+        "*Detected* is the time",
+        "If a process dies without notice",
+        "Safety and security lists the limits",
+        "Start the mission and Nav2 with this profile",
         "A network that is silent",
+        "On a weak Wi-Fi",
     ),
 }
 HELD_BY = {
@@ -53,88 +57,88 @@ HELD_BY = {
             "test_are_imported_when_the_user_names_them_himself", "test_runs_the_modules_beside_the_configuration_and_is_remembered",
         ),
         "tree files, palettes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_are_not_imported_by_any_command"),
-        "answers of services and actions": ("test_any_answer_about_a_survivor_and_any_map_are_judged", "test_any_end_of_a_drive_is_a_line"),
+        "responses of services and actions": ("test_any_answer_about_a_survivor_and_any_map_are_judged", "test_any_end_of_a_drive_is_a_line"),
         "All files are read by one opener": ("test_what_others_name_is_read_by_the_opener_alone",),
-        "It holds the file without opening it": (
+        "It obtains a handle": (
             "test_what_is_no_file_is_refused_and_not_waited_for", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read",
             "test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",
         ),
         "A new reader of files": ("test_each_reader_of_files_is_in_the_table_of_hostile_ones",),
-        "a pipe, a device": ("test_what_is_no_file_is_refused_and_not_waited_for",),
-        "a link that leads outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
-        "a folder that is exchanged": ("test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name",),
-        "a name with a zero byte": ("test_a_name_that_no_file_can_have_is_an_error_in_words",),
-        "more bytes than its limit": ("test_a_file_that_grows_while_it_is_read_is_read_to_its_limit", "test_the_numbers_on_the_page_are_those_of_the_code"),
-        "a million elements": (
+        "The path is a pipe, a device": ("test_what_is_no_file_is_refused_and_not_waited_for",),
+        "A link leads outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
+        "A folder is replaced by a link": ("test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name",),
+        "A name contains a zero byte": ("test_a_name_that_no_file_can_have_is_an_error_in_words",),
+        "A file exceeds its limit": ("test_a_file_that_grows_while_it_is_read_is_read_to_its_limit", "test_the_numbers_on_the_page_are_those_of_the_code"),
+        "A file has a million elements": (
             "test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_a_file_with_too_many_elements_is_not_read_to_its_end",
             "test_the_numbers_on_the_page_are_those_of_the_code",
         ),
-        "NaN, infinity, bytes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words",),
+        "A file contains NaN": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words",),
         "Pipes of the shell": ("test_the_pipe_of_a_shell_is_read_to_its_end",),
-        "be read by an agent": (
+        "Outside files are read by an agent": (
             "test_reads_nothing_outside_the_folders", "test_lists_no_folder_outside_the_folders",
             "test_a_file_that_is_exchanged_after_the_check_is_never_read_outside", "test_no_argument_of_any_tool_reads_what_lies_outside",
         ),
-        "exhaust the machine": (
+        "The tools of an agent exhaust": (
             "test_two_run_at_a_time_and_all_are_answered", "test_is_nice_and_limited_in_its_memory",
             "test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered", "test_a_call_that_takes_too_much_is_an_error_that_says_so",
         ),
-        "exhaust it by an open editor": (
+        "An open editor exhausts": (
             "test_a_check_that_takes_longer_than_it_may_is_reported_and_the_next_file_is_checked",
             "test_a_request_that_waits_for_a_check_can_be_cancelled", "test_a_command_that_is_cancelled_leaves_no_process",
         ),
-        "change after it was": (
+        "A tree changes after": (
             "test_a_tree_runs_only_as_it_was_approved", "test_another_tree_of_an_approved_file_may_not_start",
             "test_the_file_that_has_changed_is_named", "test_one_that_is_changed_is_named_with_both_values_and_how_to_approve_it",
             "test_the_areas_that_a_parameter_names_belong_to_it",
         ),
-        "be an approval": ("test_approvals_that_others_can_write_do_not_count", "test_a_record_that_others_can_write_does_not_count"),
-        "be a module": (
+        "An approval is forged": ("test_approvals_that_others_can_write_do_not_count", "test_a_record_that_others_can_write_does_not_count"),
+        "A module is replaced": (
             "test_ends_where_a_module_is_exchanged_after_its_hash_was_taken", "test_is_for_the_source_and_not_for_what_is_compiled_beside_it",
         ),
-        "run code": (
+        "A file runs code": (
             "test_no_code_of_a_file_is_ever_evaluated", "test_are_not_imported_from_the_checkout", "test_are_imported_when_they_are_installed",
             "test_that_are_of_no_package_with_leaves_are_not_imported_though_they_are_installed",
         ),
-        "name a file elsewhere": (
+        "A file names a file elsewhere": (
             "test_what_lies_outside_is_not_read", "test_a_palette_that_is_linked_from_outside_is_not_read",
             "test_a_world_names_no_map_outside_its_folder", "test_a_map_names_no_picture_outside_its_folder",
             "test_a_scenario_compares_its_trace_with_no_file_outside_its_folder", "test_without_a_repository_it_reaches_its_own_folder",
         ),
-        "grow: entities": (
+        "A file expands": (
             "test_entities_of_a_doctype_are_never_expanded", "test_trees_that_would_grow_beyond_measure_are_a_finding_before_they_are_made",
         ),
-        "be a journal with views": ("test_what_no_journal_has_is_refused_by_its_name",),
-        "be a journal that is exchanged": (
+        "A journal contains views": ("test_what_no_journal_has_is_refused_by_its_name",),
+        "A journal is replaced while": (
             "test_a_journal_that_is_exchanged_after_the_check_is_not_read",
             "test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waited_for",
         ),
-        "be a journal with circular": ("test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up",),
-        "be a journal that names": ("test_no_file_is_read_that_a_journal_names",),
-        "be an altered journal": (
+        "A journal has circular": ("test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up",),
+        "A journal names a file": ("test_no_file_is_read_that_a_journal_names",),
+        "A journal was altered": (
             "test_whatever_is_altered_inside_the_chain_is_found_with_the_first_entry_that_is_wrong",
             "test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it",
         ),
-        "be a journal with positions": (
+        "A journal has positions": (
             "test_a_number_that_is_not_finite_is_null_in_every_json", "test_a_fact_with_a_position_that_is_none_is_refused",
             "test_a_time_that_is_none_is_refused",
         ),
-        "Reliability has damaged files": ("test_every_promise_names_its_tests",),
+        "Failures and recovery covers damaged": ("test_every_promise_names_its_tests",),
         "Numbers in parameter files": ("test_a_number_that_is_not_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
-        "answer with a survivor": (
+        "It answers with a survivor": (
             "test_a_survivor_where_nobody_can_be_is_no_answer", "test_a_survivor_beyond_the_map_is_no_answer",
             "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_the_numbers_on_the_page_are_those_of_the_code",
         ),
-        "report a survivor at no position": ("test_does_not_acknowledge_a_report_at_no_position",),
-        "send an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
-        "claim, on `ACTION/_mission`": (
+        "It reports a survivor without a position": ("test_does_not_acknowledge_a_report_at_no_position",),
+        "It sends an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
+        "It claims, on `ACTION/_mission`": (
             "test_one_that_runs_goes_before_one_that_begins_whoever_is_older",
             "test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way",
         ),
-        "answer for another goal": (
+        "It answers for another goal": (
             "test_what_is_answered_to_a_question_that_was_given_up_is_ignored", "test_the_late_answer_of_an_old_call_is_ignored",
         ),
-        "give `sar-run --serve` a goal": (
+        "It gives `sar-run --serve` a goal": (
             "test_a_client_starts_trees_by_their_names_one_after_the_other", "test_a_payload_that_is_none_is_refused",
             "test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them",
         ),
@@ -151,66 +155,68 @@ HELD_BY = {
         ),
         "After SIGKILL": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
         "A run with a journal": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "The guardian is a separate process": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
         "Other runs have one": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
-        "When the mission's process is gone": (
+        "When the mission's process has ended": (
             "test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled", "test_a_goal_that_does_not_end_is_told_to_be_under_way",
             "test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels",
         ),
         "Ctrl-C and the end of a terminal": ("test_ctrl_c_in_a_terminal_does_not_reach_it",),
         "The guardian knows the goals": ("test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way",),
         "`--view web`, `sar-journal replay`": ("test_the_page_listens_on_this_machine_alone",),
-        "everybody who uses this machine": (
+        "Every user of this machine": (
             "test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_not",
             "test_the_report_of_a_robot_is_a_page_of_its_own_whose_style_is_its_own",
         ),
-        "everybody who has the printed address": (
+        "Everyone who has the printed address": (
             "test_who_has_the_address_gives_orders", "test_without_the_token_nobody_gives_orders", "test_each_run_has_a_token_of_its_own",
         ),
-        "a site that is open": (
+        "A site that is open": (
             "test_another_page_of_the_browser_is_refused", "test_a_name_that_is_not_this_machine_s_is_refused",
             "test_the_page_is_its_own_by_each_name_of_this_machine", "test_the_page_is_served_with_a_policy_that_lets_nothing_else_in",
         ),
-        "a tree, a message or a log line": (
+        "A tree, a message or a log line": (
             "test_texts_from_outside_are_texts", "test_the_page_is_served_with_a_policy_that_lets_nothing_else_in",
         ),
-        "a program that opens connections": (
+        "A program that opens connections": (
             "test_connections_take_few_of_the_file_descriptors_of_the_mission", "test_a_browser_that_does_not_read_is_let_go_and_comes_again",
             "test_the_numbers_on_the_page_are_those_of_the_code",
         ),
-        "somebody who wants files": ("test_nothing_else_can_be_reached",),
+        "A request for other files": ("test_nothing_else_can_be_reached",),
         "Keep the domain on the machine": ("test_the_range_is_this_machine_otherwise",),
         "`sar-run --sim` and `sar-sim` set it": ("test_the_range_is_this_machine_otherwise", "test_the_range_that_a_user_chose_is_kept"),
         "The guardian gets the `--enclave`": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
     },
     RELIABILITY: {
-        "Each promise has a test": ("test_every_promise_names_its_tests",),
+        "A test holds each row": ("test_every_promise_names_its_tests",),
         "A goal has ended when": (
             "test_a_result_that_is_lost_is_known_by_the_status_topic", "test_a_server_that_was_restarted_does_not_know_the_goal",
         ),
-        "Otherwise the exit status is 4": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),
-        "A server that answers nothing": (
+        "If the run has not seen the end": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),
+        "A server that stops answering": (
             "test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled",
             "test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not",
         ),
         "A mission publishes on": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
-        "The tree says what happens": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
-        "`config/fastdds_profile.xml` makes it two": (
+        "The tree defines the reaction": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
+        "`verify` proves it": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
+        "`config/fastdds_profile.xml` shortens": (
             "test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed",
         ),
-        "The others forget a process": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
+        "The other participants also drop": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
     },
 }  # fmt: skip
 PAGES = tuple(HELD_BY)
 
 
 def statements(page: Path) -> list[str]:
-    """Return the sentences of a page's paragraphs and lists, and the first cells of rows that name no test; links by their texts."""
+    """Return the sentences of a page's paragraphs and lists, and the first cells of rows that name no test, links by their texts."""
     rows = [row for row in tables(page) if page != RELIABILITY or promise(row[0], row[2]) not in PROMISES]
     found = [_without_links(cells[0]) for _, _, cells in rows if not _names_tests(cells[-1])]
-    promises = {number for _, number, _ in tables(page)} if page == RELIABILITY else set()
+    in_rows = {number for _, number, _ in tables(page)}
     paragraphs, current = list[str](), ""
     for number, line in [*prose(page), (0, "")]:
-        if number in promises:
+        if number in in_rows:
             continue
         item = re.match(r"[-*] ", line)
         if not line.strip() or item or line.startswith(("#", "|")):
@@ -274,7 +280,7 @@ def test_the_numbers_on_the_page_are_those_of_the_code():
         ("and {} million pixels", occupancy._MAX_CELLS / 1e6),
         ("{} values in a file", MAX_VALUES),
         ("{} names and values in a parameter file", parameter_file._MAX_EVENTS),
-        ("without a map the limit is {} km", message_values.FARTHEST_M / 1000.0),
+        ("Without a map the limit is {} km", message_values.FARTHEST_M / 1000.0),
         ("{} connections at once", page_server._CONNECTIONS),
         ("{} MB waiting for each", feed._WAITING / 1e6),
     ):

@@ -12,7 +12,7 @@ PAGE = Path("docs/concepts/failures-and-recovery.md")
 # The tests by promise: the section, and the failure. "the same" stands for those of the promise above it.
 PROMISES = json.loads(Path(__file__).with_name("promises.json").read_text(encoding="utf-8"))
 # No test can take a computer away.
-BEYOND = "How it ends: the computer is gone"
+BEYOND = "How it ends: The computer fails"
 
 
 def promise(heading, cells):
