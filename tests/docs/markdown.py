@@ -17,8 +17,8 @@ PAGES = sorted(
 )
 
 _FENCE = re.compile(r"^\s*```(\w*)\s*$")
-# The line above a fenced block that says which file it is: `rover/drive.py`:
-_NAMED = re.compile(r"^`([\w./-]+\.\w+)`.*:$")
+# The line above a fenced block that says which file it is: `rover/drive.py`: or: Save this leaf as `rover/drive.py`:
+_NAMED = re.compile(r"(?:^|\bSave (?:.* )?as )`([\w./-]+\.\w+)`.*:$")
 _LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
 # A row of a list of definitions: - **name**: what it is
 _DEFINITION = re.compile(r"^- \*\*(.+?)\*\*: (.+)$")
@@ -75,7 +75,7 @@ def blocks(page: Path) -> list[Block]:
         elif language is None:
             language, start = fence[1], number + 1
         else:
-            named = _NAMED.match(before)
+            named = _NAMED.search(before)
             text = "".join(f"{each}\n" for each in lines[start - 1 : number - 1])
             found.append(Block(language, text, start, named[1] if named else ""))
             before, language = "", None

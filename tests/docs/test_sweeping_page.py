@@ -24,7 +24,7 @@ def test_the_flight_that_the_page_shows_is_what_is_told(tmp_path: Path) -> None:
 
 def test_the_page_names_every_pattern() -> None:
     (spec,) = [spec for spec in SPECS if spec.tag == "PlanSweep"]
-    told = [codes(cells[0])[0] for heading, _, cells in tables(PAGE) if heading == "The flight"]
+    told = [codes(cells[0])[0] for heading, _, cells in tables(PAGE) if heading == "The run"]
     assert set(told) == set(spec.parameters["pattern"].value_type.choices)
 
 

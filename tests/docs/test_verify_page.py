@@ -24,7 +24,7 @@ def test_the_page_about_verifying_does_what_it_says(tmp_path):
 
 def test_every_question_is_in_the_table():
     asked = [verdicts.NO_ERROR, verdicts.EVERY_LEAF, verdicts.AN_END, verdicts.NO_LIVELOCK]
-    assert cells("What is asked of every tree") == asked
+    assert cells("Properties of every tree") == asked
 
 
 def test_every_key_of_a_property_is_in_the_table():

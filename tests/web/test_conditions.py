@@ -170,12 +170,12 @@ def test_everybody_says_what_the_table_says(name, start, browser, tmp_path, caps
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET")
     with ExitStack() as stack:
         runs = look(row, journals, start, stack, browser)
-        said = plain(wanted["the page"])
+        said = plain(wanted["Page"])
         browser.wait(lambda: plain(browser.js(SAID)) == said, f"{said!r}")
-        browser.wait(lambda: browser.js(MAY_ORDER) == (wanted["orders"] == "yes"), "the orders")
+        browser.wait(lambda: browser.js(MAY_ORDER) == (wanted["Commands"] == "yes"), "the orders")
         is_silent = row.seen == "own" and row.sent != 0
         assert browser.js("return document.body.classList.contains('stale')") == is_silent
-        others = wanted["the others"]
+        others = wanted["Terminal, report, `sar-journal show`"]
         if row.sent == 0:  # who is frozen or dead says nothing itself
             assert plain(of_robots(map(on_terminal, runs))) == plain(others)
         for place, read in (("a report", in_report), ("`sar-journal show`", partial(in_show, capsys))):
