@@ -46,7 +46,7 @@ help:
 	@echo "make test-costs   record the CPU seconds of the last run of the tests: a run fails where a module takes half as much again"
 	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
 	@echo "make nav2-test    missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
-	@echo "make lint         style and types"
+	@echo "make lint         style, types, and words (KIND=pages lists those of a kind)"
 	@echo "make soak         the long tests, and ten times as many random inputs"
 	@echo "make bench        the benchmarks, against the record and BehaviorTree.CPP (QUICK=1 a trial, ONLY=proofs some, SAVE=1 a new record)"
 	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
@@ -119,6 +119,7 @@ lint: env
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m tests.docs.prose $(KIND)
 
 format: env
 	$(BIN)/ruff check --fix .
@@ -148,6 +149,7 @@ schemas: env
 	$(BIN)/sar-compile schema --format json > schemas/sar_tree.schema.json.new
 	mv schemas/sar_tree.schema.json.new schemas/sar_tree.schema.json
 	$(BIN)/python docs/site/node_library.py
+	$(BIN)/python docs/site/api_page.py
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/documents tests/docs/test_commands_page.py tests/docs/test_findings.py -k reviewed
 
 golden: env
@@ -155,8 +157,10 @@ golden: env
 
 # The last one needs chromium and its driver (apt install chromium chromium-driver).
 pictures: env
+	$(BIN)/python docs/pictures/badges.py
 	$(BIN)/python docs/pictures/trees.py
 	$(BIN)/python docs/pictures/mission.py
+	$(BIN)/python docs/pictures/demo.py
 	$(BIN)/python docs/pictures/page.py
 
 # What mkdocstrings has to say is a warning of its own, which does not end the build.
@@ -164,6 +168,7 @@ site: env
 	$(BIN)/python docs/site/pages.py build/pages
 	@$(BIN)/zensical build --strict --clean > build/site.log 2>&1 || { cat build/site.log; exit 1; }
 	@! grep -E "^(griffe|mkdocstrings)" build/site.log
+	@{ printf '__index = '; cat build/site/search.json; } > build/site/search.js
 	@command -v npm >/dev/null && $(BIN)/python docs/site/playground.py build/site/playground build/playground \
 	  || { rm -rf build/site/playground; echo "make: no playground: that needs npm (apt install npm), and what it fetches"; }
 	$(SAY) "done: build/site/index.html"

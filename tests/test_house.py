@@ -15,6 +15,7 @@ import pytest
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.style import COLOURS
+from tests.docs import prose
 from tests.faults.test_hostile_files import ELSEWHERE as TRIED_ELSEWHERE
 from tests.faults.test_hostile_files import SURFACES
 from tests.readers import readers
@@ -713,3 +714,81 @@ def test_modules_import_each_other_in_no_circle():
         for module, path in modules.items()
     }
     assert groups_that_import_each_other(imports) == set()
+
+
+def test_no_kind_of_text_has_more_unused_words_or_marks_than_its_ceiling():
+    """See `make lint KIND=…`, which lists them."""
+    assert prose.excesses(prose.collected()) == []
+
+
+INTERFACES = {
+    "add", "apply", "begin", "check", "close", "create", "end_tick", "enter", "get", "initialise", "load", "name", "on_compiled",
+    "on_end", "on_entry", "on_failure", "path", "read", "resume", "root", "run", "setup", "shutdown", "start", "stop",
+    "terminate", "tick", "update", "write",
+}  # fmt: skip
+"""Names of methods that several classes have: of py_trees' behaviours, kernel nodes and run extensions, or as containers and files have them."""
+METHOD_CEILINGS = {
+    "advance": 7, "after": 16, "ask": 7, "choose": 7, "count": 8, "end": 24, "facts": 7, "forget": 6, "go_on": 8, "goal": 6,
+    "kind": 6, "listen": 7, "look": 8, "missing": 8, "nodes": 6, "now": 10, "of": 29, "place": 16, "report": 9, "settle": 8,
+    "show": 7, "step": 9, "stop_first": 9, "stop_last": 6, "take": 35, "tell": 7, "text": 10, "trees": 8, "value": 6, "watch": 8,
+    "ways": 16,
+}  # fmt: skip
+"""How many classes have a public method of a name today, where that is more than 5. They only fall."""
+PREPOSITION = re.compile(
+    r"about|above|after|against|along|around|as|at|before|behind|below|beside|between|by|for|from|in|into|of|on|onto|over|since"
+    r"|through|to|under|until|upon|with|within|without"
+)
+PARTICIPLE = re.compile(
+    r"[a-z]+(?<!e)ed|[a-z]{3,}ing|begun|bound|broken|built|chosen|come|done|drawn|driven|fed|forgotten|found|given|gone|grown|held|hidden"
+    r"|kept|known|led|left|lost|made|meant|met|paid|said|seen|sent|shown|sought|spent|stood|taken|thought|told|worn|written"
+)
+NOUNS = {
+    "anything",
+    "binding",
+    "drawing",
+    "embed",
+    "finding",
+    "mapping",
+    "nothing",
+    "recording",
+    "setting",
+    "string",
+    "warning",
+}
+BARE_CEILINGS = {"of a public function": 215, "of any function": 439}
+"""How many functions have a participle or a preposition as their whole name today. They only fall."""
+
+
+def functions_of(path, kind=(ast.FunctionDef, ast.AsyncFunctionDef)):
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kind)]
+
+
+def test_a_method_that_many_classes_have_is_a_listed_interface():
+    classes = collections.Counter(
+        name
+        for path in FILES
+        for node in functions_of(path, ast.ClassDef)
+        for name in {
+            each.name for each in node.body if isinstance(each, (ast.FunctionDef, ast.AsyncFunctionDef))
+        }
+        if not name.startswith("_")
+    )
+    wide = {name: count for name, count in classes.items() if count > 5 and name not in INTERFACES}
+    assert {name: count for name, count in wide.items() if count > METHOD_CEILINGS.get(name, 5)} == {}
+    assert {name for name in INTERFACES if classes[name] <= 5} == set()
+
+
+def test_the_name_of_a_function_is_no_bare_participle_or_preposition():
+    names = [
+        node.name
+        for path in FILES
+        for node in functions_of(path)
+        if not node.name.startswith("__")
+        if (name := node.name.strip("_")) not in NOUNS
+        if PREPOSITION.fullmatch(name) or PARTICIPLE.fullmatch(name)
+    ]
+    public = [name for name in names if not name.startswith("_")]
+    counts = {"of a public function": len(public), "of any function": len(names)}
+    assert {
+        kind: (count, sorted(names)) for kind, count in counts.items() if count > BARE_CEILINGS[kind]
+    } == {}

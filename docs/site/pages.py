@@ -60,9 +60,13 @@ TERMS = {
     "how-to/monte-carlo.md": "random runs, simulation campaign, statistics",
     "operate/operators-manual.md": "emergency stop, pause the robot, return to base, abort, dashboard",
     "operate/troubleshooting.md": "error message, not working, fails to start, fix",
+    "glossary.md": "terms, terminology, vocabulary, definitions, meaning of a word",
     "reference/journal.md": "log, resume after a crash, restart, persistence, checkpoint",
     "reference/parameters.md": "ROS parameter file, YAML parameters, waypoints, zones, configuration of the mission",
     "reference/nodes/decorators.md": "retry node, repeat node, timeout node, inverter node",
+    "reference/nodes/ros.md": "service client, action client, subscriber, publisher, tf, call a service from a tree",
+    "reference/nodes/nav2.md": "recovery node, pipeline sequence, rate controller",
+    "reference/api.md": "Python functions, classes, methods, signature",
     "reference/nodes/controls.md": "selector node, fallback node, sequence node, parallel node, switch node",
 }
 """Words under which a reader may search for a page, and which need not be on it."""
@@ -83,6 +87,7 @@ def write_pages(folder: Path) -> None:
         if path not in seen:
             seen.add(path)
             to_come.extend(_write(path, folder))
+    shutil.copy(Path(__file__).with_name("search_on_use.js"), folder)
     for group, title in GROUPS.items():
         _save(folder / f"api/{title.lower()}.md", _names_of(group, title).encode())
 
