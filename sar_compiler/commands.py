@@ -288,11 +288,11 @@ def columns(stream: TextIO) -> int:
 class CommandParser(argparse.ArgumentParser):
     """An argument parser that accepts no abbreviated options, and completes them for a shell.
 
-    Rarely used options (`hide`) only appear in `--help-all`, which a parser with such options has.
+    What `abridge` leaves out of `--help` is in `--help-all`, which an abridged parser has.
     """
 
     def __init__(self, prog: str = "", description: str = "", **settings: Any) -> None:
-        self._rare: dict[argparse.Action, str] = {}
+        self._full_texts: dict[argparse.Action, str] = {}
         super().__init__(prog=prog, description=description, allow_abbrev=False, **settings)
         # As of Python 3.14: a value of several numbers, such as -33.9,18.4,90, is not an option either.
         self._negative_number_matcher = re.compile(r"-\.?\d")
@@ -310,20 +310,26 @@ class CommandParser(argparse.ArgumentParser):
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return found, unknown
 
-    def hide(self, *rare: argparse.Action) -> None:
-        """Omit rarely used options from `--help`; `--help-all` lists them."""
-        if not self._rare:
-            help_all = argparse.SUPPRESS
-            self.add_argument(
-                "--help-all", action=_HelpAllAction, default=help_all, help="show every option, and exit"
-            )
-        for action in rare:
-            self._rare[action] = str(action.help)
-            action.help = argparse.SUPPRESS
+    def abridge(self, *hidden: str, **shortened: str) -> None:
+        """Hide options and shorten the help of others in `--help`; `--help-all` has them all in full.
+
+        Args:
+            hidden: Names of rarely used options.
+            shortened: Help texts by the name of the argument in the namespace.
+        """
+        shown = "show all options in full, and exit"
+        self.add_argument("--help-all", action=_HelpAllAction, default=argparse.SUPPRESS, help=shown)
+        for action in self._actions:
+            if (
+                text := argparse.SUPPRESS
+                if {*hidden} & {*action.option_strings}
+                else shortened.get(action.dest)
+            ):
+                self._full_texts[action], action.help = str(action.help), text
 
     def show_all(self) -> None:
         """Show every option in the help, here and in the subcommands."""
-        for action, text in self._rare.items():
+        for action, text in self._full_texts.items():
             action.help = text
         for action in self._actions:
             if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - argparse has no other access to them
@@ -380,7 +386,7 @@ class _HelpAllAction(argparse.Action):
 
 def add_version(parser: argparse.ArgumentParser) -> None:
     """Add `--version`, which every command has."""
-    shown = "show the versions of the command and its environment, and exit"
+    shown = "show the versions of what is in use, and exit"
     parser.add_argument("--version", action=_VersionAction, default=argparse.SUPPRESS, help=shown)
 
 

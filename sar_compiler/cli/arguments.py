@@ -132,13 +132,11 @@ probability = reader(float, "a number between 0 and 1", lambda value: 0 <= value
 confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < value < 1)
 
 
-def add_page_options(
-    parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = ""
-) -> argparse.Action:
-    """Add `--open` and `--web-port`, which is returned; *when* is their condition, as a prefix of the help."""
+def add_page_options(parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = "") -> None:
+    """Add `--open` and `--web-port`; *when* is their condition, as a prefix of the help."""
     parser.add_argument("--open", action="store_true", help=f"{when}open it in a browser")
     text = f"{when}the page's port (default 8043; 0 for any)"
-    return parser.add_argument("--web-port", type=port, metavar="N", help=text)
+    parser.add_argument("--web-port", type=port, metavar="N", help=text)
 
 
 def add_tree_id(parser: argparse.ArgumentParser, use: str) -> None:

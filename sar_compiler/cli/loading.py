@@ -26,20 +26,15 @@ PROJECT_OPTIONS = "options that add to the project's configuration"
 """The title of these options in `--help`; the page of the commands lists them once."""
 
 
-def add_project_options(parser: argparse.ArgumentParser) -> tuple[argparse.Action, ...]:
-    """Add the options that extend a project's configuration; return the rarely used ones."""
-    options, *rare = add_vocabulary_options(parser)
+def add_project_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that extend a project's configuration."""
     text = "a further folder for included tree files (in addition to the file's own); may be repeated"
-    folder = options.add_argument(
-        "--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text
-    )
-    return folder, *rare
+    add = add_vocabulary_options(parser).add_argument
+    add("--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text)
 
 
-def add_vocabulary_options(
-    parser: argparse.ArgumentParser,
-) -> "tuple[argparse._ArgumentGroup, argparse.Action, argparse.Action]":
-    """Add the options that determine the known nodes; return their group, `--trust` and `--isolated`."""
+def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._ArgumentGroup":
+    """Add the options that determine the known nodes, and return their group."""
     options = parser.add_argument_group(PROJECT_OPTIONS)
     add = options.add_argument
     text = "load a module of leaves (installed, or in this folder); may be repeated"
@@ -53,9 +48,10 @@ def add_vocabulary_options(
         "run the modules of leaves that the project's own configuration names and contains, now and until "
         "one of them changes"
     )
-    trust = add("--trust", action="store_true", help=text)
+    add("--trust", action="store_true", help=text)
     text = "ignore the surroundings of a tree file: sar.toml, and palettes and trees that no option names"
-    return options, trust, add("--isolated", action="store_true", help=text)
+    add("--isolated", action="store_true", help=text)
+    return options
 
 
 def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:

@@ -287,26 +287,48 @@ def _looks_like_a_tree(world: str) -> bool:
 
 
 _EPILOG = (
-    "Everything after --ros-args is for ROS 2: -p name:=value, -r from:=to, -r __ns:=/robot1. "
-    "Exit status: 0 mission complete (without a mission: the root has succeeded, or the end of --until has come); "
-    "1 failed or incomplete, as the summary says (with --check: a place is unreachable); "
-    "2 wrong usage, invalid tree or parameter, or a journal of an unfinished mission: the robot has not moved; "
-    "3 a requirement did not appear in time; "
-    "4 stopped, but a goal, which is named, may still be active: the robot may still be moving; "
-    "129, 130 or 143 stopped by SIGHUP, SIGINT or SIGTERM before completion, and all goals have ended."
+    "ROS arguments follow --ros-args: -p name:=value, -r from:=to, -r __ns:=/robot1. "
+    "Exit status: 0 mission complete (without a mission: as --until asks); 1 failed or incomplete; "
+    "2 wrong usage, tree, parameter or journal: the robot has not moved; 3 a requirement did not appear in time; "
+    "4 stopped, but the robot may still be moving; 129, 130, 143 stopped by a signal."
 )
+_RARE = (
+    "--mission", "--like", "--seed", "--open", "--web-port", "--publish", "--groot2", "--format", "--approved", "--guardian",
+    "--no-guardian", "--engine", "--executor", "--serve", "--managed", "--traceback", "--model", "--trust", "--isolated",
+    "--include-path",
+)  # fmt: skip
+"""The options that only `--help-all` shows."""
+_SHORT = {
+    "tree": "a tree file or shipped tree (default: the mission's)",
+    "until": "the end of the run (default: see --help-all)",
+    "sim": "simulate a world, Nav2 and the mission's servers",
+    "speed": "with --sim: simulated seconds per second (default 1)",
+    "fault": "with --sim: a fault: navigate_to_pose:reject=1",
+    "view": "show the run on the terminal, or in a browser",
+    "report": "write a report after the run, such as report.html",
+    "record": "record topics and logs in a new MCAP file",
+    "check": "wait for requirements, plan the route, and end",
+    "journal": "the journal, or none (default: see --help-all)",
+    "properties": "monitor properties (default: the mission's own)",
+    "resume": "resume the mission in the journal",
+    "new": "start over, and rename an unfinished journal",
+    "supervise": f"resume after a crash, at most N times (default {_RESUMED})",
+    "nodes": "load a module of leaves; may be repeated",
+}
+"""The help of options in `--help`, so that it fits one screen."""
 
 
 def _parser() -> Parser:
     text = "Run a mission: check the tree, wait for its requirements, tick it."
     parser = Parser(PROG, text, epilog=_EPILOG)
     _add_run_options(parser, parser.add_argument_group("what to run"))
-    _add_simulation(parser, parser.add_argument_group("simulate"))
-    _add_companions(parser, parser.add_argument_group("see and record"))
-    _add_safety(parser, parser.add_argument_group("safety"))
-    _add_for_experts(parser, parser.add_argument_group("expert"))
+    _add_simulation(parser.add_argument_group("simulate"))
+    _add_companions(parser.add_argument_group("see and record"))
+    _add_safety(parser.add_argument_group("safety"))
+    _add_for_experts(parser.add_argument_group("expert"))
     add_version(parser)
-    parser.hide(*add_project_options(parser))
+    add_project_options(parser)
+    parser.abridge(*_RARE, **_SHORT)
     return parser
 
 
@@ -330,7 +352,7 @@ def _add_run_options(parser: Parser, group: _ArgumentGroup) -> None:
     add("--until", choices=[until.value for until in Until], help=text)
 
 
-def _add_simulation(parser: Parser, group: _ArgumentGroup) -> None:
+def _add_simulation(group: _ArgumentGroup) -> None:
     add = group.add_argument
     text = "simulate a world (a file, or disaster_zone or empty), Nav2 and the mission's servers, instead of using running ones"
     add("--sim", nargs="?", const=DEFAULT_WORLD, type=WORLD, metavar="WORLD", help=text)
@@ -340,10 +362,10 @@ def _add_simulation(parser: Parser, group: _ArgumentGroup) -> None:
     add("--like", choices=MANNER_NAMES, help=text)
     text = "with --sim: inject a fault, such as navigate_to_pose:reject=1; may be repeated"
     add("--fault", action="append", default=[], metavar="SPEC", help=text)
-    parser.hide(add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)"))
+    add("--seed", type=seed, metavar="N", help="with --sim: the seed of all noise (default 0)")
 
 
-def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
+def _add_companions(group: _ArgumentGroup) -> None:
     """Add the options for the page, reports and recordings."""
     add = group.add_argument
     text = (
@@ -351,7 +373,7 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
         "machine, until Ctrl-C in a terminal (web); or not (default none)"
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
-    web_port = add_page_options(group, "with --view web: ")
+    add_page_options(group, "with --view web: ")
     text = f"write a report after the run, {report_forms()}; may be repeated"
     add("--report", action="append", default=[], type=FILE, metavar="FILE", help=text)
     text = "record topics, the tree's log and the mission's log in a new MCAP file"
@@ -362,10 +384,9 @@ def _add_companions(parser: Parser, group: _ArgumentGroup) -> None:
     add("--groot2", type=pair_of_ports, metavar="PORT", help=text)
     text = "result for people (default text), or as one line of JSON: status, reason, duration in seconds, figures"
     add("--format", choices=("text", "json"), default="text", help=text)
-    parser.hide(web_port)
 
 
-def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
+def _add_safety(group: _ArgumentGroup) -> None:
     add = group.add_argument
     text = "wait for all requirements, plan the route on the map, then end; the robot does not move"
     add("--check", action="store_true", help=text)
@@ -389,28 +410,27 @@ def _add_safety(parser: Parser, group: _ArgumentGroup) -> None:
     )
     add("--supervise", nargs="?", const=_RESUMED, type=restarts, metavar="N", help=text)
     text = "cancel the goals of a run that is killed or crashes, by a separate process (default with a journal, without --sim)"
-    parser.hide(add("--guardian", action=BooleanOptionalAction, help=text))
+    add("--guardian", action=BooleanOptionalAction, help=text)
 
 
-def _add_for_experts(parser: Parser, group: _ArgumentGroup) -> None:
+def _add_for_experts(group: _ArgumentGroup) -> None:
+    add = group.add_argument
     text = "the engine that ticks the tree: the project's (default own), or an installed py_trees_ros"
-    engine = group.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help=text)
+    add("--engine", choices=ENGINES, default=ENGINES[0], help=text)
     text = (
         "the executor of rclpy for the mission's node: EventsExecutor, if rclpy has it and it can serve the "
         "leaves (default events), or SingleThreadedExecutor (single-threaded)"
     )
-    executor = group.add_argument(
-        "--executor", choices=("events", "single-threaded"), default="events", help=text
-    )
+    add("--executor", choices=("events", "single-threaded"), default="events", help=text)
     text = (
         "start runs of these trees for clients, one at a time: by BehaviorTree.ROS2's action bt_execution (ExecuteTree), whose "
         "goals name the tree by its ID; the other options apply to each run"
     )
-    parser.hide(group.add_argument("--serve", nargs="+", type=TREE, metavar="TREE", help=text))
+    add("--serve", nargs="+", type=TREE, metavar="TREE", help=text)
     text = "with --serve: wait for a lifecycle manager, such as Nav2's, to configure and activate the server"
-    parser.hide(group.add_argument("--managed", action="store_true", help=text))
+    add("--managed", action="store_true", help=text)
     text = "show the traceback of a failing leaf (its line of the tree file and of Python are always named)"
-    parser.hide(engine, executor, group.add_argument("--traceback", action="store_true", help=text))
+    add("--traceback", action="store_true", help=text)
 
 
 if __name__ == "__main__":

@@ -195,19 +195,19 @@ def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) ->
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
     text = f"end a row once the half width of its interval is at most W (default {half_width:g}; 0: never)"
-    half = add("--half-width", type=probability, default=half_width, metavar="W", help=text)
+    add("--half-width", type=probability, default=half_width, metavar="W", help=text)
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
-    sure = add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
+    add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
     text = "status 0 if every interval is at or above this rate (default: if no run failed)"
     add("--at-least", type=probability, metavar="RATE", help=text)
     text = "the seed of the first run of each combination; further runs have the next numbers (default 0)"
-    first = add("--seed", type=seed, default=0, metavar="N", help=text)
+    add("--seed", type=seed, default=0, metavar="N", help=text)
     text = "number of parallel runs (default: the number of cores)"
     add("--jobs", type=jobs, default=os.cpu_count() or 1, metavar="N", help=text)
     text = "write the smallest failure, if any, to this file"
     add("-o", "--output", type=FILE, metavar="FAILING", help=text)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    parser.hide(half, sure, first)
+    parser.abridge("--half-width", "--confidence", "--seed", "--trust", "--isolated", "--include-path")
 
 
 def probabilities(text: str) -> tuple[float, ...]:

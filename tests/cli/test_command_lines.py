@@ -18,7 +18,8 @@ TREE = document("<Sequence><NavigateToZone/><NavigateToBase/></Sequence>")
 def parser():
     made = CommandParser("fly", "Fly.")
     made.add_argument("--speed", type=int, default=1, help="how fast")
-    made.hide(made.add_argument("--engine", help="what ticks"))
+    made.add_argument("--engine", help="the engine that ticks")
+    made.abridge("--engine", speed="speed")
     return made
 
 
@@ -72,10 +73,14 @@ def test_a_node_that_nobody_knows_is_answered_with_where_to_look(capsys):
 
 def test_an_option_that_few_need_is_known_and_shown_by_help_all_alone(parser, capsys):
     assert parser.parse_args(["--engine", "own"]).engine == "own"
-    assert "--engine" not in parser.format_help()
+    brief = parser.format_help()
+    assert "--engine" not in brief
+    assert "--speed SPEED  speed\n" in brief
     with pytest.raises(SystemExit):
         parser.parse_args(["--help-all"])
-    assert "--engine ENGINE  what ticks" in capsys.readouterr().out
+    full = capsys.readouterr().out
+    assert "--engine ENGINE  the engine that ticks" in full
+    assert "--speed SPEED    how fast" in full
 
 
 @pytest.mark.parametrize(

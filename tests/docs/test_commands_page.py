@@ -6,6 +6,8 @@ import re
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import pytest
+
 from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
@@ -25,8 +27,8 @@ PARSERS = [
     server_parser(*server_commands.DETECT),
     server_parser(*server_commands.REPORT),
 ]
-for each in PARSERS:
-    each.show_all()
+SCREEN = {"sar-run": 45}
+"""The lines of a command's help that fit one screen of 80 columns; 50 for the others."""
 # The pages that say more, by command, or command and option.
 MORE = {
     "sar-compile validate": ["tree-files.md", "configuration.md"],
@@ -112,10 +114,11 @@ def section(parser, heading, prog):
 
 
 def epilog(text):
-    """Return what stands at the end of a help text; each exit status on a line of its own."""
-    told, sign, statuses = prose(text).partition("Exit status: ")
-    listed = re.sub(r"(?:^|; )(\d+\b)", r"\n- \1", statuses)
-    return f"{told}{sign.strip()}\n{listed}" if sign else told
+    """Return the end of a help text, with a table of its exit statuses."""
+    before, sign, statuses = prose(text).partition("Exit status: ")
+    rows = re.findall(r"([\d, ]*\d) (?:for )?(.*?)(?:; |\.$)", statuses)
+    listed = "".join(f"| {status} | {meaning} |\n" for status, meaning in rows)
+    return f"{before}\n\n| Exit status | Description |\n|---|---|\n{listed}".lstrip() if sign else before
 
 
 def table(parser, prog):
@@ -219,6 +222,16 @@ def every_parser(parser, prog):
 
 
 EVERY = [each for root in PARSERS for each in every_parser(root, root.prog)]
+HELP_TEXTS = {prog: parser.format_help() for prog, parser in EVERY}
+for each in PARSERS:
+    each.show_all()
+
+
+@pytest.mark.parametrize("prog", HELP_TEXTS)
+def test_the_help_of_a_command_fits_one_screen(prog):
+    lines = HELP_TEXTS[prog].splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= SCREEN.get(prog, 50), HELP_TEXTS[prog]
 
 
 def test_no_two_arguments_of_a_command_say_that_they_mean_the_same():
