@@ -5,6 +5,7 @@ import collections
 import importlib
 import itertools
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -181,3 +182,12 @@ def test_a_page_for_users_names_no_module_behind_the_face(page):
 def test_an_example_imports_from_the_face_only(path):
     modules = {each for each in imported(path.read_text("utf-8")) if re.match(r"sar_compiler\b", each)}
     assert modules <= set(GROUPS)
+
+
+def test_the_page_of_the_api_is_made_of_the_sources_and_has_every_public_name():
+    api = runpy.run_path("docs/site/api_page.py")
+    text = api["PAGE"].read_text(encoding="utf-8")
+    assert text == api["page"](), "renew it: .venv/bin/python docs/site/api_page.py"
+    for group, module in GROUPS.items():
+        section = text.partition(f"\n## {group}\n")[2].partition("\n## ")[0]
+        assert {*re.findall(r"^- \*\*`(\w+)", section, re.MULTILINE)} == {*module.__all__}

@@ -4,17 +4,17 @@ Each node has a drawing and a table of statuses, both from an example that is ex
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import sar_compiler
 from sar_compiler.compiler.outline import unicode_tree, with_tags
+from sar_compiler.nodes import nav2, ros_leaves
 from sar_compiler.nodes.models.palette import value_text
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole
-from sar_compiler.testing import compiled
 
 FOLDER = Path(__file__).parents[1] / "reference/nodes"
 STATUSES = ("Success", "Failure", "Running")
@@ -26,8 +26,26 @@ FAMILIES = {
         "Leaves of search and rescue",
         "These leaves belong to the [search-and-rescue mission](../../missions/search-and-rescue.md).",
     ),
+    "ros": (
+        "Leaves for ROS",
+        "These leaves call services and actions, and use topics and transforms, without Python. Every command takes `--model ros:jazzy`.",
+    ),
+    "nav2": (
+        "Controls and decorators of Nav2",
+        "Trees for Nav2 use these nodes. Every command takes `--model nav2:jazzy`, `nav2:kilted` or `nav2:main`.",
+    ),
+    "nav2-leaves": (
+        "Leaves of Nav2",
+        "These leaves run in Nav2 only. With `--model nav2:jazzy`, `nav2:kilted` or `nav2:main`, you can check, simulate and verify them.",
+    ),
 }  # fmt: skip
-"""The pages: the title and the first sentence of each."""
+"""The pages: the title and the introduction of each."""
+FURTHER = {
+    "ros": "[Leaves by attributes](../../how-to/leaves-by-attributes.md)",
+    "nav2": "[Check Nav2's trees](../../how-to/nav2-trees.md)",
+    "nav2-leaves": "[Check Nav2's trees](../../how-to/nav2-trees.md)",
+}
+"""The guide for the nodes of a page."""
 ATTRIBUTES = {
     "BlackboardToStatus": {"variable_name": "status"},
     "CheckBlackboardVariableExists": {"variable_name": "x"},
@@ -45,10 +63,20 @@ ATTRIBUTES = {
     "MissionTimeLeft": {"limit": "10min"},
     "OneShot": {"policy": "ON_COMPLETION"},
     "Periodic": {"n": "2"},
+    "PersistentSequence": {"current_child_idx": "{child}"},
     "Precondition": {"if": "x == 2"},
     "Repeat": {"num_cycles": "2"},
     "Retry": {"num_failures": "2"},
     "RetryUntilSuccessful": {"num_attempts": "2"},
+    "RosAction": {"action": "wait", "type": "nav2_msgs/action/Wait", "goal": "time: {sec: 5}"},
+    "RosPublish": {"topic": "greeting", "type": "std_msgs/msg/String", "message": "data: hello"},
+    "RosService": {"service": "light", "type": "std_srvs/srv/SetBool", "request": "data: true"},
+    "RosTopic": {
+        "topic": "battery_state",
+        "type": "sensor_msgs/msg/BatteryState",
+        "fields": "percentage: {battery}",
+    },
+    "RosTransform": {"target_frame": "map", "source_frame": "base_link", "x": "{x}", "y": "{y}"},
     "Script": {"code": "x := 2; y := x + 1"},
     "ScriptCondition": {"code": "x == 2"},
     "SetBlackboard": {"value": "5", "output_key": "x"},
@@ -74,6 +102,7 @@ ATTRIBUTES = {
 """The attributes of a node's example, if it needs any."""
 BEFORE = {
     "ForEach": '<SetBlackboard value="json:[1, 2]" output_key="list"/>',
+    "PersistentSequence": '<Script code="child := 0"/>',
     "BlackboardToStatus": '<StatusToBlackboard variable_name="status"><Success/></StatusToBlackboard>',
     "CompareBlackboardVariables": '<Script code="x := 2; y := 3"/>',
     **dict.fromkeys(
@@ -91,18 +120,42 @@ BEFORE = {
 """The node that must come before a node in its example; by default a Script, if the example reads `x`."""
 
 
+class Shown(NamedTuple):
+    """A node of the library: its record, and the palettes that have it, of which its example uses the first."""
+
+    spec: NodeSpec
+    models: tuple[str, ...] = ()
+
+
+def families() -> dict[str, list[Shown]]:
+    """Return the nodes of each page."""
+    found: dict[str, list[Shown]] = {name: [] for name in FAMILIES}
+    for spec in default_registry():
+        if not spec.variant:
+            found[_family(spec)].append(Shown(spec))
+    found["ros"] = [Shown(spec, ("ros:jazzy",)) for spec in ros_leaves.specs("jazzy")]
+    by_tag: dict[str, Shown] = {}
+    for version in reversed(nav2.VERSIONS):
+        for spec in nav2.specs(version):
+            newest, models = by_tag.get(spec.tag, Shown(spec))
+            by_tag[spec.tag] = Shown(newest, (*models, f"nav2:{version}"))
+    for _, shown in sorted(by_tag.items()):
+        found["nav2-leaves" if shown.spec.kind.is_leaf else "nav2"].append(shown)
+    return found
+
+
 def pages() -> dict[Path, str]:
     """Return each page of the library, by its path."""
-    specs = [spec for spec in default_registry() if not spec.variant]
-    made = {FOLDER / f"{name}.md": _page(name, [s for s in specs if _family(s) == name]) for name in FAMILIES}
+    nodes = families()
+    made = {FOLDER / f"{name}.md": _page(name, shown) for name, shown in nodes.items()}
     rows = [
-        f"- [{title}]({name}.md): " + ", ".join(f"[`{s.tag}`]({name}.md#{s.tag.lower()})" for s in specs if _family(s) == name)
+        f"- [{title}]({name}.md): "
+        + ", ".join(f"[`{s.tag}`]({name}.md#{s.tag.lower()})" for s, _ in nodes[name])
         for name, (title, _) in FAMILIES.items()
-    ]  # fmt: skip
+    ]
     intro = (
         "Every node that a tree can use without a class of your own. Each has a drawing, a table of statuses, its attributes, and an example.\n"
-        "`sar-compile nodes TAG` prints the same for your own leaves. For leaves that call ROS, see "
-        "[Leaves by attributes](../../how-to/leaves-by-attributes.md),\nfor nodes of Nav2 [Check Nav2's trees](../../how-to/nav2-trees.md)."
+        "`sar-compile nodes TAG` prints the same for your own leaves."
     )
     note = "Statuses and results are those of the examples, executed by the generator of this page (`make schemas`)."
     made[FOLDER / "README.md"] = "\n\n".join(["# Node library", intro, "\n".join(rows), note]) + "\n"
@@ -115,34 +168,39 @@ def _family(spec: NodeSpec) -> str:
     return {Kind.CONTROL: "controls", Kind.DECORATOR: "decorators"}.get(spec.kind, "leaves")
 
 
-def _page(name: str, specs: "list[NodeSpec]") -> str:
+def _page(name: str, nodes: "list[Shown]") -> str:
     title, intro = FAMILIES[name]
-    return "\n\n".join([f"# {title}", intro, *("\n\n".join(_section(spec)) for spec in specs)]) + "\n"
+    intro += f" See {FURTHER[name]}." if name in FURTHER else ""
+    return "\n\n".join([f"# {title}", intro, *("\n\n".join(_section(shown)) for shown in nodes)]) + "\n"
 
 
-def _section(spec: NodeSpec) -> Iterator[str]:
+def _section(shown: Shown) -> Iterator[str]:
+    spec, models = shown
     yield f"## {spec.tag}"
     yield f"*{spec.kind.value}.* {spec.doc}".strip()
-    yield from _statuses(spec)
+    if models and models[0] != "ros:jazzy" and len(models) < len(nav2.VERSIONS):
+        yield f"Only in {' and '.join(f'`{model}`' for model in reversed(models))}."
+    yield from _statuses(shown)
     yield from _attributes(spec)
     body = _example(spec)
     yield f"```xml\n{body}\n```"
-    drawing, trace = _executed(body)
+    drawing, trace = _executed(body, models)
     yield f"```text\n{drawing}\n\n{trace}\n```"
 
 
-def _statuses(spec: NodeSpec) -> Iterator[str]:
-    """Yield what the node returns: by its child, by its first two children, or, of a leaf, the outcomes that it declares."""
+def _statuses(shown: Shown) -> Iterator[str]:
+    """Yield the statuses of a node: by its child, by its first two children, or, of a leaf, the outcomes that it declares."""
+    spec = shown.spec
     if spec.kind.is_leaf:
         outcomes = [f"{each.status} `{each.label}`" if each.label else each.status for each in spec.answers]
         yield f"Returns {', '.join(outcomes)}."
     elif spec.kind is Kind.DECORATOR:
-        rows = [f"| {each.upper()} | {_returned(spec, [each])} |" for each in STATUSES]
+        rows = [f"| {each.upper()} | {_returned(shown, [each])} |" for each in STATUSES]
         yield "\n".join([f"| Child returns | {spec.tag} returns |", "|---|---|", *rows])
     elif not spec.tag.startswith("Switch"):  # whose child is chosen by the value
         heads = " | ".join(f"second {each.upper()}" for each in STATUSES)
         rows = [
-            f"| first {one.upper()} | {' | '.join(_returned(spec, [one, two]) for two in STATUSES)} |" for one in STATUSES
+            f"| first {one.upper()} | {' | '.join(_returned(shown, [one, two]) for two in STATUSES)} |" for one in STATUSES
         ]  # fmt: skip
         yield "\n".join([f"| Children return | {heads} |", "|---|---|---|---|", *rows])
 
@@ -183,7 +241,8 @@ def _node(spec: NodeSpec, children: "list[str]") -> str:
 def _after(spec: NodeSpec, node: str) -> str:
     """Return a node after what its example needs."""
     needs_x = "x" in {*ATTRIBUTES.get(spec.tag, {}).values()} or "x " in node or "{x}" in node
-    before = BEFORE.get(spec.tag, '<Script code="x := 2"/>' if needs_x and spec.tag != "Script" else "")
+    writes_x = spec.tag in {"Script", "RosTransform"}
+    before = BEFORE.get(spec.tag, '<Script code="x := 2"/>' if needs_x and not writes_x else "")
     if not before:
         return node
     inside = "\n".join(f"  {line}" for line in (before, *node.splitlines()))
@@ -196,30 +255,31 @@ def _example(spec: NodeSpec) -> str:
     return _after(spec, _node(spec, ["<AlwaysSuccess/>"] if count == 1 else leaves[:count]))
 
 
-def _returned(spec: NodeSpec, statuses: "list[str]") -> str:
+def _returned(shown: Shown, statuses: "list[str]") -> str:
     """Return the status of a node after the first tick, if its children have these."""
-    _, run = _simulated(_after(spec, _node(spec, [f"<{each}/>" for each in statuses])))
+    spec, models = shown
+    _, run = _simulated(_after(spec, _node(spec, [f"<{each}/>" for each in statuses])), models)
     return str(run.tick(1).root)
 
 
-def _executed(body: str) -> "tuple[str, str]":
-    """Return the drawing of a tree, and its first ticks."""
-    tree, run = _simulated(body)
+def _executed(body: str, models: Sequence[str]) -> "tuple[str, str]":
+    """Return the drawing of a tree, and its first tick."""
+    tree, run = _simulated(body, models)
     ticks = [line for line in str(run.tick(1).trace).splitlines() if line.startswith(("tick", "  "))]
     return with_tags(unicode_tree(tree.root), tree).rstrip(), "\n".join(ticks)
 
 
-def _simulated(body: str) -> "tuple[Any, Any]":
+def _simulated(body: str, models: Sequence[str]) -> "tuple[Any, Any]":
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "example.xml"
         inside = "\n".join(f"    {line}" for line in body.splitlines())
         path.write_text(
             f'<root BTCPP_format="4">\n  <BehaviorTree ID="Example">\n{inside}\n  </BehaviorTree>\n</root>\n'
         )
-        loaded = sar_compiler.load(path)
+        loaded = sar_compiler.load(path, models=models[:1])
         if errors := [each.render() for each in loaded.check() if each.severity.value == "error"]:
             raise ValueError("\n".join(errors))
-        return compiled(path), loaded.simulate()
+        return loaded.preview(), loaded.simulate()
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 import re
 import runpy
 
-from sar_compiler.nodes.registry import default_registry
+from sar_compiler.nodes.palettes import palette_names
+from sar_compiler.nodes.registry import load_registry
 
 LIBRARY = runpy.run_path("docs/site/node_library.py")
 
@@ -18,7 +19,8 @@ def test_the_pages_of_the_node_library_are_those_of_the_registry():
 def test_every_node_has_a_section_that_says_what_it_returns():
     sections = "".join(path.read_text(encoding="utf-8") for path in LIBRARY["FOLDER"].glob("[a-z]*.md"))
     found = re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", sections, re.MULTILINE | re.DOTALL)
-    assert {tag for tag, _ in found} == {spec.tag for spec in default_registry()}
+    registries = [load_registry(palettes=[palette]) for palette in palette_names()]
+    assert {tag for tag, _ in found} == {spec.tag for registry in registries for spec in registry}
     silent = [
         tag for tag, text in found if not re.search(r"^Returns |[Cc]hild(ren)? return", text, re.MULTILINE)
     ]

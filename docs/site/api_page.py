@@ -1,0 +1,114 @@
+"""The page of the Python API: `python docs/site/api_page.py` in the project's folder writes `docs/reference/api.md`, see `make schemas`.
+
+It is made from the sources: each public name with its arguments and the first paragraph of its docstring. The site has further pages with
+the whole docstrings.
+"""
+
+import ast
+import importlib
+import inspect
+import os
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs/reference/api.md"
+GROUPS = {
+    "sar_compiler": "Trees: load, check, compile, simulate, verify, run.",
+    "sar_compiler.execution": "Runs of missions from a Python program.",
+    "sar_compiler.leaves": "Base classes of leaves and their registration.",
+    "sar_compiler.missions": "The interface of a mission.",
+    "sar_compiler.testing": "Help for tests of trees and leaves.",
+}
+HEAD = """# Python API
+
+These are all public names. Everything else may change without notice. The docstrings in the sources describe arguments, units and
+errors. [Use it from Python](../how-to/use-from-python.md) and
+[Write leaves](../how-to/write-a-leaf.md) have examples.
+"""
+_PUBLIC = re.compile(r"^    from (\S+) import (\w+) as \2$", re.MULTILINE)
+_Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def page() -> str:
+    """Return the page as the sources make it."""
+    return "\n".join([HEAD, *(line for group in GROUPS for line in _group(group))])
+
+
+def _group(group: str) -> Iterator[str]:
+    """Yield the lines of a group of names."""
+    module = importlib.import_module(group)
+    homes = {name: home for home, name in _PUBLIC.findall(inspect.getsource(module))}
+    yield f"## {group}\n\n{GROUPS[group]}\n"
+    for name in sorted(module.__all__, key=str.lower):
+        path, node = _definition(_file(homes.get(name, group)), name)
+        yield f"- **`{name}{_arguments(node)}`** ([source]({os.path.relpath(path, PAGE.parent)})){_summary(node)}"
+        if isinstance(node, ast.ClassDef):
+            methods = {each.name: each for each in _public_methods(path, node)}
+            yield from (f"    - `{each.name}{_arguments(each)}`{_summary(each)}" for each in methods.values())
+    yield ""
+
+
+def _file(module: str) -> Path:
+    path = ROOT.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def _definition(path: Path, name: str) -> "tuple[Path, ast.stmt | None]":
+    """Return the file of a name that a file has, and its definition there; None for a constant or a name from outside."""
+    for node in _parsed(path).body:
+        if isinstance(node, _Definition) and node.name == name:
+            return path, node
+        for each in node.names if isinstance(node, ast.ImportFrom) else ():
+            if (each.asname or each.name) == name and str(node.module).startswith("sar_compiler"):
+                return _definition(_file(str(node.module)), each.name)
+    return path, None
+
+
+@cache
+def _parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _public_methods(path: Path, node: ast.ClassDef) -> "Iterator[ast.FunctionDef | ast.AsyncFunctionDef]":
+    """Yield the public methods and properties of a class, those of its base classes first."""
+    for base in node.bases:
+        home, found = _definition(path, ast.unparse(base).partition("[")[0])
+        if isinstance(found, ast.ClassDef):
+            yield from _public_methods(home, found)
+    for each in node.body:
+        if isinstance(each, (ast.FunctionDef, ast.AsyncFunctionDef)) and not each.name.startswith("_"):
+            yield each
+
+
+def _arguments(node: "ast.stmt | None") -> str:
+    """Return the arguments of a function or a constructor; nothing for a property and a constant."""
+    if isinstance(node, ast.ClassDef):
+        own = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
+        fields = [
+            each.target.id
+            for each in node.body
+            if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name)
+        ]
+        public = ", ".join(name for name in fields if not name.startswith("_"))
+        return _arguments(own[0]) if own else f"({public})" if public else ""
+    if not isinstance(node, _Definition) or any(
+        "property" in ast.unparse(each) for each in node.decorator_list
+    ):
+        return ""
+    made = ast.parse(f"def f({ast.unparse(node.args)}): ...").body[0]
+    for each in ast.walk(made):
+        if isinstance(each, ast.arg):
+            each.annotation = None
+    return "(" + re.sub(r"^(self|cls)(, |$)", "", ast.unparse(made.args)) + ")"  # type: ignore[attr-defined]
+
+
+def _summary(node: "ast.stmt | None") -> str:
+    text = ast.get_docstring(node) if isinstance(node, _Definition) else None
+    return f": {' '.join(text.partition(chr(10) * 2)[0].split())}" if text else ""
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
