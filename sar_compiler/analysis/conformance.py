@@ -4,7 +4,8 @@ The recorded run is found again among all runs of the tree, with the properties'
 property whether all runs that match the record violate it, some of them, or none.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import reduce
 from itertools import takewhile
@@ -120,7 +121,7 @@ def conform(
         simulated: The tree with stub leaves, whose facts start as in the recorded run; it is used up.
         file: The properties; None for none.
         tags: The tags of leaves that a tree can have.
-        record: The events of leaves. Repeated answers may be left out, and ticks with no other events.
+        record: The events of leaves, which are read several times. Repeated answers may be left out, and ticks with no other events.
         names: The names of the nodes that ran, in pre-order.
         is_over: Whether the run met its own end condition, so that nothing follows. If it was stopped or continues, obligations stay pending.
 
@@ -131,8 +132,10 @@ def conform(
     """
     prepared = Prepared.of(simulated)
     properties = properties_of(file, prepared, tags)
-    flight = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), [*record], simulated)
-    moments, lost = flight.runs.found_again(flight.record)
+    flight = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
+    events = _RememberingLast(record)
+    moments, lost = flight.runs.found_again(events)
+    ticks = events.last_tick()
     if lost is not None and not is_over and flight.is_unfinished(lost):
         lost = None
     judged = _Judged(flight, properties, moments)
@@ -140,15 +143,36 @@ def conform(
         judged.conclude(is_over=is_over)
     elif file is not None:
         judged.go_on(RuntimeMonitor(flight.at_start(), file, tags), lost, is_over=is_over)
-    ticks = flight.record[-1].tick if flight.record else 0
     misfit = None if lost is None else flight.misfit(lost)
     return Conformance(ticks, misfit, judged.found(), properties.left_out)
+
+
+class _RememberingLast:
+    """Reads events once, and remembers the last one.
+
+    Args:
+        record: The events.
+    """
+
+    def __init__(self, record: Iterable[Event]) -> None:
+        self._events = iter(record)
+        self._last: Event | None = None
+
+    def __iter__(self) -> Iterator[Event]:
+        for event in self._events:
+            self._last = event
+            yield event
+
+    def last_tick(self) -> int:
+        """Return the number of the tick of the last event, after reading the rest; 0 if there is none."""
+        deque(self, maxlen=0)
+        return 0 if self._last is None else self._last.tick
 
 
 class _ReplayedRun:
     """A recorded run, in parallel with all runs of its tree."""
 
-    def __init__(self, runs: TreeRuns, record: Sequence[Event], simulated: SimulatedTree) -> None:
+    def __init__(self, runs: TreeRuns, record: Iterable[Event], simulated: SimulatedTree) -> None:
         self.runs, self.record = runs, record
         self._simulated = simulated
         self._leaves = {leaf.number: leaf for leaf in simulated.leaves}
@@ -345,7 +369,7 @@ class _Judged:
         moments: Its ticks, as far as they are possible for the tree.
     """
 
-    def __init__(self, flight: _ReplayedRun, properties: Properties, moments: Sequence[FoundTick]) -> None:
+    def __init__(self, flight: _ReplayedRun, properties: Properties, moments: Iterable[FoundTick]) -> None:
         self._compared_run, self._properties = flight, properties
         self._has_ended = False
         self._open = 0

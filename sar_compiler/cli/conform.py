@@ -1,7 +1,6 @@
 """`sar-compile conform`: check that recorded runs are possible runs of their tree and keep its properties."""
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ from sar_compiler.cli.loading import INPUT_HELP, load_checked
 from sar_compiler.cli.verify import add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.errors import UndecidableError
-from sar_compiler.journal.journal_entries import OF_ROBOT, Ending
+from sar_compiler.journal.journal_entries import OF_ROBOT, STATUS, Ending
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.conformance import Conformance
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.project import ProjectTree
     from sar_compiler.reports.compared_runs import ComparedRun
-    from sar_compiler.runtime.events import Event
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +71,7 @@ def _compared_run(
     from sar_compiler.reports.journals import journal_word
 
     with JournalFile.reading(place) as file:
-        state = MissionState.of(file.last_run(without=OF_ROBOT, is_condensed=True))
+        state = MissionState.of(file.last_run(without=(*OF_ROBOT, STATUS)))
     state.look_at_process(is_gone=not file.is_written)
     flight = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
     if not state.nodes:
@@ -95,22 +93,14 @@ def _compared(
     from sar_compiler.analysis.assumptions import StartValues
     from sar_compiler.analysis.tree_analysis import conform_tree
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
-    from sar_compiler.journal.database import JournalFile
-    from sar_compiler.journal.recorded_events import recorded_events
+    from sar_compiler.journal.recorded_events import LastRunEvents
     from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
 
     run = state.runs[-1]
-
-    def record() -> "Iterator[Event]":
-        # It is read once more, in the thread of the search, since a long one takes much memory.
-        with JournalFile.reading(place) as file:
-            entries = file.last_run(without=OF_ROBOT)
-            yield from recorded_events(each for each in entries if each.run == run.number)
-
     try:
         return conform_tree(
             tree,
-            record(),
+            LastRunEvents(place, run.number),
             [each.name for each in state.nodes],
             arguments.properties,
             is_over=run.ending == Ending.OVER.value,

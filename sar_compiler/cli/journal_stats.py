@@ -56,7 +56,7 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
                     f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}; outcomes are counted for "
                     "one tree only"
                 )
-            found.add(file.stream(without=OF_ROBOT, is_condensed=True))
+            found.add(file.every_run(without=OF_ROBOT, is_condensed=True))
     return found
 
 

@@ -2,7 +2,6 @@
 
 import errno
 import functools
-import itertools
 import math
 import os
 import sqlite3
@@ -36,8 +35,8 @@ from sar_compiler.journal.journal_entries import (
     end_data,
 )
 from sar_compiler.journal.mission_state import tree_nodes
+from sar_compiler.journal.row_reader import entries_of, finite, mapping
 from sar_compiler.journal.spill_file import SUFFIX, RunEnd, SpilledEntries, SpillFile, read_reserve
-from sar_compiler.journal.steady_rows import RawRow, condensed
 from sar_compiler.opener import (
     UnreadableFileError,
     open_by_name,
@@ -378,9 +377,9 @@ class JournalFile:
             runs = [
                 JournalRun(
                     number,
-                    _finite(began),
-                    _mapping(about),
-                    None if ended is None else _finite(ended),
+                    finite(began),
+                    mapping(about),
+                    None if ended is None else finite(ended),
                     None if ending is None else Ending(ending),
                     status,
                     str(reason),
@@ -400,12 +399,16 @@ class JournalFile:
         """Yield observations in order: entries of the given kinds, or of all kinds by default."""
         return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
-    def stream(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
-        """Yield all entries in their order, one by one, as `Journal.listen` gives them live; arguments as for `last_run`."""
+    def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
+        """Yield all entries in their order, one by one, as `Journal.listen` gives them live, without some observed kinds."""
+        for number, entry in enumerate(self.every_run(without=without), 1):
+            yield JournalEntry(number, *entry[1:])
+
+    def every_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
+        """Yield all entries in their order, with the numbers that they have in the file; arguments as for `last_run`."""
         with self.snapshot():
-            runs = (self._of_run(run, without, is_condensed=is_condensed) for run in self.runs())
-            for number, entry in enumerate(itertools.chain.from_iterable(runs), 1):
-                yield JournalEntry(number, *entry[1:])
+            for run in self.runs():
+                yield from self._of_run(run, without, is_condensed=is_condensed)
 
     def stream_behind(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
         """Yield all entries after a position in order, with their stream numbers, without some observed kinds."""
@@ -419,7 +422,7 @@ class JournalFile:
 
         Args:
             without: Watched kinds that are left out.
-            is_condensed: Whether statuses are left out that only repeat others (`steady_rows`).
+            is_condensed: Whether statuses are left out that only repeat others (`row_reader`).
         """
         with self.snapshot():
             for run in self.runs()[-1:]:
@@ -440,11 +443,14 @@ class JournalFile:
             return
         latest = after.time
         entries = self.entries(run.number, without=without, after=after.number, is_condensed=is_condensed)
-        for entry in entries:
-            latest = max(latest, entry.time)
-            yield entry
+        if without:
+            yield from entries
+        else:
+            for entry in entries:
+                latest = max(latest, entry.time)
+                yield entry
         # The entries left out may be even later.
-        if (end := self._end_of(run, self._last_time(run.number) if without else latest)) is not None:
+        if (end := self._end_of(run, None if without else latest)) is not None:
             yield end
 
     def entries(
@@ -554,13 +560,9 @@ class JournalFile:
         """Yield the entries of a table, with a condition on them, in their order."""
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._reading():
-            rows: Iterable[RawRow] = self._connection.execute(query, tuple(values))
-            if is_condensed:
-                rows = condensed(rows, [each.parent for each in tree_nodes(self.about().get("tree"))])
-            for number, run, wall, time_, kind, data in rows:
-                entry = JournalEntry(number, run, _finite(wall), _finite(time_), str(kind), _mapping(data))
-                check_value_types(entry.kind, entry.data)
-                yield entry
+            rows = self._connection.execute(query, tuple(values))
+            nodes = tree_nodes(self.about().get("tree")) if is_condensed else ()
+            yield from entries_of(rows, [each.parent for each in nodes] if is_condensed else None)
 
     @property
     def head(self) -> str:
@@ -782,19 +784,6 @@ def _start(run: JournalRun) -> float:
     """Return the mission's time at the start of a run; 0 if unknown."""
     began = run.about.get("time")
     return float(began) if isinstance(began, (int, float)) else 0.0
-
-
-def _mapping(text: str) -> dict[str, Any]:
-    data = json_value(text)
-    if not isinstance(data, dict):
-        raise TypeError(f"{text} must be names with values")
-    return data
-
-
-def _finite(number: Any) -> float:
-    if not math.isfinite(value := float(number)):
-        raise ValueError(f"{number} is not a time")
-    return value
 
 
 def _sync_folder(folder: Path) -> None:

@@ -25,7 +25,7 @@ from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
 
 RUNNING, SUCCESS, FAILURE, HALTED, IDLE = "RUNNING", "SUCCESS", "FAILURE", "HALTED", "IDLE"
-_RESTING = (IDLE, HALTED)
+_WITHOUT_PART = ("", IDLE, HALTED)
 _WARN = 30
 _OF_PHASE = (
     events.RUN_BEGAN,
@@ -128,62 +128,6 @@ def answer_words(status: str, label: str | None) -> str:
     return f"{status} ({label or 'answer not said'})"
 
 
-class LastStatus(NamedTuple):
-    """The last status of a node other than a reset, and the results before it.
-
-    Attributes:
-        status: As in the entries.
-        since: The start of that status, in seconds since the run's start, like all times.
-        entered: The tick in which its activation started.
-        time: The time of its last change.
-        tick: The tick of that change.
-        message: Its message.
-        failed: The time of its last failure; None if there was none.
-        failure: The message of that failure.
-        label: The label of its answer; empty if unknown.
-        ends: The counts of each recorded end: SUCCESS, FAILURE, HALTED. An end repeated on consecutive ticks is recorded once.
-        ran: The total running time before those ends, in seconds.
-        longest: The longest of these times.
-    """
-
-    status: str = ""
-    since: float = 0.0
-    entered: int = 0
-    time: float = 0.0
-    tick: int = 0
-    message: str = ""
-    failed: float | None = None
-    failure: str = ""
-    label: str = ""
-    ends: tuple[int, int, int] = (0, 0, 0)
-    ran: float = 0.0
-    longest: float = 0.0
-
-    def followed_by(
-        self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
-    ) -> "LastStatus":
-        """Return the record after another status, which starts a new activation if the node was reset before."""
-        is_same = self.status == status and not was_reset
-        has_failed = status == FAILURE
-        took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
-        successes, failures, halts = self.ends
-        return LastStatus(
-            status,
-            self.since if is_same else now,
-            # An activation lasts while the node is running, and ends with its next status.
-            self.entered if self.status == RUNNING else tick,
-            now,
-            tick,
-            message,
-            now if has_failed else self.failed,
-            message if has_failed else self.failure,
-            label,
-            (successes + (status == SUCCESS), failures + has_failed, halts + (status == HALTED)),
-            self.ran + took,
-            max(self.longest, took),
-        )
-
-
 @dataclass
 class NodeState:
     """A node of the tree.
@@ -199,12 +143,12 @@ class NodeState:
         children: The numbers of its children.
         attributes: Its attributes, by name.
         outline: All data of it in the journal.
+        start: The start of the run, in seconds of the mission's clock.
         status: As in the entries; empty if it was never ticked. IDLE and HALTED: it is currently inactive.
         message: Its message; empty while it is inactive.
         label: The label of a leaf's answer; empty if several are possible, None if it declares none.
-        since: The time of its last change of status.
+        changed: The entry of its last change of status; None if it was never ticked.
         tick: The number of the tick of its last change.
-        last: Its last status other than a reset.
     """
 
     number: int
@@ -217,12 +161,12 @@ class NodeState:
     children: list[int] = field(default_factory=list)
     attributes: Mapping[str, Any] = field(default_factory=dict)
     outline: Mapping[str, Any] = field(default_factory=dict)
+    start: float = 0.0
     status: str = ""
     message: str = ""
     label: str | None = None
-    since: EventTime | None = None
+    changed: JournalEntry | None = None
     tick: int = 0
-    last: LastStatus = LastStatus()  # noqa: RUF009 - cannot be changed
 
     @property
     def words(self) -> str:
@@ -235,9 +179,18 @@ class NodeState:
         return f"{self.file}:{self.line}" if self.file else ""
 
     @property
+    def status_time(self) -> EventTime | None:
+        """The time of its last change of status; None if it was never ticked."""
+        return None if self.changed is None else self.time_of(self.changed)
+
+    def time_of(self, entry: JournalEntry) -> EventTime:
+        """Return the time of an entry of the run."""
+        return EventTime(entry.run, entry.time - self.start, entry.wall)
+
+    @property
     def has_part(self) -> bool:
         """Whether its status belongs to the present activation of its parent."""
-        return self.status not in ("", *_RESTING)
+        return self.status not in _WITHOUT_PART
 
 
 @dataclass
@@ -289,7 +242,6 @@ class MissionState:
         warnings: Warnings and errors of the log.
         goals: The goals that may be active: their actions, by id.
         tick: The number of the last tick with a change.
-        now: The time of the last entry.
         since_phase: The start of the present phase.
         finished: When each landmark was finished or given up in the last run, by kind and name.
         process: The state of the process that runs it; by default, it exists and reports.
@@ -320,7 +272,9 @@ class MissionState:
         self.warnings: list[LogLine] = []
         self.goals: dict[str, str] = {}
         self.tick = 0
-        self.now = self.since_phase = EventTime(1, 0.0, 0.0)
+        self._entry = JournalEntry(0, 1, 0.0, 0.0, "", {})
+        self._now: EventTime | None = None
+        self.since_phase = self.now
         self.finished: dict[tuple[str, str], EventTime] = {}
         self.properties: dict[str, WatchedProperty] = {}
         self.assumption_failed_at: EventTime | None = None
@@ -338,21 +292,50 @@ class MissionState:
 
     def take(self, entry: JournalEntry) -> None:
         """Apply an entry to the state."""
-        if entry.kind == events.RUN_BEGAN:
+        kind = entry.kind
+        if kind == events.RUN_BEGAN:
             self._starts[entry.run] = entry.time
-        self.now = EventTime(entry.run, entry.time - self._starts.get(entry.run, 0.0), entry.wall)
-        handle = self._HANDLERS.get(entry.kind)
+        self._entry, self._now = entry, None
+        handle = self._HANDLERS.get(kind)
         if handle is not None:
             try:
                 handle(self, **entry.data)
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
                 pass  # an entry of that kind from another program
             else:
-                if entry.kind in _OF_PHASE:
-                    self._look_at_phase(anew=entry.kind == events.RUN_BEGAN)
+                if kind in _OF_PHASE:
+                    self._look_at_phase(anew=kind == events.RUN_BEGAN)
                 return
         # Kinds without a handler belong to the mission, or to a newer version. They are shown by their words.
-        self._know(entry.kind, entry.data)
+        self._know(kind, entry.data)
+
+    def take_status(self, entry: JournalEntry) -> NodeState:
+        """Apply a status whose data are known to be valid, as most entries are; return the state of its node."""
+        self._entry, self._now = entry, None
+        data = entry.data
+        state: NodeState = self.nodes[data["node"]]
+        status, tick = data["status"], data["tick"]
+        if state.status != status:
+            state.status, state.changed = status, entry
+        state.message, state.tick = "" if status in _WITHOUT_PART else data["message"], tick
+        state.label = data.get("label")
+        self.tick = max(self.tick, tick)
+        return state
+
+    def adopt_statuses(self, other: "MissionState") -> None:
+        """Take over the nodes of another state of the same run, which alone has received their statuses."""
+        self.nodes, self.tick = other.nodes, other.tick
+        last = other._entry  # noqa: SLF001 - of this class
+        if (self._entry.run, self._entry.number) < (last.run, last.number):
+            self._entry, self._now = last, None
+
+    @property
+    def now(self) -> EventTime:
+        """The time of the last entry."""
+        if self._now is None:
+            _, run, wall, time_, *_ = self._entry
+            self._now = EventTime(run, time_ - self._starts.get(run, 0.0), wall)
+        return self._now
 
     def _know(self, kind: str, data: Mapping[str, Any]) -> None:
         self.facts.append(KnownEvent(self.now, kind, data, fact_words(kind, data)))
@@ -451,6 +434,8 @@ class MissionState:
         self.finished, self.properties, self.assumption_failed_at = {}, {}, None
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
+        for node in self.nodes:
+            node.start = self._starts[self.now.run]
 
     def _on_run_ended(self, ending: str, status: int | None, reason: str, head: str = "") -> None:
         run = self.runs[-1]
@@ -465,20 +450,8 @@ class MissionState:
         self.goals.pop(goal, None)
         self.drive, self.plan = None, []
 
-    def _on_status(
-        self, node: int, tick: int, status: str, message: str, label: str | None = None, **_last: object
-    ) -> None:
-        state = self.nodes[node]
-        if status != IDLE:
-            was_reset, now = state.status == IDLE, self.now.time
-            state.last = state.last.followed_by(
-                str(status), str(message), str(label or ""), int(tick), now, was_reset=was_reset
-            )
-        if state.status != status:
-            state.status, state.since = str(status), self.now
-        state.message, state.tick = str(message) if state.has_part else "", int(tick)
-        state.label = None if label is None else str(label)
-        self.tick = max(self.tick, int(tick))
+    def _on_status(self, node: int, tick: int, status: str, message: str, **_more: object) -> None:  # noqa: ARG002 - required
+        self.take_status(self._entry)
 
     def _on_pose(self, x: float, y: float, yaw: float) -> None:
         self.pose = RobotPose(self.now, *position(x, y), float(yaw))

@@ -46,10 +46,6 @@ class NodeEnds:
         self._going: dict[int, int] = {}
         self._halting: list[int] = []
 
-    def is_next(self, tick: int) -> bool:
-        """Return whether a tick differs from that of the previous entries."""
-        return tick != self.tick
-
     def receive(self, data: Mapping[str, Any], time_sec: float) -> None:
         """Receive the status of a node.
 
@@ -77,14 +73,14 @@ class NodeEnds:
         self._gone.update(self._going)
         self.halted, self._halting = self._halting, []
         ended = []
-        for number in (*self._visited, *self._above):
+        for number in self._visited | self._above:
             if self.status.get(number) in OTHER_END:
                 if number not in self._visited:
                     # It has returned the same as before, in a new activation.
                     self._began[number] = self.tick
-                self.causes[number] = list(self._explaining(number))
-                if number not in ended:
-                    ended.append(number)
+                children = self._nodes[number].children
+                self.causes[number] = self._explaining(number, children) if children else []
+                ended.append(number)
         self._visited, self._above, self._going = {}, {}, {}
         return ended
 
@@ -118,12 +114,13 @@ class NodeEnds:
             if self.status.get(sibling) == FAILURE and self.is_part(sibling):
                 yield sibling
 
-    def _explaining(self, number: int) -> Iterator[int]:
-        """Yield the children that explain the end of a node."""
-        children, status = self._nodes[number].children, self.status[number]
+    def _explaining(self, number: int, children: Sequence[int]) -> list[int]:
+        """Return the children that explain the end of a node."""
+        status, began = self.status[number], self._began[number]
         # A child that was reset, and last ticked before the node started, had no part in it.
-        part = [each for each in children if self._gone.get(each, self._began[number]) >= self._began[number]]
+        part = [each for each in children if self._gone.get(each, began) >= began]
         same = [each for each in part if self.status.get(each) == status]
+        if same or len(children) > 1:
+            return same
         # A decorator may invert its child's status. A control passes on one of its children's.
-        turned = [each for each in part if self.status.get(each) == OTHER_END[status]]
-        yield from same or (turned if len(children) == 1 else [])
+        return [each for each in part if self.status.get(each) == OTHER_END[status]]

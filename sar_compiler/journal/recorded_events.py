@@ -5,29 +5,37 @@ after tick has one event for all of them, and a tick without entries has none. T
 entries are unknown.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
     CHANGED,
+    OF_ROBOT,
     RUN_BEGAN,
     STATUS,
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, tree_nodes
 from sar_compiler.journal.node_ends import NodeEnds
-from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, RESET, STARTED, TICKED, Event
+from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, RESET, STARTED, TICKED, Event, FactChanges
 
 _GONE = {"HALTED": HALTED, "IDLE": RESET}
 
 
 def is_status(entry: JournalEntry, count: int) -> bool:
     """Return whether an entry is a valid status of a node, for a tree with this many nodes."""
-    node, tick, status = map(entry.data.get, ("node", "tick", "status"))
-    if entry.kind != STATUS or not isinstance(node, int) or not isinstance(tick, int):
+    if entry.kind != STATUS:
         return False
-    return 0 <= node < count and isinstance(status, str)
+    data = entry.data
+    node, status = data.get("node"), data.get("status")
+    return (
+        isinstance(node, int)
+        and isinstance(data.get("tick"), int)
+        and 0 <= node < count
+        and isinstance(status, str)
+    )
 
 
 def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
@@ -50,6 +58,31 @@ def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
         else:
             yield from run.take(entry)
     yield from run.end_tick()
+
+
+class LastRunEvents:
+    """The events of a journal's last run, which are read from the file whenever they are iterated: a long run takes much memory.
+
+    Each reading opens the file, because SQLite allows only the thread that opened it.
+
+    Args:
+        path: The journal.
+        run: The number of the run; another one that has begun since is not read.
+        last_tick: The number of the last tick; None for all.
+    """
+
+    def __init__(self, path: Path, run: int, last_tick: int | None = None) -> None:
+        self._path, self._run, self._last_tick = path, run, last_tick
+
+    def __iter__(self) -> Iterator[Event]:
+        from sar_compiler.journal.database import JournalFile
+
+        with JournalFile.reading(self._path) as file:
+            entries = (each for each in file.last_run(without=OF_ROBOT) if each.run == self._run)
+            for event in recorded_events(entries):
+                if self._last_tick is not None and event.tick > self._last_tick:
+                    return
+                yield event
 
 
 class _RecordedRun:
@@ -75,68 +108,79 @@ class _RecordedRun:
         self._ends = NodeEnds(self._nodes)
         self._messages: dict[int, str] = {}
         self._statuses: list[tuple[int, str]] = []
+        self._events: list[Event] = []
 
-    def take(self, entry: JournalEntry) -> Iterator[Event]:
-        """Yield the events of an entry."""
+    def take(self, entry: JournalEntry) -> Sequence[Event]:
+        """Process an entry; return the events of the tick before, if it is the first of another one."""
+        ended: Sequence[Event] = ()
+        data = entry.data
         if is_status(entry, len(self._nodes)):
-            yield from self._begin_tick(entry)
-            self._ends.receive(entry.data, entry.time)
-            self._messages[entry.data["node"]] = str(entry.data.get("message") or "")
-            self._statuses.append((entry.data["node"], entry.data["status"]))
-            yield from self._events(
-                entry.data["node"], entry.data["status"], str(entry.data.get("label") or "")
-            )
-        elif entry.kind == CHANGED and self._before is not None and {"leaf", "tick"} <= entry.data.keys():
-            yield from self._begin_tick(entry)
-            self._facts.setdefault(entry.data["leaf"], []).append((self._before.kind, self._before.data))
-        elif entry.kind == ASSUMPTION_FAILED and isinstance(entry.data.get("tick"), int):
+            node, status = data["node"], data["status"]
+            ended = self._begin_tick(entry)
+            self._ends.receive(data, entry.time)
+            self._statuses.append((node, status))
+            if self._nodes[node].children:
+                self._messages[node] = str(data.get("message") or "")
+                if node == 0 and status not in _GONE:
+                    self._root = status
+            else:
+                self._add_events(node, status, str(data.get("label") or ""))
+        elif entry.kind == CHANGED and self._before is not None and {"leaf", "tick"} <= data.keys():
+            ended = self._begin_tick(entry)
+            self._facts.setdefault(data["leaf"], []).append((self._before.kind, self._before.data))
+        elif entry.kind == ASSUMPTION_FAILED and isinstance(data.get("tick"), int):
             # All nodes may be unchanged in it, which may itself be the error.
-            yield from self._begin_tick(entry)
+            ended = self._begin_tick(entry)
         self._before = entry
+        return ended
 
-    def _begin_tick(self, entry: JournalEntry) -> Iterator[Event]:
-        if entry.data["tick"] != self._tick:
-            yield from self.end_tick()
-        self._tick, self._time = entry.data["tick"], entry.time - self._start
+    def _begin_tick(self, entry: JournalEntry) -> Sequence[Event]:
+        tick = entry.data["tick"]
+        ended = self.end_tick() if tick != self._tick else ()
+        self._tick, self._time = tick, entry.time - self._start
+        return ended
 
-    def end_tick(self) -> Iterator[Event]:
-        """Yield the end of a tick, if one has started."""
-        if self._tick:
-            facts = [fact for facts in self._facts.values() for fact in facts]
-            self._facts.clear()
-            yield from self._decisions()
-            end = self._event(0, TICKED, "" if facts else self._root, facts=facts)
-            yield end._replace(statuses=tuple(self._statuses))
-            self._statuses.clear()
+    def end_tick(self) -> Sequence[Event]:
+        """Return the events of a tick, the last of which is its end; none if no tick has started."""
+        events, self._events = self._events, []
+        if not self._tick:
+            return events
+        facts = tuple(fact for facts in self._facts.values() for fact in facts)
+        self._facts.clear()
+        self._add_decisions(events)
+        root = "" if facts else self._root
+        statuses, self._statuses = tuple(self._statuses), []
+        end = self._paths[0], 0, TICKED, root, "", facts, self._tick, self._time, 0.0, statuses
+        events.append(Event(*end))
+        return events
 
-    def _decisions(self) -> Iterator[Event]:
-        """Yield the decisions of inner nodes in the tick."""
+    def _add_decisions(self, events: list[Event]) -> None:
+        """Add the decisions of inner nodes in the tick."""
         for node in self._ends.end_tick():
             if self._nodes[node].children and not self._ends.causes[node]:
                 ran_sec = max(0.0, self._time + self._start - self._ends.began_sec(node))
                 event = self._event(node, DECIDED, self._ends.status[node], self._messages.get(node, ""))
-                yield event._replace(ran_sec=ran_sec)
+                events.append(event._replace(ran_sec=ran_sec))
 
-    def _events(self, node: int, status: str, label: str) -> Iterator[Event]:
+    def _add_events(self, leaf: int, status: str, label: str) -> None:
+        """Add the events of a leaf with a status."""
         what = _GONE.get(status, ANSWERED)
-        if node == 0 and what == ANSWERED:
-            self._root = status
-        if self._nodes[node].children:
-            return
-        if what == ANSWERED and node not in self._running:
-            yield self._event(node, STARTED)
-        # A skipped node continues if it was running.
-        if status != "SKIPPED":
-            (self._running.add if status == RUNNING else self._running.discard)(node)
-        answer = (status, label) if what == ANSWERED else ("", "")
-        yield self._event(node, what, *answer, facts=self._facts.pop(node, ()))
+        if what != ANSWERED:
+            status = label = ""
+            self._running.discard(leaf)
+        else:
+            if leaf == 0:
+                self._root = status
+            if leaf not in self._running:
+                self._events.append(self._event(leaf, STARTED))
+            if status == RUNNING:
+                self._running.add(leaf)
+            elif status != "SKIPPED":  # which goes on if it was running
+                self._running.discard(leaf)
+        facts = tuple(self._facts.pop(leaf, ())) if self._facts else ()
+        self._events.append(self._event(leaf, what, status, label, facts))
 
     def _event(
-        self,
-        node: int,
-        what: str,
-        status: str = "",
-        label: str = "",
-        facts: Iterable[tuple[str, object]] = (),
+        self, node: int, what: str, status: str = "", label: str = "", facts: FactChanges = ()
     ) -> Event:
-        return Event(self._paths[node], node, what, status, label, tuple(facts), self._tick, self._time)
+        return Event(self._paths[node], node, what, status, label, facts, self._tick, self._time)

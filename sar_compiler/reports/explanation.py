@@ -1,6 +1,5 @@
 """The cause of a failed run, and the changes with which it would have succeeded."""
 
-import itertools
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -79,8 +78,7 @@ class Explanation(NamedTuple):
         Raises:
             JournalError: If the journal cannot be read.
         """
-        from sar_compiler.journal.database import JournalFile
-        from sar_compiler.journal.recorded_events import recorded_events
+        from sar_compiler.journal.recorded_events import LastRunEvents
         from sar_compiler.reports.why import FailureAnalysis
 
         inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, is_condensed=True))
@@ -89,12 +87,7 @@ class Explanation(NamedTuple):
         if not reasons.chain or projects is None:
             return cls(reasons, inquiry.state.nodes)
 
-        def record() -> "Iterator[Event]":
-            # The search reads it in its own thread, and SQLite allows only the thread that opened a file.
-            with JournalFile.reading(file.path) as own:
-                events = recorded_events(tree_entries(own))
-                yield from itertools.takewhile(lambda event: event.tick <= inquiry.failed_tick, events)
-
+        record = LastRunEvents(file.path, inquiry.state.runs[-1].number, inquiry.failed_tick)
         search = partial(what_would_have_succeeded, inquiry.state, record, projects, tree_file)
         try:
             change = (budget or Budget()).run(search)
@@ -133,7 +126,7 @@ def tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
 
 def what_would_have_succeeded(
     state: "MissionState",
-    record: "Callable[[], Iterable[Event]]",
+    record: "Iterable[Event]",
     projects: "Workspace",
     tree_file: Path | None = None,
 ) -> CounterfactualRun:
@@ -141,7 +134,7 @@ def what_would_have_succeeded(
 
     Args:
         state: The state of the mission after that run.
-        record: Returns the results of its leaves.
+        record: The results of its leaves, which can be read several times.
         projects: Loads the tree.
         tree_file: Its file; by default the file of the run.
     """
@@ -152,7 +145,7 @@ def what_would_have_succeeded(
     try:
         names = [each.name for each in state.nodes]
         trees = trees_that_ran(state, projects, tree_file)
-        found = first_that_fits(trees, lambda tree: counterfactual(tree, record(), names))
+        found = first_that_fits(trees, lambda tree: counterfactual(tree, record, names))
     except GoneTreeError as error:
         return CounterfactualRun(reason=f"{error}. Add --tree-file TREE")
     except OtherTreeError:

@@ -7,6 +7,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 from sar_compiler.analysis.sweep import Interval, wilson
@@ -99,7 +100,7 @@ class RunStatistics:
         Args:
             stream: Its entries, as `JournalFile.stream` yields them.
         """
-        for _, entries in groupby(stream, key=lambda entry: entry.run):
+        for _, entries in groupby(stream, key=attrgetter("run")):
             self.runs += 1
             declared: set[int] = set()
             numbers: dict[int, LeafStatistics] = {}
@@ -108,8 +109,10 @@ class RunStatistics:
                 if event.what == DECIDED:
                     self._add_decision(event)
                 elif event.what in (STARTED, ANSWERED, HALTED):
-                    leaf = self.leaves.setdefault(event.path, LeafStatistics(event.path))
-                    numbers[event.number] = leaf
+                    leaf = numbers.get(event.number)
+                    if leaf is None:
+                        leaf = self.leaves.setdefault(event.path, LeafStatistics(event.path))
+                        numbers[event.number] = leaf
                     run.take(event, leaf)
             for number, leaf in numbers.items():
                 leaf.is_declared |= number in declared
@@ -144,9 +147,10 @@ class _BegunWork:
         elif event.status == "RUNNING":
             leaf.has_run = True
         elif event.status != "SKIPPED":
-            known = leaf.answers.setdefault(
-                (event.status, event.label), AnswerTimes(event.status, event.label)
-            )
+            answer = event.status, event.label
+            known = leaf.answers.get(answer)
+            if known is None:
+                known = leaf.answers[answer] = AnswerTimes(*answer)
             known.times.append(max(0.0, now - self._begun.pop(number, now)))
             leaf.retries += number in self._failed
             (self._failed.add if event.status == "FAILURE" else self._failed.discard)(number)

@@ -232,11 +232,7 @@ class ShortPaths:
         if entry.kind == RUN_BEGAN:
             self._folders.add(_common_folder(entry.data.get("tree")))
             self._find = self._pattern()
-        # Most entries are statuses, and flat; hardly one has a path.
-        is_short = entry.kind == STATUS and not any(
-            type(each) is str and "/" in each for each in entry.data.values()
-        )
-        if is_short or entry.kind in _WITHOUT_PATHS:
+        if entry.kind in _WITHOUT_PATHS or (entry.kind == STATUS and _is_short(entry.data)):
             return entry
         return entry._replace(data=self._short(entry.data))
 
@@ -256,6 +252,14 @@ class ShortPaths:
         if folder in self._folders:
             return "" if slash else "."
         return f"~{slash}"
+
+
+def _is_short(data: Mapping[str, Any]) -> bool:
+    """Return whether no text in the data of a status can have a path: hardly one has, and most entries are statuses."""
+    for each in data.values():  # noqa: SIM110 - `any` takes twice as long
+        if type(each) is str and "/" in each:
+            return False
+    return True
 
 
 def _common_folder(tree: object) -> str:

@@ -6,7 +6,6 @@ from pathlib import Path
 from sar_compiler.commands import FINDINGS, OK, not_installed, print_error
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import Georeference
-from sar_compiler.journal.journal_entries import OF_ROBOT
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.reports.mission_report import (
     ReportError,
@@ -72,11 +71,10 @@ def _mission(journal: Path) -> tuple[MissionState, CauseOfFailure]:
     from sar_compiler.journal.database import JournalFile
 
     with JournalFile.reading(journal) as file:
-        paths = ShortPaths(journal.parent)
-        state = MissionState.of(paths.of(file.stream(is_condensed=True)))
-        why = FailureAnalysis.of(paths.of(file.last_run(without=OF_ROBOT, is_condensed=True))).why()
+        entries = ShortPaths(journal.parent).of(file.every_run(is_condensed=True))
+        inquiry, state = FailureAnalysis.with_state(entries)
     state.look_at_process(is_gone=not file.is_written)
-    return state, why
+    return state, inquiry.why()
 
 
 def _words(place: Georeference) -> str:

@@ -155,26 +155,45 @@ class FailureAnalysis:
             inquiry.take(entry)
         return inquiry
 
+    @classmethod
+    def with_state(cls, stream: Iterable[JournalEntry]) -> "tuple[FailureAnalysis, MissionState]":
+        """Return an inquiry that has taken the entries of all runs, and the state of the mission after them."""
+        inquiry, state = cls(), MissionState()
+        for entry in stream:
+            if _is_status(entry, len(inquiry.state.nodes)):
+                inquiry.take_status(entry)
+            else:
+                inquiry.take(entry)
+                state.take(entry)
+        state.adopt_statuses(inquiry.state)
+        return inquiry, state
+
     def take(self, entry: JournalEntry) -> None:
         """Process an entry; each new run restarts the inquiry."""
-        if entry.kind == RUN_BEGAN:
+        kind = entry.kind
+        if kind == STATUS:
+            if _is_status(entry, len(self.state.nodes)):
+                self.take_status(entry)
+        elif kind == RUN_BEGAN:
             self._begin()
             self.state.take(entry)
             self._kinds = _NodeKinds.of(entry)
             self._history = self._history_then = _History(self._kinds)
             self._explained = _Explained(self.state, self._kinds)
-            return
-        if not self.state.runs or not _is_of_tree(entry, len(self.state.nodes)):
-            return
-        is_of_node = entry.kind == STATUS
-        if is_of_node and self._explained.is_next(entry):
+        elif self.state.runs and kind not in OF_ROBOT:
+            self.state.take(entry)
+            if kind == LEAF_RAISED:
+                self._raised = self._of_raised(entry)
+            elif kind == CHANGED:
+                self._history.take_change(self.state)
+
+    def take_status(self, entry: JournalEntry) -> None:
+        """Process a status that is known to be valid."""
+        if entry.data["tick"] != self._explained.tick:
             self._end_tick()
-        self.state.take(entry)
-        if is_of_node:
-            self._explained.take(entry)
-        elif entry.kind == LEAF_RAISED:
-            self._raised = self._of_raised(entry)
-        self._history.take(entry, self.state)
+        node = self.state.take_status(entry)
+        self._explained.take(entry, node)
+        self._history.take_status(node)
 
     def _of_raised(self, entry: JournalEntry) -> NodeStatus | None:
         number, text = entry.data.get("node"), str(entry.data.get("text", ""))
@@ -272,7 +291,7 @@ class FailureAnalysis:
         # In a journal the end of a run has no time of the mission's clock.
         enough = _MOST_OF_IT * (now - run.began.wall)
         running = [node for node in self.state.nodes if not node.children and ends.is_running(node.number)]
-        long = [node for node in running if node.since and now - node.since.wall > enough]
+        long = [node for node in running if node.status_time and now - node.status_time.wall > enough]
         held = [
             self._explained.last_end(number)
             for node in long
@@ -287,17 +306,13 @@ def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
     for entry in stream:
         if entry.kind == RUN_BEGAN:
             count = len(MissionState.of([entry]).nodes)
-        if _is_of_tree(entry, count):
+        if _is_status(entry, count) if entry.kind == STATUS else entry.kind not in OF_ROBOT:
             yield entry
 
 
-def _is_of_tree(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry is valid for the mission, or for the tree, which has this many nodes."""
-    return (
-        is_status(entry, count) and "message" in entry.data
-        if entry.kind == STATUS
-        else entry.kind not in OF_ROBOT
-    )
+def _is_status(entry: JournalEntry, count: int) -> bool:
+    """Return whether an entry is a complete status of a node of the tree, which has this many nodes."""
+    return is_status(entry, count) and "message" in entry.data
 
 
 class _NodeKinds(NamedTuple):
@@ -362,7 +377,9 @@ class _Explained:
         self.answers: tuple[NodeStatus, ...] = ()
         self.second_ways = self.responses = self.triggers = frozenset[int]()
         self._state, self._kinds = state, kinds
-        self._last: dict[int, NodeStatus] = {}
+        # For each node that has ended: the status, label, message, and its first entry; and the nodes that have decided that by themselves.
+        self._last: dict[int, tuple[str, str | None, str, JournalEntry]] = {}
+        self._own: set[int] = set()
 
     @property
     def tick(self) -> int:
@@ -374,48 +391,53 @@ class _Explained:
         """Whether the root has had another status since."""
         return bool(self.chain) and self.ends.status.get(0) != FAILURE
 
-    def is_next(self, entry: JournalEntry) -> bool:
-        """Return whether a node's status belongs to another tick than the entries before."""
-        return self.ends.is_next(int(entry.data["tick"]))
-
-    def take(self, entry: JournalEntry) -> None:
+    def take(self, entry: JournalEntry, node: NodeState) -> None:
         """Process the status of a node."""
         self.ends.receive(entry.data, entry.time)
-        node = self._state.nodes[entry.data["node"]]
         if node.status in OTHER_END:
-            self._last[node.number] = _answer(node)
+            self._last[node.number] = node.status, node.label, node.message, node.changed or entry
+            self._own.discard(node.number)
 
     def end_tick(self) -> bool:
         """End a tick; return whether the root failed in it, or failed earlier and was not reset."""
         self.ended = self.ends.end_tick()
         for number in self.ended:
-            if not self.ends.causes[number]:
-                self._last[number] = self._decided(number)
+            if not self.ends.causes[number] and not self._has_expired(number):
+                self._own.add(number)
         if self.ends.has_failed:
             self._explain()
         return self.ends.has_failed
 
     def last_end(self, number: int) -> NodeStatus:
-        """Return the last end of a node."""
-        return self._last[number]
+        """Return the last end of a node; with the reason in words if no child explains it, and the node has no message."""
+        node = self._state.nodes[number]
+        status, label, message, changed = self._last[number]
+        if number in self._own:
+            message = self._reason(node, status, message)
+        return NodeStatus(number, node.name, node.place, 0, status, label, message, node.time_of(changed))
 
-    def _decided(self, number: int) -> NodeStatus:
-        """Return the end of a node that no child explains, with the reason in words if the node has no message."""
-        said, node = self._last[number], self._state.nodes[number]
-        if node.children and number in self._kinds.limits and said.status == FAILURE:
-            names = [
-                self._state.nodes[each].name for each in self.ends.halted if self._is_below(each, number)
-            ]
-            leaves = f" while {' and '.join(names)} ran" if names else ""
-            return said._replace(
-                message=f"its time limit of {self._kinds.limits[number]:g} s expired{leaves}"
-            )
+    def _has_expired(self, number: int) -> bool:
+        """Return whether a node has failed by its time limit, whose message then names the leaves that ran."""
+        limit = self._kinds.limits.get(number)
+        if limit is None or not self._state.nodes[number].children:
+            return False
+        status, label, _, changed = self._last[number]
+        if status != FAILURE:
+            return False
+        names = [self._state.nodes[each].name for each in self.ends.halted if self._is_below(each, number)]
+        leaves = f" while {' and '.join(names)} ran" if names else ""
+        self._last[number] = status, label, f"its time limit of {limit:g} s expired{leaves}", changed
+        self._own.discard(number)
+        return True
+
+    def _reason(self, node: NodeState, status: str, message: str) -> str:
+        """Return the message of a node that has decided by itself, with the attribute or the code in it."""
         for name, value in node.attributes.items():
-            if said.message.endswith(f" {name}"):
-                return said._replace(message=f"{said.message}: {value}")
-        if not said.message and number in self._kinds.conditions and (code := node.attributes.get("code")):
-            return said._replace(message=f"'{code}' is {'true' if said.status == SUCCESS else 'false'}")
-        return said
+            if message.endswith(f" {name}"):
+                return f"{message}: {value}"
+        if not message and node.number in self._kinds.conditions and (code := node.attributes.get("code")):
+            return f"'{code}' is {'true' if status == SUCCESS else 'false'}"
+        return message
 
     def _is_below(self, number: int, ancestor: int) -> bool:
         """Return whether a leaf is below a node."""
@@ -471,7 +493,7 @@ class _Explained:
         waiting = [(0, 0)]
         while waiting:
             number, depth = waiting.pop()
-            chain.append(self._last[number]._replace(depth=depth))
+            chain.append(self.last_end(number)._replace(depth=depth))
             causes = self.ends.causes.get(number, [])
             if not causes:
                 answers.append(chain[-1])
@@ -490,7 +512,7 @@ class _Explained:
 
 def _answer(node: NodeState) -> NodeStatus:
     return NodeStatus(
-        node.number, node.name, node.place, 0, node.status, node.label, node.message, node.since
+        node.number, node.name, node.place, 0, node.status, node.label, node.message, node.status_time
     )
 
 
@@ -534,17 +556,16 @@ class _History:
         vars(copied).update({name: copy(each) for name, each in vars(self).items()})
         return copied
 
-    def take(self, entry: JournalEntry, state: MissionState) -> None:
-        """Process an entry of the run, after which the mission has a state."""
+    def take_change(self, state: MissionState) -> None:
+        """Process a change of the mission, after which it has a state."""
         # The result of a tick is written after its events, which may already have left the location.
-        if entry.kind == CHANGED:
-            landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
-            if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
-                self._in_hand = place
-        if entry.kind != STATUS:
-            return
+        landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
+        if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
+            self._in_hand = place
+
+    def take_status(self, node: NodeState) -> None:
+        """Process the new status of a node."""
         self._in_hand_then = self._in_hand
-        node = state.nodes[entry.data["node"]]
         number = node.number
         if node.status == FAILURE:
             self._pending.add(number)

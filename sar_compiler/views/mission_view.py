@@ -267,8 +267,8 @@ def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> 
     pieces = [Piece(_indent(row.depth)), *_names(row.nodes)]
     if is_folded:
         pieces.append(Piece(f" +{_below(state, row.nodes[-1])}", "quiet"))
-    parts = [node for node in row.nodes if node.has_part and node.since is not None]
-    if parts and (since := parts[-1].since) is not None:
+    parts = [node for node in row.nodes if node.has_part and node.status_time is not None]
+    if parts and (since := parts[-1].status_time) is not None:
         pieces.append(Piece(f"  {clock_text(now - since.time)}", "quiet"))
     for node in reversed(row.nodes):
         if words := node.message or (node.label if node.has_part else ""):

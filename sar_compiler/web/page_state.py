@@ -2,13 +2,21 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.display import EventTime, Landmark, with_author
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
-from sar_compiler.journal.mission_state import IDLE, MissionState, RunProcess
+from sar_compiler.journal.mission_state import (
+    FAILURE,
+    HALTED,
+    IDLE,
+    RUNNING,
+    SUCCESS,
+    MissionState,
+    RunProcess,
+)
 from sar_compiler.journal.status_line import condition
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
@@ -19,6 +27,62 @@ _LATE = 50
 
 PageChange = dict[str, Any]
 """The changes of a page's state as JSON values, returned by `PageState.change`."""
+
+
+class LastStatus(NamedTuple):
+    """The last status of a node other than a reset, and the results before it.
+
+    Attributes:
+        status: As in the entries.
+        since: The start of that status, in seconds since the run's start, like all times.
+        entered: The tick in which its activation started.
+        time: The time of its last change.
+        tick: The tick of that change.
+        message: Its message.
+        failed: The time of its last failure; None if there was none.
+        failure: The message of that failure.
+        label: The label of its answer; empty if unknown.
+        ends: The counts of each recorded end: SUCCESS, FAILURE, HALTED. An end repeated on consecutive ticks is recorded once.
+        ran: The total running time before those ends, in seconds.
+        longest: The longest of these times.
+    """
+
+    status: str = ""
+    since: float = 0.0
+    entered: int = 0
+    time: float = 0.0
+    tick: int = 0
+    message: str = ""
+    failed: float | None = None
+    failure: str = ""
+    label: str = ""
+    ends: tuple[int, int, int] = (0, 0, 0)
+    ran: float = 0.0
+    longest: float = 0.0
+
+    def followed_by(
+        self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
+    ) -> "LastStatus":
+        """Return the record after another status, which starts a new activation if the node was reset before."""
+        is_same = self.status == status and not was_reset
+        has_failed = status == FAILURE
+        took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
+        successes, failures, halts = self.ends
+        return LastStatus(
+            status,
+            self.since if is_same else now,
+            # An activation lasts while the node is running, and ends with its next status.
+            self.entered if self.status == RUNNING else tick,
+            now,
+            tick,
+            message,
+            now if has_failed else self.failed,
+            message if has_failed else self.failure,
+            label,
+            (successes + (status == SUCCESS), failures + has_failed, halts + (status == HALTED)),
+            self.ran + took,
+            max(self.longest, took),
+        )
 
 
 class GrowingList:
@@ -75,6 +139,9 @@ class PageState:
         self._passed = 0.0
         self._began = 0.0
         self._mission = MissionState()
+        # By the node's number: its last status, and the nodes that were reset since.
+        self._last: dict[int, LastStatus] = {}
+        self._at_rest: set[int] = set()
         # The results of others' analyses of the run.
         self._why: Mapping[str, Any] | None = None
         self._times: dict[str, float] = {}
@@ -143,7 +210,7 @@ class PageState:
         elif self._touched:
             change = {"robot": self.robot, **{part: self._READ[part](self) for part in self._touched}}
             if self._nodes:
-                change["states"] = {str(number): self._mission.nodes[number].last for number in self._nodes}
+                change["states"] = {str(number): self._last[number] for number in self._nodes}
             if self._landmarks:
                 change["landmarks"] = {"/".join(key): self._landmark(key) for key in self._landmarks}
             if self._rasters:
@@ -161,7 +228,7 @@ class PageState:
             "begin": True,
             "robot": self.robot,
             **{part: read(self) for part, read in self._READ.items()},
-            "states": {str(each.number): each.last for each in self._mission.nodes if each.last.status},
+            "states": {str(number): last for number, last in sorted(self._last.items()) if last.status},
             "landmarks": {"/".join(key): self._landmark(key) for key in self._mission.situation.landmarks},
             "rasters": {name: self._raster(name) for name in self._mission.situation.rasters},
             **{name: {"at": 0, "values": each.values[:]} for name, each in self._lists()},
@@ -174,6 +241,7 @@ class PageState:
         self._began, self._times = entry.time, {}
         self._why = None
         self._nodes = set()
+        self._last, self._at_rest = {}, set()
         node = self._mission.runs[-1].about.get("node")
         self._add_line("fact", f"The run began{f' on {node}' if node else ''}.")
 
@@ -184,8 +252,21 @@ class PageState:
         )
 
     def _on_status(self, entry: JournalEntry) -> None:
-        if entry.data["status"] != IDLE:  # an ended status stays until the next one
-            self._nodes.add(entry.data["node"])
+        data = entry.data
+        number = data["node"]
+        if data["status"] == IDLE:  # an ended status stays until the next one
+            self._at_rest.add(number)
+            return
+        self._nodes.add(number)
+        self._last[number] = self._last.get(number, LastStatus()).followed_by(
+            str(data["status"]),
+            str(data["message"]),
+            str(data.get("label") or ""),
+            int(data["tick"]),
+            self._mission.now.time,
+            was_reset=number in self._at_rest,
+        )
+        self._at_rest.discard(number)
 
     def _on_pose(self, _: JournalEntry) -> None:
         for pose in self._mission.trail:

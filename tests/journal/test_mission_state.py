@@ -71,7 +71,7 @@ def test_time_is_told_from_the_beginning_of_the_run():
 
 def test_a_status_lasts_since_it_was_another_one_whatever_the_node_says_meanwhile():
     state = after(status(1, "RUNNING", "3 m left"), status(1, "RUNNING", "2 m left"))
-    assert (state.nodes[1].since.time, state.nodes[1].message) == (1.0, "2 m left")
+    assert (state.nodes[1].status_time.time, state.nodes[1].message) == (1.0, "2 m left")
 
 
 @pytest.mark.parametrize("end", ["IDLE", "HALTED"])

@@ -6,8 +6,9 @@ from contextlib import closing
 import pytest
 
 from sar_compiler.journal.database import JournalFile
-from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, STATUS, Row
+from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, STATUS, Row, check_value_types
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.row_reader import entries_of, mapping
 from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json
 from sar_compiler.reports.why import FailureAnalysis
 from sar_compiler.tree.json_values import json_text
@@ -115,10 +116,10 @@ def random_rows(chance):
 def computed(path, **options):
     """Return all that is computed of a journal."""
     with JournalFile.reading(path) as file:
-        state = MissionState.of(file.stream(**options))
+        state = MissionState.of(file.every_run(**options))
         inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, **options))
         found = RunStatistics()
-        found.add(file.stream(without=OF_ROBOT, **options))
+        found.add(file.every_run(without=OF_ROBOT, **options))
         return (
             state.nodes,
             state.now,
@@ -133,3 +134,57 @@ def computed(path, **options):
 def test_what_is_computed_of_a_journal_is_the_same_without_them(seed, tmp_path):
     path = written(tmp_path / "j", random_rows(random.Random(seed)))  # noqa: S311
     assert computed(path, is_condensed=True) == computed(path)
+
+
+@pytest.mark.parametrize("seed", range(rounds(20)))
+def test_one_reading_for_state_and_cause_gives_the_same_as_two(seed, tmp_path):
+    rows = [*random_rows(random.Random(seed)), ("photo_taken", {"photo": 1}), status(9, 99)]  # noqa: S311
+    with JournalFile.reading(written(tmp_path / "j", rows)) as file:
+        inquiry, state = FailureAnalysis.with_state(file.every_run())
+        alone = MissionState.of(file.every_run())
+        assert inquiry.why() == FailureAnalysis.of(file.last_run()).why()
+    assert vars(state) == {**vars(alone), "situation": state.situation}
+
+
+TEXTS = [
+    '{"node": 1, "tick": 2, "status": "RUNNING", "message": "a \\"b\\" \\u00fc"}',
+    '{"node": 1, "tick": 2, "status": "SUCCESS", "message": "", "label": "near", "more": [1, {"x": null}]}',
+    '{"node": 01, "tick": 2, "status": "SUCCESS", "message": ""}',
+    '{"node": 1_0, "tick": 2, "status": "SUCCESS", "message": ""}',
+    '{"node": 1, "tick": "2", "status": "SUCCESS", "message": ""}',
+    '{"node": 1, "tick": 2.0, "status": "SUCCESS", "message": ""}',
+    '{"node": -1, "tick": -2, "status": "SUCCESS", "message": ""}',
+    '{"node": 1, "tick": 2, "status": "SUCCESS", "message": "", "tick": 3}',
+    '{"node": 1, "tick": 2, "status": "SUCCESS", "status": "FAILURE", "message": ""}',
+    '{"node": 1, "tick": 2, "status": 3, "message": ""}',
+    '{"node": 1, "tick": 2, "status": "SUCCESS", "message": null}',
+    '{"node": 1, "tick": 2, "status": "SUCCESS"',
+    '{"tick": 2, "node": 1, "status": "SUCCESS", "message": ""}',
+    '{"node": 1, "status": "SUCCESS", "message": ""}',
+    '{"status": "SUCCESS"}',
+    "[]",
+    " {}",
+]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_a_status_is_read_as_its_json(text):
+    def plainly():
+        data = mapping(text)
+        check_value_types(STATUS, data)
+        return data
+
+    def read():
+        # The second row finds what is remembered of the first one.
+        first, second = entries_of([(number, 1, 0.0, 0.0, STATUS, text) for number in (1, 2)])
+        assert first.data == second.data
+        return second.data
+
+    outcomes = []
+    for get in (plainly, read):
+        try:
+            outcomes.append(get())
+        except (TypeError, ValueError) as error:  # noqa: PERF203 - each may fail
+            outcomes.append(type(error))
+    assert outcomes[0] == outcomes[1]
+    assert len({json_text(each) for each in outcomes if isinstance(each, dict)}) <= 1

@@ -135,7 +135,7 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     for node in mission.nodes:
         if node.status not in ("", "IDLE"):
             told = shown["states"][str(node.number)]
-            assert (told[0], told[1]) == (node.status, node.since and node.since.time)
+            assert (told[0], told[1]) == (node.status, node.status_time and node.status_time.time)
     facts = [text for *_, level, text in shown["log"]["values"] if level == "fact" and "The run" not in text]
     assert facts == [fact.text for fact in mission.facts]
 

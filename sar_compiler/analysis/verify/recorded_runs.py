@@ -3,7 +3,8 @@
 That leaves out when timers were up and what a leaf has meant by a status, which a record may not say: of a tick there can be several ways that fit.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from array import array
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
@@ -18,6 +19,8 @@ from sar_compiler.runtime.variables import unknown_value_of
 # Ticks that are tried, times the nodes of the tree: some seconds.
 _MOST_TICKED = 5_000_000
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
+# Different ticks of a record that are kept: some ten megabytes.
+_MOST_KEPT = 10_000
 # The state after a tick that was broken off.
 _NOWHERE = b""
 
@@ -45,7 +48,7 @@ def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
 
 
 class ObservedPrefix(NamedTuple):
-    """What a record has told of nodes up to some moment.
+    """The results of nodes in a record up to a tick.
 
     Attributes:
         statuses: What each has come to last; empty for one at rest.
@@ -55,16 +58,16 @@ class ObservedPrefix(NamedTuple):
     statuses: dict[int, str]
     labels: dict[int, str | None]
 
-    def take(self, tick: Sequence[Event]) -> None:
-        """Take a tick."""
+    def with_tick(self, tick: Sequence[Event]) -> "ObservedPrefix":
+        """Return the results up to the end of a further tick."""
         *events, end = tick
         came = [event for event in events if event.answer]
-        self.statuses.update({0: end.status, **{event.number: event.status for event in came}})
-        self.labels.update({event.number: event.label or None for event in came})
-        self.statuses.update({event.number: "" for event in events if event.what in (HALTED, RESET)})
+        statuses = {**self.statuses, 0: end.status, **{event.number: event.status for event in came}}
+        statuses.update({event.number: "" for event in events if event.what in (HALTED, RESET)})
+        return ObservedPrefix(statuses, self.labels | {event.number: event.label or None for event in came})
 
     def is_known(self, answer: Event) -> bool:
-        """Return whether an answer is what the leaf has come to last, so that it need not have been noted."""
+        """Return whether a result equals the leaf's last one, so that the record may omit it."""
         return _is_same(answer, self.statuses.get(answer.number, ""), self.labels.get(answer.number))
 
 
@@ -150,6 +153,9 @@ def _is_noted(answer: Event, noted: Event) -> bool:
     return answer.number == noted.number and _is_same(answer, noted.status, noted.label or None)
 
 
+_FoundWays = list[tuple[bytes, Way]]
+
+
 class FoundTick(NamedTuple):
     """A recorded tick, found among the tree's runs.
 
@@ -164,8 +170,46 @@ class FoundTick(NamedTuple):
     ways: Sequence[tuple[bytes, Way]]
 
 
+class FoundTicks:
+    """Recorded ticks that were found, in order. A run can have a million, so that they are kept in little memory."""
+
+    def __init__(self) -> None:
+        self._numbers, self._times = array("q"), array("d")
+        self._ways: list[_FoundWays] = []
+
+    def __len__(self) -> int:
+        return len(self._ways)
+
+    def __getitem__(self, index: int) -> FoundTick:
+        return FoundTick(self._numbers[index], self._times[index], self._ways[index])
+
+    def __iter__(self) -> Iterator[FoundTick]:
+        return map(FoundTick, self._numbers, self._times, self._ways)
+
+    def __reversed__(self) -> Iterator[FoundTick]:
+        return map(FoundTick, reversed(self._numbers), reversed(self._times), reversed(self._ways))
+
+    def append(self, end: Event, ways: "_FoundWays") -> None:
+        """Add a tick, given its end and the ways that fit."""
+        self._numbers.append(end.tick)
+        self._times.append(end.time_sec or 0.0)
+        self._ways.append(ways)
+
+    def keep_ways_to(self, states: Collection[bytes], shared: "Callable[[_FoundWays], _FoundWays]") -> None:
+        """Leave out the ways from which none of the last tick's states is reached; *shared* returns the one list of equal ways."""
+        now = frozenset(states)
+        known: dict[tuple[int, frozenset[bytes]], tuple[_FoundWays, frozenset[bytes]]] = {}
+        for index in range(len(self._ways) - 1, -1, -1):
+            ways = self._ways[index]
+            kept = known.get((id(ways), now))
+            if kept is None:
+                left = shared([(state, way) for state, way in ways if way.state in now])
+                kept = known[id(ways), now] = left, frozenset(state for state, _ in left)
+            self._ways[index], now = kept
+
+
 class LostTick(NamedTuple):
-    """A recorded tick that no run of the tree has, after those before it.
+    """A recorded tick that is impossible after the ticks before it.
 
     Attributes:
         number: Which tick it was, from 1.
@@ -182,6 +226,28 @@ class LostTick(NamedTuple):
     states: Sequence[bytes]
     told: ObservedPrefix
     is_last: bool
+
+
+class _RecordPosition:
+    """A position in a record: the possible states, and the results before it.
+
+    Args:
+        states: The states that the run can be in.
+        told: What was told.
+
+    Attributes:
+        states, told: The same.
+        after: For each content of the next tick so far, the ways that fit, and the position behind it.
+    """
+
+    def __init__(self, states: frozenset[bytes], told: ObservedPrefix) -> None:
+        self.states, self.told = states, told
+        self.after: dict[tuple[object, ...], tuple[_FoundWays, _RecordPosition]] = {}
+
+    @property
+    def key(self) -> Hashable:
+        """What another one has that is the same."""
+        return self.states, frozenset(self.told.statuses.items()), frozenset(self.told.labels.items())
 
 
 class TreeRuns:
@@ -224,7 +290,7 @@ class TreeRuns:
         self.renew()
 
     def renew(self) -> None:
-        """Have as many ticks tried anew as may be."""
+        """Reset the limit of tried ticks."""
         self._left = _MOST_TICKED // len(self.names)
 
     @property
@@ -283,53 +349,67 @@ class TreeRuns:
                 self.stepper.before_answer(place)
                 return
 
-    def found_again(self, record: Iterable[Event]) -> tuple[list[FoundTick], LostTick | None]:
+    def found_again(self, record: Iterable[Event]) -> tuple[FoundTicks, LostTick | None]:
         """Return the ticks of a run, found again, up to the first that is none of the tree's.
 
         Raises:
             UndecidableError: If the tree has too many runs, or a tick depends on a value that is not known.
         """
-        told = ObservedPrefix({}, {})
-        moments: list[FoundTick] = []
-        # A tick of a state is one object, which is kept.
-        known: dict[tuple[int, ...], list[tuple[bytes, Way]]] = {}
+        found, known = FoundTicks(), dict[tuple[int, ...], _FoundWays]()
 
-        def shared(ways: list[tuple[bytes, Way]]) -> list[tuple[bytes, Way]]:
+        def shared(ways: _FoundWays) -> _FoundWays:
+            # The ways of equal ticks are one object, which is kept.
             return known.setdefault(tuple(id(way) for _, way in ways), ways)
 
-        now, lost = {self.start}, None
-        waiting = ticks_of(record)
+        # What follows from a tick depends on nothing but what is known before it. Few ticks of a long run differ.
+        position = _RecordPosition(frozenset({self.start}), ObservedPrefix({}, {}))
+        positions = {position.key: position}
+        waiting, kept = ticks_of(record), 0
         for tick in waiting:
-            *events, end = tick
-            noted = [event for event in events if event.answer and event.number in self.leaves]
-            halted = self.leaves.intersection(event.number for event in events if event.what == HALTED)
-            ways = [
-                (state, way)
-                for state in sorted(now)
-                for way in self.ways(state)
-                if way.fits(noted, halted, told, end.status) and way.other_status(end.statuses) is None
-            ]
-            if not ways and self.is_spent:
-                raise UndecidableError("the tree has too many runs to find this one again among them")
-            if not ways:
-                unknown = next(filter(None, map(self._unknown.get, now)), None)
-                if unknown is not None:
-                    raise UndecidableError(f"tick {end.tick}: {unknown}") from unknown
-                is_last = next(waiting, None) is None
-                lost = LostTick(end.tick, end.time_sec or 0.0, tick, sorted(now), told, is_last)
-                break
-            moments.append(FoundTick(end.tick, end.time_sec or 0.0, shared(ways)))
-            now = {way.state for _, way in ways}
-            told.take(tick)
-        for index in range(len(moments) - 1, -1, -1):  # what leads nowhere was not so
-            moment = moments[index]
-            moments[index] = moment._replace(
-                ways=shared([(state, way) for state, way in moment.ways if way.state in now])
-            )
-            now = {state for state, _ in moments[index].ways}
-        return moments, lost
+            end = tick[-1]
+            content = (*[event[1:5] for event in tick], end.statuses)
+            after = position.after.get(content)
+            if after is None:
+                ways = shared(self._find_ways(position, tick))
+                if not ways:
+                    lost = self._lost_tick(position, tick, is_last=next(waiting, None) is None)
+                    found.keep_ways_to(position.states, shared)
+                    return found, lost
+                following = _RecordPosition(
+                    frozenset(way.state for _, way in ways), position.told.with_tick(tick)
+                )
+                kept += 1
+                if kept % _MOST_KEPT == 0:
+                    positions.clear()
+                    position.after.clear()
+                after = position.after[content] = ways, positions.setdefault(following.key, following)
+            ways, position = after
+            found.append(end, ways)
+        found.keep_ways_to(position.states, shared)
+        return found, None
 
-    def replayed(self, record: Iterable[Event]) -> list[FoundTick]:
+    def _find_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> _FoundWays:
+        """Return the ways of a recorded tick."""
+        *events, end = tick
+        noted = [event for event in events if event.answer and event.number in self.leaves]
+        halted = self.leaves.intersection(event.number for event in events if event.what == HALTED)
+        return [
+            (state, way)
+            for state in sorted(position.states)
+            for way in self.ways(state)
+            if way.fits(noted, halted, position.told, end.status) and way.other_status(end.statuses) is None
+        ]
+
+    def _lost_tick(self, position: "_RecordPosition", tick: Sequence[Event], *, is_last: bool) -> LostTick:
+        if self.is_spent:
+            raise UndecidableError("the tree has too many runs to find this one again among them")
+        end, states = tick[-1], sorted(position.states)
+        unknown = next(filter(None, map(self._unknown.get, states)), None)
+        if unknown is not None:
+            raise UndecidableError(f"tick {end.tick}: {unknown}") from unknown
+        return LostTick(end.tick, end.time_sec or 0.0, tick, states, position.told, is_last)
+
+    def replayed(self, record: Iterable[Event]) -> FoundTicks:
         """Return the ticks of a run, found again.
 
         Raises:

@@ -186,7 +186,7 @@ class _GraphName:
         """The name, or its key."""
         return self.known or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
 
-    def now(self) -> str:
+    def read_name(self) -> str:
         """Return the name.
 
         Raises:
@@ -289,7 +289,7 @@ class RosService(ServiceLeaf):
 
     def initialise(self) -> None:
         """Call the server that currently has the name."""
-        name = self._name.now()
+        name = self._name.read_name()
         if name != self.service_name:
             self._drop()
             self._disconnect()
@@ -401,7 +401,7 @@ class RosAction(ActionLeaf):
 
     def initialise(self) -> None:
         """Send a goal to the server that currently has the name."""
-        name = self._name.now()
+        name = self._name.read_name()
         if name != self.action_name:
             self._drop()
             if self._port is not None:
@@ -518,7 +518,7 @@ class RosTopic(TopicLeaf):
 
     def initialise(self) -> None:
         """Subscribe to the topic that currently has the name."""
-        name = self._name.now()
+        name = self._name.read_name()
         if name != self.topic_name:
             self.topic_name = name
             self.subscribe()
@@ -594,7 +594,7 @@ class RosPublish(RosLeaf):
 
     def initialise(self) -> None:
         """Publish on the topic that currently has the name."""
-        self._publisher = self._publisher_of(self._name.now())
+        self._publisher = self._publisher_of(self._name.read_name())
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:

@@ -1,0 +1,156 @@
+"""Read the rows of a journal as entries. Most rows are statuses, and few of those differ in more than their tick.
+
+Condensed reading omits rows that repeat a running node's status with another message; a reader needs the last one. A leaf
+that drives reports its distance in every tick, and such rows are most of a long journal. The results computed from statuses
+(`mission_state`, `reports.why`, `reports.leaf_statistics`) are the same without them, because a tick in which nothing else has changed
+might as well not have been written. Two conditions must hold: between the row and the next one of the node only such rows
+were written, and the node above runs too. (If that has ended and is ticked again, its end is new in each tick.)
+"""
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from sar_compiler.journal.journal_entries import STATUS, JournalEntry, check_value_types
+from sar_compiler.tree.json_values import json_value
+
+RawRow = tuple[Any, ...]
+"""A row as SQLite has it: number, run, wall, time, kind and data."""
+
+_NODE, _TICK, _STATUS = '{"node": ', ', "tick": ', ', "status": '
+_RUNNING = re.compile(r'"RUNNING", "message": "(?:[^"\\]|\\.)*"([^"]*|, "label": "[^"]*")\}')
+# Messages can all differ, and must not fill the memory.
+_MOST_KEPT = 10_000
+_UNKNOWN = -1
+
+
+class _StatusText:
+    """The text of a status from its word on.
+
+    Attributes:
+        rest: For a running node, the part after the message; else None.
+        values: The values in the text; None if not yet read, empty if other values are among them.
+    """
+
+    __slots__ = ("rest", "values")
+
+    def __init__(self, text: str) -> None:
+        running = _RUNNING.fullmatch(text)
+        self.rest = running and running[1]
+        self.values: Mapping[str, Any] | None = None
+
+    def read(self, text: str) -> Mapping[str, Any]:
+        """Read and return the values.
+
+        Raises:
+            ValueError, TypeError: If they are not those of a status.
+        """
+        values = mapping(f'{{"status": {text}')
+        check_value_types(STATUS, values)
+        self.values = {} if "node" in values or "tick" in values else values
+        return self.values
+
+
+def entries_of(  # noqa: C901, PLR0912 - without calls, because a long journal has a million rows
+    rows: Iterable[RawRow], parents: Sequence[int | None] | None = None
+) -> Iterator[JournalEntry]:
+    """Yield the entries of rows in their order.
+
+    Args:
+        rows: The rows; condensed, those of one run.
+        parents: For condensed reading, the number of each node's parent, by the node's number.
+
+    Raises:
+        ValueError, TypeError: If a row has values that the project never writes.
+    """
+    nodes: dict[str, int] = {}
+    texts: dict[str, _StatusText] = {}
+    tick, tick_text = _UNKNOWN, ""
+    # For each running node the rest of its last row, then the last row that repeats it.
+    running: dict[int, str] = {}
+    held: dict[int, RawRow] = {}
+    new = tuple.__new__
+    for row in rows:
+        number, run, wall, time, kind, data = row
+        status: _StatusText | None = None
+        if kind == STATUS and type(data) is str:
+            # As this project writes it: the node, the tick, the status and the rest, most of which was read before.
+            head, _, text = data.partition(_STATUS)
+            node_text, _, now_text = head.partition(_TICK)
+            if now_text != tick_text:
+                tick, tick_text = _whole_number(now_text), now_text
+            node = nodes.get(node_text, _UNKNOWN)
+            if node == _UNKNOWN and node_text.startswith(_NODE):
+                node = nodes[node_text] = _whole_number(node_text.removeprefix(_NODE))
+            if _UNKNOWN not in (node, tick):
+                status = texts.get(text)
+                if status is None:
+                    if len(texts) == _MOST_KEPT:
+                        texts.clear()
+                    status = texts[text] = _StatusText(text)
+        if parents is not None:
+            if status is not None:
+                rest = status.rest
+                if rest is None:
+                    running.pop(node, None)
+                elif running.get(node) == rest and _runs_above(node, parents, running):
+                    held.pop(node, None)  # the rows stay in their order
+                    held[node] = row
+                    continue
+                else:
+                    running[node] = rest
+            elif kind == STATUS:  # not as this project writes it
+                running.clear()
+            if held:
+                yield from map(_entry, held.values())
+                held.clear()
+        values = None if status is None else status.values
+        if values is None and status is not None:
+            values = status.read(text)
+        if values and type(wall) is type(time) is float and math.isfinite(wall + time):
+            # In half of the time of `JournalEntry(…)`.
+            yield new(JournalEntry, (number, run, wall, time, kind, {"node": node, "tick": tick, **values}))
+        else:
+            yield _entry(row)
+    yield from map(_entry, held.values())
+
+
+def _runs_above(node: int, parents: Sequence[int | None], running: Mapping[int, str]) -> bool:
+    parent = parents[node] if node < len(parents) else None
+    return parent is None or parent in running
+
+
+def _whole_number(text: str) -> int:
+    """Return a number as the project writes it; `_UNKNOWN` for anything else."""
+    return int(text) if text.isdecimal() and str(int(text)) == text else _UNKNOWN
+
+
+def _entry(row: RawRow) -> JournalEntry:
+    number, run, wall, time, kind, data = row
+    entry = JournalEntry(number, run, finite(wall), finite(time), str(kind), mapping(data))
+    check_value_types(entry.kind, entry.data)
+    return entry
+
+
+def finite(number: Any) -> float:
+    """Return a time that was read.
+
+    Raises:
+        ValueError, TypeError: If it is no finite number.
+    """
+    if not math.isfinite(value := float(number)):
+        raise ValueError(f"{number} is not a time")
+    return value
+
+
+def mapping(text: str) -> dict[str, Any]:
+    """Return the names and values in a text of JSON.
+
+    Raises:
+        ValueError, TypeError: If it is something else.
+    """
+    data = json_value(text)
+    if not isinstance(data, dict):
+        raise TypeError(f"{text} must be names with values")
+    return data
