@@ -38,11 +38,12 @@ export BTCPP_DRIVER ?=
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test nav2-test test-costs test-matrix lint format lock schemas golden pictures site bench soak mutants wheels release clean require
+.PHONY: help env demo test nav2-test test-costly test-costs test-matrix lint format lock schemas golden pictures site bench soak mutants wheels release clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
 	@echo "make test         run the tests"
+	@echo "make test-costly  run the tests that take seconds of CPU each, which make test leaves out and CI runs"
 	@echo "make test-costs   record the CPU seconds of the last run of the tests: a run fails where a module takes half as much again"
 	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
 	@echo "make nav2-test    missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
@@ -78,6 +79,9 @@ test: env $(KERNEL_COVERAGE)
 	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 --costs $(COSTS)
 	$(BIN)/python -m coverage combine --quiet --keep --append $(KERNEL_COVERAGE)
 	$(BIN)/python -m coverage report
+
+test-costly: env
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "costly and not slow and not nav2"
 
 # After a run on a quiet machine in which modules of tests came, went or changed on purpose.
 test-costs:

@@ -169,6 +169,7 @@ class ByChance:
         return self._chance.choices(options, weights)[0]
 
 
+@pytest.mark.costly
 def test_runs_by_chance_of_a_tree_whose_properties_are_proved_raise_no_alarm():
     tree, ended = load("search_and_rescue_resilient"), 0
     for seed in range(rounds(100)):

@@ -204,6 +204,7 @@ def test_a_command_that_fails_is_named_with_its_last_line():
         commands.run([sys.executable, "-c", "import sys; print('no world', file=sys.stderr); sys.exit(3)"])
 
 
+@pytest.mark.costly
 def test_the_figures_that_have_no_driver_are_seconds_without_a_ratio(monkeypatch):
     from benchmarks import ticks
 

@@ -14,6 +14,7 @@ from tests.docs.test_worked_pages import follow
 PAGE = Path("docs/how-to/cover-areas.md").resolve()
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_the_flight_that_the_page_shows_is_what_is_told(tmp_path: Path) -> None:
     (tmp_path / "config").symlink_to(Path("config").resolve())
@@ -53,6 +54,7 @@ def listening_tree(folder: Path, number: int = 1) -> Path:
     return place
 
 
+@pytest.mark.costly
 def test_the_tree_that_listens_on_the_way_keeps_what_the_shipped_one_keeps(tmp_path: Path) -> None:
     assert main(["verify", str(listening_tree(tmp_path)), "--set", "zones_left=1"]) == 0
 
@@ -62,6 +64,7 @@ def passing_tree(folder: Path) -> Path:
     return listening_tree(folder, 2)
 
 
+@pytest.mark.costly
 def test_the_tree_that_drives_through_pieces_keeps_what_the_shipped_one_keeps(tmp_path: Path) -> None:
     shipped = Path("config/search_sweeps_properties.yaml").read_text(encoding="utf-8")
     legs = tmp_path / "properties.yaml"

@@ -39,6 +39,7 @@ def flown(tmp_path_factory):
     return run, json.loads((folder / "report.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.costly
 def test_the_robot_comes_home_where_its_battery_would_not_bring_it_home_again_and_goes_on_with_another_one(
     flown,
 ):

@@ -121,6 +121,7 @@ def story(tmp_path_factory):
     return seen
 
 
+@pytest.mark.costly
 def test_a_mission_under_way_is_seen_in_a_browser(story):
     assert "NotHeld?, NotHeld, FAILURE, paused by an operator (page, 127.0.0.1)" in story["live"]
 

@@ -100,6 +100,7 @@ WATCHED = """properties:
 """
 
 
+@pytest.mark.costly
 def test_the_page_and_its_replay_have_a_card_for_each_property(start, tmp_path):
     properties, journal = write(tmp_path / "properties.yaml", WATCHED), tmp_path / "m.journal"
     options = ("--properties", properties, "--journal", journal, "--view", "web", "--web-port", 0)

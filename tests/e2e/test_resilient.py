@@ -159,6 +159,7 @@ def test_a_goal_that_nav2_aborts_because_a_server_is_late_is_sent_again_and_cost
     assert not any("after attempt" in line or "given up" in line for line in run.log), run.output
 
 
+@pytest.mark.costly
 def test_each_zone_is_reported_as_not_searched_because_nav2_did_not_answer_where_every_goal_is_aborted_late():
     run, status = fly("navigate_to_pose:late=50ms", zones="[zone_a, zone_b]", options=["--speed", 50])
     assert status == 1, run.output

@@ -174,6 +174,7 @@ def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start
         assert missing in run.output
 
 
+@pytest.mark.costly
 def test_only_what_is_missing_is_waited_for_and_the_mission_starts_when_it_comes(start):
     start("sar-detect-survivor-server")
     start("sar-sim", "run", "--speed", 20)
@@ -236,6 +237,7 @@ def test_a_check_looks_at_the_map_that_a_robot_publishes(start, ros):
     assert re.search(r"  zone_a +4\.\d m", run.output), run.output
 
 
+@pytest.mark.costly
 def test_a_check_does_not_tell_a_robot_where_it_is(start):
     start("sar-sim", "run")
     start("sar-detect-survivor-server")
@@ -337,6 +339,7 @@ def test_a_server_that_disappears_and_comes_back_delays_the_mission(delayed):
     assert "bt_navigator disappears" in run.output
 
 
+@pytest.mark.costly
 def test_a_zone_out_of_reach_is_tried_ever_more_rarely(start, witness):
     watching = witness()
     limit = 60.0

@@ -108,7 +108,7 @@ def fly(start, witness, speed, namespace):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("namespace", ["/", "/robot1"])
+@pytest.mark.parametrize("namespace", ["/", pytest.param("/robot1", marks=pytest.mark.costly)])
 def test_the_mission_keeps_its_contract(start, witness, namespace):
     # Time does not wait for a mission in another process: an answer may take 5 simulated seconds.
     fly(start, witness, speed=5, namespace=namespace)
@@ -140,6 +140,7 @@ def test_one_command_flies_the_whole_mission_and_sums_it_up(start):
     assert head.startswith("Journal hash (verify with sar-journal check --head): ")
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_the_mission_flies_with_py_trees_ros_by_its_published_interface(start):
     run = start(

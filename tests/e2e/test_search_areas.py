@@ -42,6 +42,7 @@ def test_the_zone_behind_a_wall_comes_later_than_a_straight_line_says(start, tmp
     assert all("/navigate_to_pose," in words for words in goals)
 
 
+@pytest.mark.costly
 def test_a_robot_far_from_home_charges_at_the_place_that_is_nearer_and_goes_on(start, tmp_path):
     params, world, place = (tmp_path / name for name in ("params.yaml", "world.yaml", "m.journal"))
     dock = (

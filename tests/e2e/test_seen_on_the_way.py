@@ -6,7 +6,7 @@ import pytest
 
 from tests.docs.test_sweeping_page import listening_tree, passing_tree
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.costly]
 
 
 def flown(start, tree, place):

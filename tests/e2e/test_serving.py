@@ -276,6 +276,7 @@ def test_a_server_that_nobody_manages_has_no_bond(client, serve):
     assert client.node.count_publishers("bond") == 0
 
 
+@pytest.mark.costly
 def test_a_mission_is_held_while_its_server_is_not_active(client, start, tmp_path):
     journal = tmp_path / "run.journal"
     options = ["--sim", "--speed", "5", "--managed", "--journal", journal]

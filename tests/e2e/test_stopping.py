@@ -12,7 +12,14 @@ ONE_ZONE = ("--ros-args", "-p", "zone_order:=[zone_b]")
 
 
 @pytest.mark.parametrize(
-    ("number", "expected"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+    ("number", "expected"),
+    [
+        (signal.SIGINT, 130),
+        *(
+            pytest.param(number, 128 + number, marks=pytest.mark.costly)
+            for number in (signal.SIGTERM, signal.SIGHUP)
+        ),
+    ],
 )
 def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witness, number, expected):
     watching = witness()

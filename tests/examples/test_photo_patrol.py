@@ -34,6 +34,7 @@ def installed(tmp_path_factory):
 RUNS = [step for step in steps("photo_patrol") if step.commands[0][0] == "sar-run"]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("step", "status"), [*zip(RUNS, STATUSES, strict=True)], ids=str)
 def test_what_the_readme_says_is_what_one_sees(start, installed, step, status):
     run = start(*step.commands[0], env=installed)
@@ -48,6 +49,7 @@ def test_its_tree_has_no_findings(start, installed):
     assert check.end() == 0, check.output
 
 
+@pytest.mark.costly
 def test_what_holds_in_every_patrol_is_proved_watched_in_flight_and_kept(start, installed, tmp_path):
     proof = start("sar-compile", "verify", PATROL, env=installed)
     assert proof.end() == 0, proof.output
@@ -61,6 +63,7 @@ def test_what_holds_in_every_patrol_is_proved_watched_in_flight_and_kept(start, 
     assert "3 properties: 3 kept" in compared.output
 
 
+@pytest.mark.costly
 def test_one_bad_photo_is_tried_again(start, installed):
     faults = ("--fault", "take_photo:refuse=1", "--fault", "take_photo:delay=1")
     run = start("sar-run", "--mission", "photo_patrol", "--sim", "--speed", 20, *faults, env=installed)

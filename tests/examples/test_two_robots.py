@@ -131,6 +131,7 @@ def flight():
         bystander.close()
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_both_missions_are_complete_and_so_the_script_succeeds(flight):
     assert flight.status == 0, flight.run.output

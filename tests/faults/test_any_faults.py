@@ -243,6 +243,7 @@ class AnyFaults(RuleBasedStateMachine):
         assert flight.nav.active == []
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("cases", [3, pytest.param(150, marks=pytest.mark.slow)], ids=["short", "long"])
 def test_whatever_fails_every_zone_has_an_end_and_every_survivor_one_name(cases):
     run_state_machine_as_test(

@@ -114,6 +114,7 @@ def test_the_first_ctrl_c_ends_a_run_whose_leaf_blocks(block, place, cancel, sta
     assert server.active == (status == 4)
 
 
+@pytest.mark.costly
 def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels(block):
     server, run, go = block("compute", "--guardian", blocked_tick_timeout_sec=3.0)
     go.touch()

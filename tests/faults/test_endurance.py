@@ -38,6 +38,7 @@ def hold(first, last):
     assert last["descriptors"] <= first["descriptors"]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("missions", [8, pytest.param(500, marks=pytest.mark.slow)], ids=["short", "long"])
 def test_a_process_that_flies_one_mission_after_the_other_keeps_nothing_of_them(
     serve, start, tmp_path, missions
@@ -68,6 +69,7 @@ def test_a_process_that_flies_one_mission_after_the_other_keeps_nothing_of_them(
         assert grown <= MEMORY_PER_MISSION_KB * (missions - SETTLED_MISSIONS)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("view", [(), ("--view", "web", "--web-port", "0")], ids=["no page", "page"])
 @pytest.mark.parametrize("zones", [60, pytest.param(2000, marks=pytest.mark.slow)], ids=["short", "long"])
 def test_a_mission_of_many_zones_needs_no_more_for_the_last_than_for_the_first(

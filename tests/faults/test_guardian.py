@@ -38,7 +38,9 @@ def test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled(driving):
     run.wait_for(f"{GONE}: /navigate_to_pose was asked to cancel its goal, which is cancelled")
 
 
-@pytest.mark.parametrize("manner", ["ignore", "refuse", "mute"])
+@pytest.mark.parametrize(
+    "manner", ["ignore", *(pytest.param(manner, marks=pytest.mark.costly) for manner in ("refuse", "mute"))]
+)
 def test_a_goal_that_does_not_end_is_told_to_be_under_way(driving, manner):
     server, run = driving(cancel=manner)
     run.send(signal.SIGKILL)

@@ -195,6 +195,7 @@ def test_a_simulated_mission_killed_between_name_and_report_is_resumed(start, tm
     assert "is over (Mission complete.). There is nothing to resume" in again.output
 
 
+@pytest.mark.costly
 def test_a_mission_killed_on_its_way_leaves_no_goal_and_tells_the_robot_no_pose(
     world, start, witness, tmp_path
 ):

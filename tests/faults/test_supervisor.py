@@ -85,6 +85,7 @@ def test_a_mission_that_has_died_is_resumed_and_it_is_told(misbehave, how):
     assert shown().count(f"by its supervisor (the previous process has died: by {how})") == 2
 
 
+@pytest.mark.costly
 def test_a_mission_that_stands_still_is_killed_and_resumed(misbehave):
     run = misbehave(1, "block", "--supervise")
     assert run.end() == 0, run.output
@@ -166,6 +167,7 @@ def fly(start, world, witness, place, seed, *, kills, hows):
     return done
 
 
+@pytest.mark.costly
 def test_a_supervised_mission_killed_at_random_moments_gets_to_its_end(world, start, witness, tmp_path):
     fly(start, world, witness, tmp_path / "run.journal", 0, kills=3, hows=[signal.SIGKILL])
 

@@ -42,6 +42,7 @@ def test_the_resilient_tree_and_the_one_that_chooses_are_proved_for_two_zones(tr
     assert (status, broken(output)) == (0, set())
 
 
+@pytest.mark.costly
 def test_the_shipped_trees_that_give_zones_up_are_proved_to_give_none_up_while_nav2_is_away() -> None:
     said = {}
     for tree in sorted({*Path("trees").glob("*.xml")} - {GUARDED_SWEEPS}):

@@ -9,6 +9,8 @@ from tests.mutants.__main__ import all_mutants, draw, survivors_of
 from tests.mutants.mutating import mutants_of
 from tests.mutants.running import Bench
 
+pytestmark = pytest.mark.costly
+
 MODULE = '''"""A module."""
 LIMIT = 3
 SPARE = 7

@@ -174,6 +174,7 @@ def test_a_checkout_that_building_has_changed_gets_no_tag(checkout, tmp_path_fac
     assert git("tag") == ""
 
 
+@pytest.mark.costly
 def test_the_source_distribution_has_every_file_that_the_package_is_made_of(tmp_path):
     clone(tmp_path / "repository")
     [line] = re.findall(

@@ -43,6 +43,7 @@ def installed(tmp_path_factory):
     return folder / "repository", folder / "environment"
 
 
+@pytest.mark.costly
 def test_every_shipped_file_is_in_the_environment(installed):
     repository, environment = installed
     assert files_below(environment / "share" / "sar_compiler") == files_below(repository)

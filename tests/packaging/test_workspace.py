@@ -7,7 +7,7 @@ import pytest
 
 from tests.packaging.workspace import Workspace
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.costly]
 
 SHIPPED = ("config", "docs/findings", "examples", "launch", "maps", "rviz", "schemas", "trees", "worlds")
 

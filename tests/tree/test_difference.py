@@ -207,6 +207,7 @@ def flat(leaves):
     return document(f"<Sequence>{''.join(leaves)}</Sequence>")
 
 
+@pytest.mark.costly
 @pytest.mark.unmeasured
 @pytest.mark.parametrize(
     ("old", "new", "changes"),
