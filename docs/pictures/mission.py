@@ -59,12 +59,12 @@ def picture(way: list[tuple[float, float, float]]) -> str:
         for box in world.boxes
     ]
     shapes += [f'<circle cx="{each.x}" cy="{each.y}" r="{each.radius}"/>' for each in world.cylinders]
-    zones = [f'<circle cx="{x}" cy="{y}" r="0.45"/>' for x, y in world.zones.values()]
+    zones = [f'<circle cx="{x}" cy="{y}" r="0.45"/>' for x, y in world.places.values()]
     found = [
         f'<path transform="translate({x} {y}) scale(0.015 -0.015)" d="{MARKS["triangle"]}"/>'
         for x, y in SURVIVORS.values()
     ]
-    below = {name: (x, 0.75 - y) for name, (x, y) in {**world.zones, "base": (0.0, 0.0)}.items()}
+    below = {name: (x, 0.75 - y) for name, (x, y) in {**world.places, "base": (0.0, 0.0)}.items()}
     above = {name: (x, -0.25 - y) for name, (x, y) in SURVIVORS.items()}
     names = [f'<text x="{x:.2f}" y="{y:.2f}">{name}</text>' for name, (x, y) in {**below, **above}.items()]
     return f"""\

@@ -140,7 +140,7 @@ def codes(text: str) -> list[str]:
 
 
 def commands(page: Path) -> list[ShellCommand]:
-    """Return the commands in the `sh` blocks of a page."""
+    """Return the commands in the `sh` blocks of a page, and those after a prompt in its `console` blocks."""
     found: list[ShellCommand] = []
     # Lessons, whose names begin with their numbers, are followed one after the other.
     lessons = page.parent.glob("[0-9]-*.md") if page.name[0].isdigit() else ()
@@ -148,9 +148,10 @@ def commands(page: Path) -> list[ShellCommand]:
     for block in blocks(page):
         if block.file:
             made.add(block.file)
-        if block.language != "sh":
-            continue
-        for line in block.text.replace("\\\n", " ").splitlines():
+        text = block.text if block.language == "sh" else ""
+        if block.language == "console":
+            text = "".join(f"{line}\n" for line in re.findall(r"^\$ (.*)$", block.text, re.MULTILINE))
+        for line in text.replace("\\\n", " ").splitlines():
             for words, written in _simple_commands(line):
                 made |= written
                 found.append(ShellCommand(page, block.line, words, frozenset(made)))

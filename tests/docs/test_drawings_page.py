@@ -1,5 +1,6 @@
 """The drawings in the documentation are what the project draws."""
 
+import json
 import re
 import runpy
 from pathlib import Path
@@ -42,3 +43,29 @@ def test_the_page_shows_one_tree_in_every_language():
         ("", with_tags(unicode_tree(tree.root), tree)),
         ("mermaid", mermaid(tree)),
     ]
+
+
+def test_the_pictures_of_the_readme_show_what_the_project_says_today():
+    demo, badges = (runpy.run_path(f"docs/pictures/{name}.py") for name in ("demo", "badges"))
+    drawn = demo["PICTURE"].read_text(encoding="utf-8")
+    typo, proof = demo["checked"](demo["tree_of_readme"]())
+    shown = demo["picture"](typo, proof, [])
+    # What comes of the simulated run is after the two other scenes.
+    assert drawn.partition('<g class="scene2">')[0] == shown.partition('<g class="scene2">')[0], (
+        "make pictures"
+    )
+    assert Path("docs/pictures/badges.svg").read_text(encoding="utf-8") == badges["picture"]()
+
+
+def test_the_figures_of_the_readme_are_those_of_the_benchmarks():
+    """Within the factor by which `make bench` finds a row worse."""
+    results = json.loads(Path("benchmarks/recorded.json").read_text(encoding="utf-8"))["results"]
+    readme = Path("README.md").read_text(encoding="utf-8")
+    for row, said in {
+        "a tick of six trees of usual shapes and sizes, the median": r"takes \[([\d.]+) times\]",
+        "`validate` of a folder of 300 files, cold": r"300 files takes ([\d.]+) s",
+        "`validate` of a folder of 300 files, again": r"unchanged files ([\d.]+) s",
+    }.items():
+        [figure] = re.findall(said, readme)
+        [first, *_], *_ = results[row]
+        assert 1 / 1.5 <= float(figure) / first <= 1.5, row
