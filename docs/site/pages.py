@@ -23,11 +23,14 @@ GROUPS = {
     "sar_compiler.missions": "Missions",
     "sar_compiler.testing": "Tests",
 }
+# The site has pages with whole docstrings in its place.
+_API = DOCS / "reference/api.md"
 # Of two that differ only in capitals, many file systems know one.
 _PLACES = {
     ROOT / "README.md": "index.md",
     DOCS / "README.md": "pages.md",
     ROOT / "SECURITY.md": "vulnerabilities.md",
+    _API: "api/trees.md",
 }
 _LANGUAGES = {
     ".py": "python",
@@ -66,7 +69,6 @@ TERMS = {
     "reference/nodes/decorators.md": "retry node, repeat node, timeout node, inverter node",
     "reference/nodes/ros.md": "service client, action client, subscriber, publisher, tf, call a service from a tree",
     "reference/nodes/nav2.md": "recovery node, pipeline sequence, rate controller",
-    "reference/api.md": "Python functions, classes, methods, signature",
     "reference/nodes/controls.md": "selector node, fallback node, sequence node, parallel node, switch node",
 }
 """Words under which a reader may search for a page, and which need not be on it."""
@@ -74,14 +76,14 @@ _UNSOUGHT = "---\nsearch:\n  exclude: true\n---\n\n"
 """At the head of a page that is no result of a search: a source file."""
 _FENCE = re.compile(r"^\s*```")
 _CODE = re.compile(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)")
-_LINK = re.compile(r"(\]\()(?!https?:|mailto:|#)([^)\s#]+)((?:#[^)\s]*)?\))")
+_LINK = re.compile(r'(\]\(|\bsrc=")(?!https?:|mailto:|#)([^)"\s#]+)((?:#[^)\s]*)?[)"])')
 _PUBLIC = re.compile(r"^    from (\S+) import (\w+) as \2$", re.MULTILINE)
 
 
 def write_pages(folder: Path) -> None:
     """Write all pages into a new folder."""
     shutil.rmtree(folder, ignore_errors=True)
-    to_come, seen = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], set[Path]()
+    to_come, seen = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))], {_API}
     while to_come:
         path = to_come.pop()
         if path not in seen:

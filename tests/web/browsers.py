@@ -16,8 +16,8 @@ CHROMIUM, DRIVER = "chromium", "chromedriver"
 
 
 @contextmanager
-def open_browser():
-    """Open a browser without a window."""
+def open_browser(*switches):
+    """Open a browser without a window, with further switches."""
     chromium, driver = shutil.which(CHROMIUM), shutil.which(DRIVER)
     if not (chromium and driver):
         pytest.skip("there is no chromium with its driver here (apt install chromium chromium-driver)")
@@ -26,7 +26,7 @@ def open_browser():
 
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
-    for argument in ("--headless=new", "--disable-gpu", "--disable-dev-shm-usage"):
+    for argument in ("--headless=new", "--disable-gpu", "--disable-dev-shm-usage", *switches):
         options.add_argument(argument)
     if os.geteuid() == 0:  # where its own fence cannot be set up
         options.add_argument("--no-sandbox")
