@@ -35,7 +35,7 @@ def driven() -> list[tuple[float, float, float]]:
             way.append((seconds, at.x, at.y))
 
     node.create_subscription(Odometry, "odometry/filtered", moved, 10)
-    command = [Path(sys.executable).with_name("sar-run"), "--sim", WORLD, "--speed", str(SPEED)]
+    command = [str(Path(sys.executable).with_name("sar-run")), "--sim", WORLD, "--speed", str(SPEED)]
     with subprocess.Popen(command) as mission:  # noqa: S603 - our own command
         while mission.poll() is None:
             rclpy.spin_once(node, timeout_sec=0.1)

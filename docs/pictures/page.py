@@ -31,7 +31,7 @@ PATIENCE_SEC = 120.0
 @contextmanager
 def mission() -> Iterator[str]:
     """Run a mission; yield the address of its page."""
-    command = [Path(sys.executable).with_name("sar-run"), *COMMAND]
+    command = [str(Path(sys.executable).with_name("sar-run")), *COMMAND]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:  # noqa: S603 - our own command
         assert running.stderr  # noqa: S101 - it is a pipe
         try:

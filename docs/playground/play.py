@@ -84,7 +84,7 @@ def _nodes(tree: LoadedTree) -> dict[str, list[int]]:
     ways: dict[object, list[int]] = {None: []}
     paths: dict[object, list[str]] = {None: []}
     for number, each in enumerate(pre_order(compiled.root)):
-        above = None if each is compiled.root else each.parent.id
+        above = None if each is compiled.root else each.parent.id  # type: ignore[union-attr] # others have a parent
         is_wrapper = any(bound[child.id] is bound[each.id] for child in each.children)
         ways[each.id] = [*ways[above], number]
         paths[each.id] = paths[above] + ([] if is_wrapper else [each.name])

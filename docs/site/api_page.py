@@ -61,9 +61,10 @@ def _definition(path: Path, name: str) -> "tuple[Path, ast.stmt | None]":
     for node in _parsed(path).body:
         if isinstance(node, _Definition) and node.name == name:
             return path, node
-        for each in node.names if isinstance(node, ast.ImportFrom) else ():
-            if (each.asname or each.name) == name and str(node.module).startswith("sar_compiler"):
-                return _definition(_file(str(node.module)), each.name)
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("sar_compiler"):
+            for each in node.names:
+                if (each.asname or each.name) == name:
+                    return _definition(_file(node.module), each.name)
     return path, None
 
 
@@ -94,9 +95,9 @@ def _arguments(node: "ast.stmt | None") -> str:
         ]
         public = ", ".join(name for name in fields if not name.startswith("_"))
         return _arguments(own[0]) if own else f"({public})" if public else ""
-    if not isinstance(node, _Definition) or any(
-        "property" in ast.unparse(each) for each in node.decorator_list
-    ):
+    if not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+        return ""
+    if any("property" in ast.unparse(each) for each in node.decorator_list):
         return ""
     made = ast.parse(f"def f({ast.unparse(node.args)}): ...").body[0]
     for each in ast.walk(made):

@@ -14,6 +14,8 @@ from tests.packaging.conftest import made_once
 from tests.processes import BIN
 from tests.web.browsers import open_browser
 
+pytestmark = pytest.mark.costly
+
 FIRST_PAGE_KB = 700
 # Beside other tests.
 _BUILT_SEC = 300
