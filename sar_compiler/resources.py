@@ -46,7 +46,7 @@ def shipped_root(package: Path = _PACKAGE) -> Path:
     if found is None:
         raise ResourceError(
             f"the files of sar_compiler are missing: the package is in {package}, but no folder "
-            "above it has share/sar_compiler; install it again with pip or colcon"
+            "above it has share/sar_compiler. Reinstall it with pip or colcon"
         )
     return found
 

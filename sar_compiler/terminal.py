@@ -122,8 +122,8 @@ class RunOutput:
             self.lost = True
             reason = error.strerror if isinstance(error, OSError) else str(error)
             print_error(
-                f"sar-run: standard output can no longer be written ({reason}); "
-                "the run continues without output"
+                f"sar-run: standard output can no longer be written ({reason}). "
+                "The run continues without output"
             )
             if isinstance(error, OSError):
                 discard_output()

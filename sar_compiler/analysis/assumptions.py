@@ -33,7 +33,7 @@ from sar_compiler.tree.model import TreeFile
 
 # Tolerance for the sum of rounded probabilities.
 _ROUNDING = 1e-3
-_KINDS: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+_KINDS: Mapping[type, str] = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _read_facts(
             document.report("wrong-name", "the name of a fact may only contain letters, digits and _", key)
         elif name not in known and name not in used:
             listed = ", ".join(known) or "none"
-            message = f"no leaf of this tree knows a fact '{name}'; there is {listed}"
+            message = f"no leaf of this tree knows a fact '{name}' (known: {listed})"
             document.report("unknown-fact", message, key, suggestion=nearest(name, known))
         else:
             kind = type(known.get(name, fact))
@@ -183,7 +183,7 @@ def _check_probabilities(document: Document, value: Value, answers: Sequence[Ans
         )
     elif known and len(known) == len(ending) and most < 1.0 - _ROUNDING:
         message = (
-            f"the probabilities p of these answers add up to {most:g} at most, and one of them must come"
+            f"the probabilities p of these answers add up to {most:g} at most, but one of them must occur"
         )
         document.report("wrong-value", message, value)
     if any(answer.sec[1] for answer in ending) and len(ending) == len(answers):
@@ -268,7 +268,7 @@ def take_controls(
         tag = key.text or ""
         if tag not in known:
             listed = ", ".join(known) or "none"
-            message = f"no control or decorator that only a model or its own methods describe is called '{tag}'; there is {listed}"
+            message = f"no control or decorator of unknown behaviour is called '{tag}' (known: {listed})"
             document.report("unknown-node", message, key, suggestion=nearest(tag, known))
             continue
         nodes = [node for node in (*described_parents(binding), *own) if node.spec.tag == tag]
@@ -282,7 +282,7 @@ def take_controls(
 def _stand_in(
     document: Document, value: Value, wanted: str, nodes: Sequence[BoundNode], registry: Registry
 ) -> NodeSpec | None:
-    """Return the replacement for some nodes; reports an unsuitable one."""
+    """Return the replacement for some nodes; report an unsuitable one."""
     tag = value.text or ""
     variants = registry.variants(tag)
     if not variants:

@@ -217,9 +217,9 @@ def _run_words(ticks: list[list[Event]]) -> str:
         number: ", ".join(f"'{each.leaf}' {each.status}" for each in events) for number, events in last
     }
     if len(ticks) == 1:
-        return f"in tick 1; {answers[1]}"
+        return f"in tick 1: {answers[1]}"
     said = (f"tick {number}: {words}" for number, words in answers.items() if words)
-    return f"in tick {len(ticks)}; {'; '.join(said)}"
+    return f"in tick {len(ticks)}: {', '.join(said)}"
 
 
 class _Doubts:

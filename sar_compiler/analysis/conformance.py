@@ -1,7 +1,7 @@
-"""Compare a recorded run with all possible runs of its tree: conformance, violated properties, and assumptions.
+"""Comparison of a recorded run with all possible runs of its tree: conformance, violated properties, and assumptions.
 
-The recorded run is found again among all runs of the tree, with the properties' memory in each state. So it is known of a
-property whether all runs that match the record violate it, some of them, or none.
+The recorded run is located among all runs of the tree, with the state of the properties' monitors. So it is known
+whether all runs that match the record violate a property, or some of them, or none.
 """
 
 from collections import deque
@@ -30,9 +30,9 @@ class PropertyFate(Enum):
     """The result of a property in a recorded run."""
 
     KEPT = "kept"
-    BROKEN = "broken"
+    BROKEN = "violated"
     """In every run that matches the record."""
-    IN_DOUBT = "may be broken"
+    IN_DOUBT = "may be violated"
     """In some of the runs that match the record, not in all."""
     OPEN = "open"
     """A required event was missing, or the end decides, when the run was stopped."""
@@ -42,7 +42,7 @@ class RecordedProperty(NamedTuple):
     """A property with its result.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         fate: The result.
         tick: The number of the violating tick, from 1; 0 for none.
         time_sec: Its time, seconds since the run's start.
@@ -132,18 +132,18 @@ def conform(
     """
     prepared = Prepared.of(simulated)
     properties = properties_of(file, prepared, tags)
-    flight = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
+    recorded = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
     events = _RememberingLast(record)
-    moments, lost = flight.runs.found_again(events)
+    moments, lost = recorded.runs.found_again(events)
     ticks = events.last_tick()
-    if lost is not None and not is_over and flight.is_unfinished(lost):
+    if lost is not None and not is_over and recorded.is_unfinished(lost):
         lost = None
-    judged = _Judged(flight, properties, moments)
+    judged = _Judged(recorded, properties, moments)
     if lost is None:
         judged.conclude(is_over=is_over)
     elif file is not None:
-        judged.go_on(RuntimeMonitor(flight.at_start(), file, tags), lost, is_over=is_over)
-    misfit = None if lost is None else flight.misfit(lost)
+        judged.go_on(RuntimeMonitor(recorded.at_start(), file, tags), lost, is_over=is_over)
+    misfit = None if lost is None else recorded.misfit(lost)
     return Conformance(ticks, misfit, judged.found(), properties.left_out)
 
 
@@ -364,18 +364,18 @@ class _Judged:
     """The states of properties, tick by tick, in all runs that match a record.
 
     Args:
-        flight: The recorded run.
+        recorded: The recorded run.
         properties: The properties.
         moments: Its ticks, as far as they are possible for the tree.
     """
 
-    def __init__(self, flight: _ReplayedRun, properties: Properties, moments: Iterable[FoundTick]) -> None:
-        self._compared_run, self._properties = flight, properties
+    def __init__(self, recorded: _ReplayedRun, properties: Properties, moments: Iterable[FoundTick]) -> None:
+        self._compared_run, self._properties = recorded, properties
         self._has_ended = False
         self._open = 0
         self._last = FoundTick(0, 0.0, ())
         # For each possible state of the run: the properties violated on some path to it, and on every path, as bits.
-        self._some = {flight.runs.start: 0}
+        self._some = {recorded.runs.start: 0}
         self._each = dict(self._some)
         # When each was violated on some path, and when no path was left without a violation.
         self._doubted: dict[int, _Breakage] = {}

@@ -133,7 +133,9 @@ def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Itera
     known = [*names.known, *own]
     for use in name_uses(script) if not names.is_open else ():
         if use.access is not Access.CREATE and use.name.removeprefix(ROOT_SIGN) not in known:
-            message = f"'{use.name}' is neither a fact nor a key of this tree; there is {', '.join(known) or 'none'}"
+            message = (
+                f"'{use.name}' is neither a fact nor a key of this tree (known: {', '.join(known) or 'none'})"
+            )
             yield Typo(message, (use.start, use.end), suggestion=nearest(use.name, known))
 
 
@@ -153,7 +155,7 @@ def typos(script: Script, names: Names, own: Collection[str], later: Collection[
             message = f"a condition only reads '{use.name}' and must not change it"
             yield Typo(message, place, hint="write == to compare")
         elif use.name in later:
-            message = f"'{use.name}' is only known after a tick, and events come before that"
+            message = f"'{use.name}' is only known after a tick, but is needed for an event within one"
             yield Typo(message, place, hint="use it in end or at_end")
         else:
             continue
@@ -281,7 +283,7 @@ class LeafVocabulary:
 
     def _report_unknown(self, value: Value, key: str) -> None:
         names = list(dict.fromkeys(word for leaf in self.leaves for word in (leaf.name, leaf.tag)))
-        message = f"no scripted leaf is called '{key}'; there is {', '.join(names) or 'none'}"
+        message = f"no scripted leaf is called '{key}' (known: {', '.join(names) or 'none'})"
         self.document.report("unknown-leaf", message, value, suggestion=nearest(key, names))
 
 

@@ -1,4 +1,4 @@
-"""Values of entries that a search does not distinguish; `analysis.verify.slicing` says which these are."""
+"""Values of entries that a search does not distinguish; `analysis.verify.slicing` determines them."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,11 +17,11 @@ class MergedValues:
 
     Attributes:
         name: The key or the fact.
-        above: Numbers that are larger by 1 or more are one.
-        below: Numbers that are smaller by 1 or more are one.
-        is_unread: Whether nothing reads it, so that only types count.
-        is_real: Whether neither it nor a key that its values flow into can hold a whole number of Python's type `int`.
-        is_used: Whether the search has come to a value for which another one stands.
+        above: Numbers that are larger by 1 or more are merged.
+        below: Numbers that are smaller by 1 or more are merged.
+        is_unread: Whether nothing reads it, so that only types matter.
+        is_real: Whether neither it nor a key into which its values flow can hold an `int`.
+        is_used: Whether the search has replaced a value.
     """
 
     name: str
@@ -67,7 +67,7 @@ class MergedValues:
 
 
 def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
-    """Yield which values a search has not distinguished, and why."""
+    """Yield notes on the values that a search has not distinguished, with the reasons."""
     irrelevant = [each.name for each in merged if each.is_irrelevant]
     if irrelevant:
         listed = " and ".join(filter(None, [", ".join(irrelevant[:-1]), irrelevant[-1]]))
@@ -78,25 +78,26 @@ def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
 class Merging:
     """Values of entries that a search does not distinguish: a written value is replaced by its representative.
 
-    Whether that is done is an entry itself, so that it is part of each state, and of what is remembered of scripts.
+    The switch for this is an entry itself, so that it is part of each state, and of the remembered effects of
+    scripts.
 
     Args:
         cells: The contents of entries.
-        values: Returns the value that stands for one, by the absolute names of entries.
+        values: Returns the representative of a value, by the absolute names of entries.
     """
 
     def __init__(self, cells: EntryCells, values: Mapping[str, MergedValues]) -> None:
         self.values = values
-        # No other name begins without a stroke.
+        # All other names begin with a slash.
         self._switch = cells.place_of("values as they are")
         self._cells = cells
 
     def switch_off(self) -> None:
-        """Store values as they are, in this state and in those that come after it."""
+        """Store values unchanged in this state and in the following ones."""
         self._cells.put(self._switch, True)  # noqa: FBT003 - what an entry holds
 
     def concerned(self, entries: Iterable[Entry]) -> list[int]:
-        """Return the place of the entry on which code that uses some entries depends as well."""
+        """Return the place of the switch, on which code that uses some entries depends as well."""
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
     def stored(self, name: str, value: object) -> object:

@@ -30,8 +30,8 @@ class NumberedBoard(Board):
     """A board whose entries are in cells, instead of on py_trees' blackboard.
 
     Attributes:
-        cells: Where they are, perhaps beside those of other boards.
-        merging: Which of their values are not distinguished; None if all are.
+        cells: The cells, possibly shared with other boards.
+        merging: The values that are not distinguished; None if all are.
     """
 
     cells: EntryCells
@@ -59,12 +59,12 @@ class NumberedBoard(Board):
                 board.set(name, values[name])
 
     def memo(self, entries: Sequence[Entry]) -> Memo:
-        """Return what remembers the effect of code on entries of this board, and of those that share its cells."""
+        """Return a memo of the effects of code on entries of this board, and of those that share its cells."""
         places = {self.cells.place_of(entry.name) for entry in entries}
         return Memo(self.cells, sorted(places.union(self.merging.concerned(entries) if self.merging else ())))
 
     def merge(self, merging: Merging) -> None:
-        """Do not distinguish some values, beginning with those that there are."""
+        """Merge some values, beginning with the current ones."""
         self.merging = merging
         for name in self.names():
             self._put(name, self._content_of(name))

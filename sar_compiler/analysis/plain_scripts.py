@@ -1,7 +1,8 @@
-"""Trees whose scripts raise nothing in any run, as their text alone shows: their runs need not be tried.
+"""Detection of trees whose scripts cannot raise in any run, by their text alone: their runs need no search.
 
-It takes a third of a second to import what tries runs, and most trees with scripts are of this kind: a script gives a variable a number or a
-text, and another one, which is ticked only after that, compares it. Whatever is not so plain is tried.
+Importing the search takes a third of a second, and most trees with scripts are of this kind: a script assigns a
+number or a string to a variable, and another one, which is ticked only after that, compares it. All other trees are
+searched.
 """
 
 from sar_compiler.checks.rules.entry_accesses import key_accesses_of
@@ -12,7 +13,7 @@ from sar_compiler.runtime.expressions import Assignment, ComparisonChain, Litera
 
 _EQUALITY = {"==", "!="}
 _MOST = 10**15
-"""Numbers up to here are compared exactly."""
+"""The largest number that is compared exactly."""
 
 
 def is_plain(tree: BoundTree) -> bool:
@@ -41,18 +42,18 @@ class _ScriptWalk:
         self._types: dict[str, type] = {}
 
     def visit(self, bound: BoundNode, known: frozenset[str]) -> frozenset[str] | None:
-        """Return which variables surely have values once a node has succeeded; None if a script in it may raise.
+        """Return the variables that certainly have values after a node has succeeded; None if a script in it may raise.
 
         Args:
             bound: The node.
-            known: The variables that surely have values when it is ticked.
+            known: The variables that certainly have values when it is ticked.
         """
         if not bound.children:
             return self._of_leaf(bound, known)
         semantics = bound.spec.semantics
         if semantics.repeats:  # a script may determine the duration, and a tick may never end
             return None
-        # A node that ticks its children in another way may tick none of them.
+        # A node with another order of ticks may tick none of its children.
         is_sequence = semantics.order is Order.IN_ORDER and semantics.goes_on == S
         then = known
         for child in bound.children:

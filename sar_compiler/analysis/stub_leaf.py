@@ -1,4 +1,4 @@
-"""A leaf that gives the answers of a policy, instead of a real one, where there is no robot.
+"""A leaf whose outcomes a policy chooses, in place of a real one that needs a robot.
 
 Its only state is py_trees' status. Answers change facts: entries of a board beside the tree's, so scripts and snapshots work
 on them as on any entry.

@@ -1,7 +1,7 @@
-"""Checking trees.
+"""The checks of tree files.
 
-A rule is a function from a `CheckContext`, which is a file with all that is known of it, to findings. Each family of rules
-is a module in `rules`; its functions `check_...` are rules.
+A rule is a function that takes a `CheckContext`, which is a file with its analysis, and yields findings. Each family
+of rules is a module in `rules`, and its functions `check_...` are the rules.
 """
 
 import bisect
@@ -44,12 +44,12 @@ Palettes = Iterable[TreeFile]
 def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
     """Return the findings of binding all trees of a forest, executed or not."""
     findings = context.bound.findings
-    # A tree that is not there may be in a file that could not be read.
+    # A missing tree may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
 
 
 MOST = 1000
-"""The most findings of a kind that are reported; the rest appear when these are corrected."""
+"""The maximum number of reported findings of one kind; the rest is reported when these are fixed."""
 
 _FAMILIES = (single_nodes, interruptions, needless, order, keys, scripts, subtrees, version_differences)
 RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
@@ -61,7 +61,7 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
-    """Return the findings about palettes themselves, whatever tree files they are for."""
+    """Return the findings about the palettes themselves, which do not depend on the tree file."""
     collector, palettes = FindingCollector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare_models(models, registry_without(registry, models), collector)
@@ -75,26 +75,26 @@ def _recoveries(files: Palettes) -> Iterable[Diagnostic]:
 def _guard(
     name: str, rule: Callable[[], Iterable[Diagnostic]], forest: Forest, found: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
-    """Yield what a rule finds; if it fails, what it has found before, and that it has failed."""
+    """Yield a rule's findings; if it fails, those it yielded before, then the finding that it failed."""
     try:
         yield from rule()
-    except Exception as error:  # noqa: BLE001 - whatever it is, the other rules have something to say
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other rules still run
         yield from failure_of_rule(name, error, forest.main.root, found)
 
 
 def check(
     forest: Forest, registry: Registry, palettes: Palettes = (), btcpp: Version | None = None
 ) -> list[Diagnostic]:
-    """Return everything that is wrong with a file and those that it includes, file by file.
+    """Return all findings about a file and the files that it includes, file by file.
 
-    What comments in the files allow is left out.
+    Suppressed findings are left out.
 
     Args:
-        forest: The file and what it includes.
-        registry: What tags mean.
-        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed; what is wrong with
-            themselves, `check_palettes` says.
-        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
+        forest: The file and its includes.
+        registry: The registered nodes.
+        palettes: Further files whose `TreeNodesModel` describes nodes that are not installed; `check_palettes`
+            returns the findings about these files.
+        btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
     """
     return check_context(context_of(forest, registry, palettes, btcpp))
 
@@ -105,14 +105,14 @@ def context_of(
     palettes: Palettes = (),
     btcpp: Version | None = None,
 ) -> CheckContext:
-    """Return a forest with what its tags mean; arguments as for `check`."""
+    """Return the context in which the rules check a forest; arguments as for `check`."""
     palettes = tuple(palettes)
     registry = registry_without(registry, read_models([*forest.files, *palettes], FindingCollector()))
     return CheckContext(forest, registry, palettes, btcpp)
 
 
 def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Return what the schema refuses, beside what the rules have found; nothing in a browser, for which there is no lxml."""
+    """Return the schema's findings that add to those of the rules; none in a browser, which has no lxml."""
     if sys.platform == "emscripten":
         return []
     from sar_compiler.checks.schema_validation import check_schema
@@ -126,7 +126,7 @@ def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagn
 
 
 def check_context(context: CheckContext) -> list[Diagnostic]:
-    """Return everything that is wrong with a forest; see `check`."""
+    """Return all findings about a forest; see `check`."""
     forest = context.forest
     findings = [*forest.findings, *_recoveries(forest.files)]
     is_all = True
@@ -134,14 +134,14 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
         found = list(_guard(rule.__name__, functools.partial(rule, context), forest, findings))
         is_all = is_all and sum(each.severity is Severity.ERROR for each in found) < MOST
         findings += found
-    # The rules say it better; the schema speaks only where they found nothing, and had nothing more to say.
+    # The rules' messages are better, so the schema is used only where they found nothing.
     if is_all:
         findings += _of_schema(context, findings)
     files = (*reversed(forest.files), *forest.others)
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 
     def place(finding: Diagnostic) -> tuple[int, int, int, str]:
-        # The modules of leaves come last.
+        # The modules of leaves are reported last.
         return (
             order.get(finding.source.path, len(files)),
             finding.span.line,
@@ -153,7 +153,7 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
 
 
 def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return the first `MOST` findings of each kind, with an information of how many more there are."""
+    """Return the first `MOST` findings of each kind, with a note about the number of the others."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
     if max(counts.values(), default=0) <= MOST:
@@ -166,19 +166,19 @@ def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
             kept.append(finding)
         elif seen[finding.code] == MOST + 1:
             message = f"{counts[finding.code] - MOST:,} more of this kind: {finding.code}"
-            hint = "correct those above, and they appear"
+            hint = "fix those above, then run the check again to see them"
             kept.append(Diagnostic("more-findings", message, finding.source, finding.span, hint=hint))
     return kept
 
 
-# Errors of the project's own: what fails on one tree becomes a finding about that tree, and everything else goes on.
+# The project's own errors: a rule that fails on one tree reports a finding about it, and the check continues.
 _EXPECTED = (SarError, ImportError, OSError, UnicodeEncodeError)
-"""What commands have a message for: wrong use, what is not installed, and output that cannot be written."""
+"""The errors that commands report: wrong usage, missing installations and unwritable output."""
 
 _HINT = (
-    "the check is at fault, not the file: please report it, with the file and what sar-compile --version says"
+    "the check failed, not the file. Please report this with the file and the output of sar-compile --version"
 )
-_CLASS_HINT = "mend the class; nothing else that depends on this node is checked"
+_CLASS_HINT = "fix the class. Other checks of this node were skipped"
 _START = Span(1, 1, 1, 1)
 
 
@@ -189,9 +189,9 @@ def failure_of_rule(
 
     Args:
         name: The rule's name.
-        error: What it raised.
-        default: The element that is named where it is not known which one the rule was looking at.
-        found: What was found so far: what fails in the same place for several rules, which all need it, is told once.
+        error: The error that it raised.
+        default: The element to name if it is unknown which element the rule was checking.
+        found: The findings so far. If several rules fail for the same reason, it is reported once.
 
     Raises:
         Exception: The error itself, if commands have a message for it.
@@ -212,12 +212,12 @@ def failure_of_rule(
 
 
 def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagnostic:
-    """Return the finding that something else than a rule has failed on a file.
+    """Return the finding that something other than a rule has failed on a file.
 
     Args:
         path: The file.
-        error: What was raised.
-        what: What has failed.
+        error: The error.
+        what: The part of the check that failed.
 
     Raises:
         Exception: The error itself, if commands have a message for it.
@@ -229,28 +229,28 @@ def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagno
 
 
 def _error_words(error: Exception) -> str:
-    """Return an error with the place in the sources that it comes from."""
+    """Return an error's text with the source location that raised it."""
     last = _calls(error)[-1]
     place = f"{Path(last.f_code.co_filename).name}, in {last.f_code.co_name}"
     return f"{type(error).__name__}: {error} ({place})"
 
 
 def _element_of(error: Exception) -> Element | None:
-    """Return the element that was looked at when an error was raised: that of the innermost call that has one."""
+    """Return the element that was being checked when an error was raised: that of the innermost call with one."""
     values = (value for frame in reversed(_calls(error)) for value in frame.f_locals.values())
     elements = (value if isinstance(value, Element) else getattr(value, "element", None) for value in values)
     return next((each for each in elements if isinstance(each, Element)), None)
 
 
 def _calls(error: Exception) -> list[FrameType]:
-    """Return the calls that an error came through, the innermost last."""
+    """Return the frames that an error passed through, the innermost last."""
     import traceback
 
     return [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
 
 
-# Of the part of a file before the place where it is malformed: whatever the rest of the file may say, these findings stay. They
-# are about start tags, and about elements that have ended.
+# Of the part of a file before the location where it is malformed. Whatever the rest of the file contains, these
+# findings stay, because they are about start tags and about elements that are complete.
 _OF_A_START_TAG = frozenset(
     {
         "conflicting-attributes",
@@ -276,13 +276,13 @@ _OF_AN_ELEMENT = frozenset({"empty-control", "missing-child", "out-of-reach"})
 def check_beginning(
     beginning: FileBeginning, cut: Span, forest: Forest, registry: Registry, palettes: tuple[TreeFile, ...]
 ) -> list[Diagnostic]:
-    """Return the findings about the elements before the place where a file is malformed.
+    """Return the findings about the elements before the location where a file is malformed.
 
     Args:
         beginning: These elements.
-        cut: The place.
-        forest: The file so far, and what it includes.
-        registry: What tags mean.
+        cut: The location.
+        forest: The part of the file that could be read, and its includes.
+        registry: The registered nodes.
         palettes: Further files whose `TreeNodesModel` describes nodes that are not installed.
     """
     context = CheckContext(forest, registry, palettes)
@@ -309,11 +309,11 @@ def check_beginning(
         place = places[max(0, bisect.bisect_right(places, finding.span[:2]) - 1)]
         if finding.code == "unknown-node":
             return is_known
-        if finding.code == "missing-attribute" and place in unfinished:  # in YAML, it may have come later
+        if finding.code == "missing-attribute" and place in unfinished:  # in YAML, it may follow later
             return source.form is Form.XML
-        if finding.code == "wrong-value":  # rules of nodes look at their children as well
+        if finding.code == "wrong-value":  # the rules of nodes also check their children
             return not (place in unfinished and place in ruled)
-        if finding.code in _OF_A_CHILD:  # a tag that was not closed has all that follows in it
+        if finding.code in _OF_A_CHILD:  # a tag that is not closed contains all elements that follow
             return parents[place] not in unfinished
         return finding.code in _OF_A_START_TAG or (finding.code in _OF_AN_ELEMENT and place not in unfinished)
 

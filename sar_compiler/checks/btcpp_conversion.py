@@ -1,4 +1,4 @@
-"""Conversion of a file to BehaviorTree.CPP 4, with all that BehaviorTree.CPP refuses of it."""
+"""Conversion of a file to BehaviorTree.CPP 4, with a finding for each part that BehaviorTree.CPP refuses."""
 
 import dataclasses
 from collections.abc import Iterable, Iterator
@@ -15,23 +15,24 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import TreeFile
 
 _WARNINGS = ("btcpp-version", "cpp-type-mismatch", "ignored-attribute")
-"""The warnings about what BehaviorTree.CPP refuses."""
+"""The warnings about constructs that BehaviorTree.CPP refuses."""
 _MODELLED = ("unknown-node",)
-"""The errors about nodes of which a model is written."""
+"""The errors about nodes for which a model is written."""
 
 
 def convert_to_btcpp(
     forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version | None = None
 ) -> Converted:
-    """Write a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
+    """Convert a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
 
-    Besides the notes about what has no counterpart there are the findings because of which it refuses the file that is written.
+    The result includes notes about constructs without counterpart, and the findings for which BehaviorTree.CPP
+    refuses the converted file.
 
     Args:
-        forest: The file, with those that it includes.
-        registry: What tags mean.
-        palettes: Further files with descriptions of nodes.
-        btcpp: The version that the trees are said to be for; None if nothing says so.
+        forest: The file and its includes.
+        registry: The registered nodes.
+        palettes: Further files that describe nodes.
+        btcpp: The version that the trees are for; None if it is not configured.
 
     Raises:
         TreeError: If the file has content outside the trees that would be lost.
@@ -49,7 +50,7 @@ def convert_to_btcpp(
 
 
 def _with_main(forest: Forest, main: TreeFile) -> Forest:
-    """Return a forest with a rewritten main file, whose elements have kept their places."""
+    """Return a forest with a rewritten main file whose elements have kept their locations."""
     files = tuple(main if each is forest.main else each for each in forest.files)
     meant = {each.place: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
     targets = {id(each): tree for each in main.root.iterate() if (tree := meant.get(each.place)) is not None}

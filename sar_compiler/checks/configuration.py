@@ -1,7 +1,7 @@
 """The configuration of a project, in `sar.toml` or under `[tool.sar]` in `pyproject.toml`.
 
-The file is looked for from a tree file's folder upwards; the nearest counts, and it alone. One that belongs to
-somebody else is passed over, and what a file names lies in the repository that it is in.
+The file is searched for from a tree file's folder upwards, and only the nearest one is used. A file of another owner
+is ignored. The files that it names must be in its own repository.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ _SHARED_TABLE = ("tool", "sar")
 _NODES, _MODELS, _INCLUDE_PATH = "nodes", "models", "include-path"
 _PROJECT, _TREES = "project", "trees"
 _OFF = "off"
-# A file in which this word never stands by itself has no such table, and need not be understood.
+# A file without this word has no such table and is not parsed.
 _OWN_WORD = re.compile(rb"(?<![\w-])sar(?![\w-])")
 
 
@@ -51,14 +51,14 @@ class Configuration(NamedTuple):
         nodes: Modules of leaves, as `--nodes` names them.
         models: Palettes that are files, as `--model` names them.
         palettes: Palettes that are installed, as `--model` names them.
-        include_path: Further folders that may be included from.
-        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
-        trees: Files, folders and glob patterns of tree files that belong together, each with the folder it begins from.
-        severities: The severities of some kinds of findings, by code; None where they are not to be reported.
-        path: The file; None where nothing is decided.
+        include_path: Further folders from which files may be included.
+        btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
+        trees: Files, folders and glob patterns of tree files that belong together, each with its base folder.
+        severities: The severities of some kinds of findings, by code; None if they are not reported.
+        path: The file; None if there is no configuration.
         source: Its text.
-        spans: Where it names each of the modules, and each palette.
-        enums: The numbers that names of the C++ program's enumerations stand for.
+        spans: The locations at which it names each module and each palette.
+        enums: The numbers of the C++ program's enumerators, by name.
     """
 
     nodes: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ class Configuration(NamedTuple):
     enums: Mapping[str, int] = {}
 
     def decide(self, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-        """Return findings with the configured severities, without those that are switched off."""
+        """Return findings with their configured severities, without those that are switched off."""
         decided = []
         for finding in findings:
             severity = self.severities.get(finding.code, finding.severity)
@@ -95,17 +95,18 @@ def configuration_for(
 
     Args:
         tree_file: The tree file.
-        passed_over: Called with nearer configurations that are ignored, because they have another owner.
+        passed_over: Called with nearer configurations that are ignored because they have another owner.
 
     Raises:
-        TreeError: If the configuration that counts has mistakes.
+        TreeError: If the configuration has errors.
         UnreadableFileError: If it cannot be read.
     """
     tree_file = real_path(tree_file)
     for folder in tree_file.parents:
         for name, table in ((OWN_FILE, ()), (SHARED_FILE, _SHARED_TABLE)):
             path = folder / name
-            # What is there and is no file (a named pipe, a folder) cannot be read, and that is told of the project's own.
+            # Something that exists and is no file (a named pipe, a folder) cannot be read. For the project's own
+            # files this is reported.
             exists = is_file(path) if table else is_there(path)
             if not exists or (table and not _OWN_WORD.search(read_file(path, SETTINGS).data)):
                 continue
@@ -122,9 +123,9 @@ def repository_of(folder: Path) -> Path | None:
 
 
 def enclosing_folder(folder: Path) -> Path:
-    """Return the folder that no file in a folder may lead out of: its repository, or where there is none the folder itself.
+    """Return the folder that no path in a file may leave: the folder's repository, or without one the folder itself.
 
-    A shipped file may name other shipped ones.
+    A file of this package may name other files of the package.
     """
     own = real_path(folder)
     if (repository := repository_of(own)) is not None:
@@ -133,18 +134,18 @@ def enclosing_folder(folder: Path) -> Path:
 
 
 def project_places(folders: Iterable[Path]) -> list[Path]:
-    """Return what belongs to the projects that folders are part of, and may lie outside of these, with links followed.
+    """Return the paths outside the given folders that belong to their projects, with links resolved.
 
-    These are the configurations that are sought above the folders, whether they are there or not, and what the one that counts
-    names: palettes, folders to include from, and the trees of its set.
+    These are the configurations that are searched for above the folders, whether they exist or not, and the paths
+    that the one in use names: palettes, folders to include from, and the trees of its set.
 
     Args:
-        folders: The folders, with links followed.
+        folders: The folders, with links resolved.
     """
     places: list[Path] = []
     for folder in folders:
         places += [above / name for above in folder.parents for name in (OWN_FILE, SHARED_FILE)]
-        with suppress(TreeError, UnreadableFileError):  # which each command reports
+        with suppress(TreeError, UnreadableFileError):  # each command reports them
             found = configuration_for(folder / "a tree file")
             if found.path is not None and not found.path.is_relative_to(folder):
                 places += [*found.models, *found.include_path]
@@ -153,23 +154,23 @@ def project_places(folders: Iterable[Path]) -> list[Path]:
 
 
 def _folder_of(folder: Path, pattern: str) -> Path:
-    """Return the folder below which all files of a pattern lie, or the one file that it is."""
+    """Return the folder that contains all files of a pattern, or the file itself if the pattern is one file."""
     return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
 
 
 def _counts(configuration: Path, tree_file: Path) -> bool:
-    """Return whether a configuration belongs to the user, to the system, or to the owner of the tree file."""
+    """Return whether a configuration belongs to the user, to root, or to the owner of the tree file."""
     if sys.platform == "win32":
         return True
-    # A tree file that is not there is complained of when it is read.
+    # A missing tree file is reported when it is read.
     return owner_of(configuration) in {os.geteuid(), 0, owner_of(tree_file)}
 
 
 def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
-    """Return what a table of a file decides; None if the file has none.
+    """Return the configuration in a table of a file; None if the file has no such table.
 
     Raises:
-        TreeError: If it has mistakes; carries all findings.
+        TreeError: If it has errors; carries all findings.
         UnreadableFileError: If the file cannot be read.
     """
     from sar_compiler.documents.toml_files import read_toml
@@ -218,7 +219,7 @@ def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
 def _paths(
     path: Path, document: "Document", listed: "Iterable[Value]", name: str, option: str
 ) -> tuple[Path, ...]:
-    """Return paths that a setting lists, from the file's folder; none leads out of the repository."""
+    """Return the paths that a setting lists, resolved from the file's folder; none may leave the repository."""
     found = (
         path_inside(document, path.parent, value, name, f", or name it yourself: {option}" if option else "")
         for value in listed
@@ -229,22 +230,22 @@ def _paths(
 def path_inside(
     document: "Document", folder: Path, value: "Value", name: str, otherwise: str = ""
 ) -> Path | None:
-    """Return a path that a file names, from its folder; None, with a finding, if it leads out of the repository.
+    """Return a path that a file names, from its folder; None, with a finding, if it leaves the repository.
 
     Args:
         document: The file.
-        folder: Its folder, which counts where there is no repository.
+        folder: Its folder, which limits the path if there is no repository.
         value: The path.
-        name: The key that it is the value of.
-        otherwise: What else can be done about it, for the hint.
+        name: The key whose value it is.
+        otherwise: An alternative remedy for the hint.
     """
-    # Of the folder that it was read from: a link may have taken the place of that meanwhile.
+    # The folder from which the file was read; a link may have replaced it since.
     text, around = str(value.data), enclosing_folder(document.folder or folder)
-    # Links are followed; what goes round in a circle is complained of when it is read.
+    # Links are resolved; a loop of links is reported when the path is read.
     if "\0" not in text and real_path(folder / text).is_relative_to(around):
-        # Asked again of the file that is opened: until then the path may come to lead elsewhere.
+        # Checked again when the file is opened, because a link may change until then.
         return NamedPath.within(folder / text, (around,))
     where = "folder" if repository_of(around) is None else "repository"
-    message = f"{name}: '{text}' lies outside the {where} of this file"
-    document.report("setting-outside", message, value, hint=f"put it into the {where}{otherwise}")
+    message = f"{name}: '{text}' is outside the {where} of this file"
+    document.report("setting-outside", message, value, hint=f"move it into the {where}{otherwise}")
     return None

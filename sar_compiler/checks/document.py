@@ -1,4 +1,4 @@
-"""The frame of a file: its root element, its trees and which one is executed."""
+"""The checks of a file's frame: its root element, its trees, and which of them is executed."""
 
 from collections.abc import Iterator
 
@@ -29,11 +29,11 @@ ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute")
 TREE_ATTRIBUTES = ("ID",)
 INCLUDE_ATTRIBUTES = ("path", "ros_pkg")
 FORMAT = "4"
-_TO_FORMAT = f'write BTCPP_format="{FORMAT}"; in one of version 3, look first at what has changed since'
+_TO_FORMAT = f'write BTCPP_format="{FORMAT}". For a file of version 3, first read the differences'
 
 
 def check_document(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield what is wrong outside the trees."""
+    """Yield the findings about the file outside its trees."""
     forest, registry = context.forest, context.registry
     guesses = Guesses()
     for tree_file in forest.files:
@@ -45,7 +45,7 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
         try:
             find_main_tree(forest)
         except TreeError as error:
-            # Which of several trees is executed, only who executes one has to say.
+            # Only a program that executes a file must know which of several trees is the main tree.
             yield from (each for each in error.findings if each.code != "no-main-tree")
 
 
@@ -60,8 +60,8 @@ def _is_palette(forest: Forest) -> bool:
 def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
     root = tree_file.root
     if root.tag != ROOT_TAG:
-        message = f"the outermost element is <{root.tag}>; a tree file has <{ROOT_TAG}> there"
-        hint = f'put everything in <{ROOT_TAG} BTCPP_format="{FORMAT}">'
+        message = f"the root element is <{root.tag}> instead of <{ROOT_TAG}>"
+        hint = f'wrap the content in <{ROOT_TAG} BTCPP_format="{FORMAT}">'
         yield root.finding("wrong-root", message, suggestion=nearest(root.tag, [ROOT_TAG]), hint=hint)
         return
     own = (PROJECT_ATTRIBUTE,) if is_groot2_project(tree_file) else ()
@@ -71,25 +71,25 @@ def _frame(tree_file: TreeFile, guesses: Guesses) -> Iterator[Diagnostic]:
         if child.tag not in SECTIONS:
             message = f"<{child.tag}> is not allowed directly in <{ROOT_TAG}>"
             near = nearest(child.tag, SECTIONS)
-            hint = f"nodes belong in a <{TREE_TAG}>; BehaviorTree.CPP ignores what is here"
-            severity = Severity.ERROR if near else Severity.WARNING  # a slip, or what somebody keeps there
+            hint = f"move it into a <{TREE_TAG}>. BehaviorTree.CPP ignores it here"
+            severity = Severity.ERROR if near else Severity.WARNING  # a typo, or kept there on purpose
             yield child.finding("unknown-element", message, suggestion=near, hint=hint, severity=severity)
-        elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest speaks of one without
+        elif child.tag == INCLUDE_TAG and "path" in child.attributes:  # the forest reports one without
             yield from _unknown_attributes(child, INCLUDE_ATTRIBUTES, guesses)
     for extra in [child for child in root.children if child.tag == MODEL_TAG][1:]:
-        yield extra.finding("duplicate-model", f"a file has one <{MODEL_TAG}>; this is another")
+        yield extra.finding("duplicate-model", f"this is a second <{MODEL_TAG}>, and a file may have one")
 
 
 def _format(root: Element) -> Iterator[Diagnostic]:
     written = root.attributes.get("BTCPP_format")
     if written is None:
-        # Files in YAML have never been of another version.
+        # Only XML files exist in other versions of the format.
         is_xml = root.source.form is Form.XML
         if is_xml and any(child.tag in (TREE_TAG, INCLUDE_TAG) for child in root.children):
             message = f"BTCPP_format is missing; {FORMAT} is assumed"
             yield root.finding("missing-format", message, hint=_TO_FORMAT)
     elif written != FORMAT:
-        message = f"BTCPP_format is '{written}', and the file is taken for one of format {FORMAT}"
+        message = f"BTCPP_format is '{written}', but the file is read as format {FORMAT}"
         yield root.finding("wrong-format", message, value="BTCPP_format", hint=_TO_FORMAT)
 
 
@@ -107,45 +107,45 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
             elif first.setdefault(tree_id, tree) is not tree:
                 yield _duplicate(tree, first[tree_id])
             elif is_node(tree_id, registry):
-                message = f"'{tree_id}' is a node, and cannot be the ID of a tree as well"
-                yield tree.finding("wrong-tree-id", message, value="ID", hint="give the tree another one")
+                message = f"'{tree_id}' is a node and cannot be the ID of a tree"
+                yield tree.finding("wrong-tree-id", message, value="ID", hint="rename the tree")
 
 
 def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees with the ID of a node that a palette describes, and that the program registers which runs the tree."""
+    """Yield trees with the ID of a palette's node, which the program that runs the trees registers."""
     named = [palette for palette in context.palettes if palette.is_named]
     models = read_models(named, FindingCollector()).nodes if named else {}
     for tree in context.forest.iterate() if models else ():
         tree_id = tree.attributes.get("ID", "")
         model = models.get(tree_id)
         if model is not None and model.spec().provenance is not Provenance.FROM_USE:
-            message = f"'{tree_id}' is a node of a palette, and BehaviorTree.CPP refuses a tree of that ID"
-            advice = Advice(hint="give the tree another one", severity=Severity.WARNING)
+            message = f"'{tree_id}' is a node of a palette, so BehaviorTree.CPP refuses a tree with this ID"
+            advice = Advice(hint="rename the tree", severity=Severity.WARNING)
             yield tree.finding("wrong-tree-id", message, value="ID", **advice)
 
 
 def _nameless(tree: Element, tree_file: TreeFile) -> Iterator[Diagnostic]:
     if len(tree_file.trees) > 1 and not is_misnamed(tree):
-        message = f"this <{TREE_TAG}> has no ID, so nothing can name it"
+        message = f"this <{TREE_TAG}> has no ID, so no <SubTree> can use it"
         yield tree.finding("missing-tree-id", message, hint='write ID="..."')
 
 
 def _duplicate(tree: Element, first: Element) -> Diagnostic:
     file = "" if first.source is tree.source else f" of {first.source.path}"
-    message = f"the tree ID '{tree.attributes['ID']}' is taken by the tree in line {first.line}{file}"
-    return tree.finding("duplicate-tree-id", message, value="ID", hint="give each tree its own")
+    message = f"the tree ID '{tree.attributes['ID']}' is already used by the tree in line {first.line}{file}"
+    return tree.finding("duplicate-tree-id", message, value="ID", hint="give each tree a unique ID")
 
 
 def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guesses) -> Iterator[Diagnostic]:
     for name in element.attributes:
-        # Editors find the schema by the attributes of these namespaces.
+        # Editors use the attributes of these namespaces to find the schema.
         if name in known or name.startswith(("xmlns", "xsi:")):
             continue
         message = f"<{element.tag}> has no attribute '{name}'; it has {', '.join(known)}"
         if element.tag == TREE_TAG and (today := subtree().former_attributes.get(name)):
             use = f'<{SUBTREE_TAG} ID="{element.attributes.get("ID", "...")}" {today}="true"/>'
             yield element.finding(
-                "ignored-attribute", message, name=name, hint=f"where it is used, write {use}"
+                "ignored-attribute", message, name=name, hint=f"to set it where the tree is used, write {use}"
             )
             continue
         is_note = name.startswith("_")
@@ -155,6 +155,6 @@ def _unknown_attributes(element: Element, known: tuple[str, ...], guesses: Guess
         if near is not None or (is_note and typo_in_note(name, guesses) is not None):
             yield element.finding("unknown-attribute", message, name=name, suggestion=near)
         elif not is_note:
-            hint = "BehaviorTree.CPP passes over it as well; delete it, or begin it with _"
-            cause = Cause(f"<{element.tag}> has no such attributes", name)
+            hint = "delete it, or begin its name with _. BehaviorTree.CPP ignores it too"
+            cause = Cause(f"<{element.tag}> has no such attribute", name)
             yield element.finding("ignored-attribute", message, name=name, hint=hint, common_cause=cause)

@@ -1,7 +1,7 @@
-"""Fixes of findings that can be nothing but a slip, and the text after them.
+"""Safe fixes of findings, and the text with the fixes applied.
 
-A suggestion is a guess, and most guesses are for people to take. What is mended without asking is what is left when
-the reader would have to make an effort to think of anything else; `SAFE` says what, and why.
+A suggestion is a guess, which the user normally decides about. A fix without asking is safe only if no other meaning
+of the text is plausible; `SAFE` says which fixes are, and why.
 """
 
 import bisect
@@ -20,7 +20,7 @@ _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execu
 """Attributes whose meaning does not depend on the leaf."""
 _TRUTHS = ("true", "false")
 _OTHERWISE_IN_SCRIPTS = frozenset({"not", "=+", "=*", "=/", "=>"})
-"""Operators with another meaning in other languages, where `not a == b` is `!(a == b)`."""
+"""Operators with another meaning in other languages, in which `not a == b` is `!(a == b)`."""
 _BLOCK = re.compile(r"[|>][+\-0-9]*[ \t]*(#[^\r\n]*)?(\r\n|\r|\n)[\s]*$")
 
 _MARKUP = re.compile(
@@ -30,7 +30,7 @@ _MARKUP = re.compile(
 )
 _ATTRIBUTE = re.compile(r"[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*')")
 _ENTRY = re.compile(r"""(?:'[^'\n]*'|"[^"\n]*"|[^\s'",:{}]+)\s*:\s*(?:"[^"\n]*"|'[^'\n]*')""")
-"""An attribute in YAML whose value is in quotation marks."""
+"""A YAML attribute with a quoted value."""
 _BEHIND_ENTRY = re.compile(r"\s*,\s*|")
 _REST_OF_LINE = re.compile(r"[ \t]*(\r\n|\r|\n|$)")
 
@@ -40,12 +40,12 @@ def _same_but_case(written: str, suggestion: str) -> bool:
 
 
 def _attribute(written: str, suggestion: str) -> bool:
-    """Attributes that any node may have, with one slip; others in the wrong case."""
+    """Attributes that any node may have, with one typo; others in the wrong case."""
     return _same_but_case(written, suggestion) or (suggestion in _COMMON and is_typo(written, suggestion))
 
 
 def _value(written: str, suggestion: str) -> bool:
-    """Blanks around a value, its case, a key's missing brace, true and false with one slip."""
+    """Blanks around a value, its case, a missing brace of a key, true and false with one typo."""
     return (
         written.strip() == suggestion
         or _same_but_case(written.strip(), suggestion)
@@ -55,12 +55,12 @@ def _value(written: str, suggestion: str) -> bool:
 
 
 def _script(written: str, _suggestion: str) -> bool:
-    """Operators, quotation marks and numbers of other languages that have one translation."""
+    """Operators, quotation marks and numbers of other languages, if they have one translation."""
     return written not in _OTHERWISE_IN_SCRIPTS
 
 
 def _shape(written: str, suggestion: str) -> bool:
-    """A reference that lacks the quotation marks which YAML wants around its braces."""
+    """A reference without the quotation marks that YAML requires around its braces."""
     return suggestion == f"'{written}'"
 
 
@@ -70,7 +70,7 @@ def _left_out(_written: str, suggestion: str) -> bool:
 
 
 def _stand_alone(_written: str, _suggestion: str) -> bool:
-    """Characters that XML has other signs for, where they can mean nothing but themselves."""
+    """Characters that XML escapes, in positions in which they can only mean themselves."""
     return True
 
 
@@ -83,21 +83,21 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "loose-xml": _stand_alone,
     "ignored-attribute": _left_out,
 }
-"""For each kind of finding of which some are mended: whether a text in a file may become what is suggested.
+"""For each kind of finding with safe fixes: whether a text in a file may be replaced by its suggestion.
 
-Not tags, trees, keys and references: what is near may be another node, and a tag stands in two places.
+Tags, trees, keys and references are not fixed: a similar name may be another node, and a tag is written twice.
 """
 
 
 @dataclass(frozen=True)
 class Fix:
-    """One piece of text in place of another.
+    """The replacement of one piece of text.
 
     Attributes:
-        finding: What it mends.
-        start: The offset of the first character that goes.
-        end: The offset behind the last one.
-        text: What stands there afterwards.
+        finding: The finding that it fixes.
+        start: The offset of the first character to replace.
+        end: The offset after the last one.
+        text: The replacement.
     """
 
     finding: Diagnostic
@@ -106,7 +106,7 @@ class Fix:
     text: str
 
     def describe(self) -> str:
-        """Return a line that says what was done, and where."""
+        """Return a line that describes the fix and its location."""
         finding = self.finding
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
@@ -117,7 +117,7 @@ class Fix:
 
 
 IsMeant = Callable[[Diagnostic], bool]
-"""Returns whether somebody takes a suggestion."""
+"""Decides whether a suggestion is to be applied."""
 
 
 def _written(finding: Diagnostic) -> str:
@@ -126,7 +126,7 @@ def _written(finding: Diagnostic) -> str:
 
 
 def is_safe(finding: Diagnostic) -> bool:
-    """Return whether a finding has a suggestion that is mended without asking."""
+    """Return whether a finding has a suggestion that may be applied without asking."""
     decide = SAFE.get(finding.code)
     return (
         decide is not None
@@ -138,13 +138,13 @@ def is_safe(finding: Diagnostic) -> bool:
 def fixes(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> list[Fix]:
-    """Return the fixes for a file, in its order; none touches another.
+    """Return the fixes for a file, in the order of the file; no two overlap.
 
     Args:
         source: The file.
-        tree_file: What it says; None if it could not be read.
-        findings: What was found in it, and in others.
-        is_meant: Whether somebody takes a suggestion; by default those that are safe are taken.
+        tree_file: Its parsed content; None if it could not be read.
+        findings: The findings about it, and about other files.
+        is_meant: Whether a suggestion is applied; by default the safe ones are.
     """
     found: list[Fix] = []
     for fix in each_fix(source, tree_file, findings, is_meant):
@@ -173,7 +173,7 @@ def each_fix(
 
 
 def apply_fixes(text: str, chosen: Iterable[Fix]) -> str:
-    """Return a text with fixes applied that do not touch each other."""
+    """Return a text with fixes applied that do not overlap."""
     parts, done = [], 0
     for fix in chosen:
         parts += [text[done : fix.start], fix.text]
@@ -186,9 +186,9 @@ class _AttributeSpan:
     """The value of an attribute in the text.
 
     Attributes:
-        start: Where it begins.
-        end: Where it ends.
-        name: Where the attribute's name begins.
+        start: The offset of the value.
+        end: The offset after it.
+        name: The offset of the attribute's name.
     """
 
     start: int
@@ -199,7 +199,7 @@ class _AttributeSpan:
 class _Values:
     def __init__(self, elements: Sequence[Element]) -> None:
         self._elements = elements
-        # Those of the element that was asked for last: findings are in the order of the file.
+        # Cache for the last element: findings are in the order of the file.
         self._last: tuple[Element, Sequence[_AttributeSpan]] | None = None
 
     def around(self, finding: Diagnostic) -> _AttributeSpan | None:
@@ -227,7 +227,7 @@ def _value_of(element: Element, attribute: str) -> _AttributeSpan:
 
 
 def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
-    """Return a finding's suggestion as it is written there; None if it cannot be without more ado."""
+    """Return a finding's suggestion as it must be written there; None if that needs more than one replacement."""
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     if not text and finding.code == "ignored-attribute":
@@ -235,19 +235,19 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     value = values.around(finding) if finding.code != "loose-xml" else None
     if value is None and finding.code != "loose-xml" and finding.source.text.startswith("<", start):
         return _other_tag(finding, start + 1, end)
-    if value is None:  # a name, the text itself, or what could not be read
+    if value is None:  # a name, the whole text, or an unreadable value
         return Fix(finding, start, end, text)
     source = finding.source
     escapes = _escapes_in(source, value)
     if escapes is not None:
         return Fix(finding, start, end, "".join(escapes.get(each, each) for each in text))
-    # A plain text of YAML may need quotation marks afterwards.
+    # A plain YAML scalar may need quotation marks after the fix.
     whole = source.text[value.start : start] + text + source.text[end : value.end]
     return None if "\n" in whole or "\r" in whole else Fix(finding, value.start, value.end, scalar(whole))
 
 
 def _without_attribute(finding: Diagnostic, start: int) -> Fix | None:
-    """Return the fix that leaves an attribute out, with the blanks before it in XML; in YAML with its line, or the comma beside it."""
+    """Return the fix that deletes an attribute: in XML with the blanks before it, in YAML with its line or comma."""
     text = finding.source.text
     if finding.source.form is Form.XML:
         found = _ATTRIBUTE.match(text, start)
@@ -267,7 +267,7 @@ def _without_attribute(finding: Diagnostic, start: int) -> Fix | None:
 
 
 def _other_tag(finding: Diagnostic, start: int, end: int) -> Fix:
-    """Return the fix of a tag's name in XML, from its start tag to its end tag."""
+    """Return the fix of a tag's name in XML, in its start tag and end tag."""
     text, tag, depth = finding.source.text, finding.suggestion or "", 0
     for found in _MARKUP.finditer(text, start - 1):
         if found["tag"] is not None:
@@ -280,7 +280,7 @@ def _other_tag(finding: Diagnostic, start: int, end: int) -> Fix:
 
 
 def _escapes_in(source: Source, value: _AttributeSpan) -> Mapping[str, str] | None:
-    """Return how characters are written in a value; None for a plain text of YAML."""
+    """Return how characters are escaped in a value; None for a plain YAML scalar."""
     quote = source.text[value.start - 1]
     if source.spans.is_verbatim(value.start):
         return {}

@@ -1,7 +1,7 @@
-"""Checks of the classes of leaves by their source, without ROS and without making one.
+"""Static checks of the classes of leaves, without ROS and without creating instances.
 
-A class is read as Python would run it: the attributes that its methods set hide the methods of its bases, and what it
-returns and writes is compared with what its registration declares. Only classes outside this package are checked.
+The rules follow Python's own: an attribute that a method sets hides a method of a base class. The statuses and keys
+in the source are compared with those that the registration declares. Only classes outside this package are checked.
 """
 
 import ast
@@ -22,7 +22,7 @@ _FunctionNode = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 class _WrittenClass(NamedTuple):
-    """A class of a module, with the file that it is written in.
+    """A class with its definition and the file that contains it.
 
     Attributes:
         cls: The class.
@@ -38,7 +38,8 @@ class _WrittenClass(NamedTuple):
         """Return a finding at a part of the class."""
         line, column = getattr(at, "lineno", 1), getattr(at, "col_offset", 0) + 1
         end = getattr(at, "end_col_offset", None) if getattr(at, "end_lineno", line) == line else None
-        # Python counts the bytes of a line, a finding its characters; names of classes and attributes are at its begin.
+        # Python counts bytes, a finding characters. Names of classes and attributes are near the start of a line,
+        # where both agree.
         return Diagnostic(
             code, message, self.source, Span(line, column, line, end + 1 if end else column), hint=hint
         )
@@ -48,7 +49,7 @@ class _WrittenClass(NamedTuple):
         return (each for each in self.node.body if isinstance(each, _FunctionNode) and each.args.args)
 
     def assignments(self) -> Iterator[tuple[str, ast.Attribute]]:
-        """Yield the attributes of the instance that methods set."""
+        """Yield the attributes of the instance that the methods set."""
         for method in self.methods():
             own = method.args.args[0].arg
             for node in ast.walk(method):
@@ -61,7 +62,7 @@ class _WrittenClass(NamedTuple):
                     yield node.attr, node
 
     def replaced(self) -> set[str]:
-        """Return the attributes that are set to a function: to replace a method of one instance is right Python."""
+        """Return the attributes that are set to a function: replacing a method of one instance is valid Python."""
         found = set()
         for method in self.methods():
             given = {each.arg: ast.unparse(each.annotation) for each in method.args.args if each.annotation}
@@ -72,7 +73,7 @@ class _WrittenClass(NamedTuple):
 
 
 def _is_function(value: ast.expr, annotations: Mapping[str, str]) -> bool:
-    """Return whether a value is written as a function: a lambda, `partial(...)`, a method, or an argument that is callable."""
+    """Return whether a value is a function: a lambda, `partial(...)`, a method, or a callable argument."""
     if isinstance(value, ast.Call):
         return ast.unparse(value.func).endswith("partial")
     if isinstance(value, ast.Name):
@@ -81,18 +82,18 @@ def _is_function(value: ast.expr, annotations: Mapping[str, str]) -> bool:
 
 
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield what is wrong with the classes of the leaves that the trees use."""
+    """Yield the findings about the classes of the leaves that the trees use."""
     for spec in {spec.class_path: spec for spec in context.bound.specs}.values():
         yield from check_class(spec)
 
 
 def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
-    """Yield what is wrong with the class of a node.
+    """Yield the findings about the class of a node.
 
     Args:
-        spec: The node; one that is declared by the import path of its class, or that has none, has no findings.
+        spec: The node. A node without a class, or declared by the import path of its class, has no findings.
     """
-    # Checking imports no class that is declared by its path.
+    # A check does not import a class that is declared by its path.
     if spec.is_foreign or spec.is_by_path or spec.class_path.startswith(_LIBRARIES) or spec.cls is None:
         return
     parts = [part for base in spec.cls.__mro__ if (part := _part(base)) is not None]
@@ -109,7 +110,7 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
 
 
 def _part(cls: type) -> _WrittenClass | None:
-    """Return a class with its definition; None for one of a library, or without a file."""
+    """Return a class with its definition; None for a library's class, or one without a file."""
     if f"{cls.__module__}.".startswith(_LIBRARIES):
         return None
     try:
@@ -133,7 +134,7 @@ def _read_module(path: str, text: str) -> tuple[Source, ast.Module] | None:
         here = Path.cwd()
         shown = Path(path).relative_to(here) if Path(path).is_relative_to(here) else path
         return Source(str(shown), text, NO_SPANS), ast.parse(text)
-    except SyntaxError:  # the file is another one than that which was imported
+    except SyntaxError:  # the file has changed since it was imported
         return None
 
 
@@ -152,7 +153,7 @@ def _missing(spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]) -> 
 
 
 def _hidden(part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield attributes that hide a method, or that have the name of a property without a setter."""
+    """Yield attributes that hide a method, or that have the name of a property without setter."""
     cls, seen, replaced = part.cls, set(), part.replaced()
     for name, node in part.assignments():
         known = inspect.getattr_static(cls, name, None)
@@ -165,7 +166,7 @@ def _hidden(part: _WrittenClass) -> Iterator[Diagnostic]:
         else:
             continue
         seen.add(name)
-        yield part.finding("faulty-class", message, node, f"give it another name, such as self._{name}")
+        yield part.finding("faulty-class", message, node, f"rename it, for example to self._{name}")
 
 
 def _owner(cls: type, name: str) -> str:
@@ -173,15 +174,15 @@ def _owner(cls: type, name: str) -> str:
 
 
 def _undeclared_uses(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield a server or a topic that a leaf needs, and that its registration does not name."""
+    """Yield a server or a topic that a leaf needs, and that its registration does not declare."""
     kind = getattr(part.cls, "use_kind", "")
     if not kind or any(use.kind == kind for use in spec.uses) or (kind == "action" and _uses_nav2(spec)):
         return
     *_, attribute = getattr(part.cls, "required_attributes", {"": ""})  # the type, then the name
     name = getattr(part.cls, attribute, "")
     shown = repr(name) if name else '"…"'
-    message = f"<{spec.tag}>: {part.cls.__name__} needs the {kind} {shown}, and 'uses' of its registration does not name it"
-    hint = f"add uses=[Use.{kind}({shown})] to @register, so that a run waits for it before the first tick"
+    message = f"<{spec.tag}>: {part.cls.__name__} needs the {kind} {shown}, but 'uses' of its registration does not list it"
+    hint = f"add uses=[Use.{kind}({shown})] to @register: a run then waits for it before its first tick"
     yield part.finding("undeclared-in-class", message, _registration(part), hint)
 
 
@@ -190,12 +191,12 @@ def _uses_nav2(spec: NodeSpec) -> bool:
 
 
 def _registration(part: _WrittenClass) -> ast.AST:
-    """Return the decorator that registers a class; the class, if there is none."""
+    """Return the decorator that registers a class; the class itself if there is none."""
     return part.node.decorator_list[0] if part.node.decorator_list and MARK in vars(part.cls) else part.node
 
 
 def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield a status that `update` returns as it is written, and that `outcomes` does not name."""
+    """Yield a status that `update` returns literally, and that `outcomes` does not list."""
     for method in part.methods():
         for node in ast.walk(method) if spec.outcomes and method.name == "update" else ():
             status = node.value if isinstance(node, ast.Return) else None
@@ -206,13 +207,13 @@ def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagno
                 and status.attr in ("SUCCESS", "FAILURE", "RUNNING")
                 and status.attr not in spec.outcomes
             ):
-                message = f"<{spec.tag}>: update() returns {status.attr}, which 'outcomes' of its registration does not name"
+                message = f"<{spec.tag}>: update() returns {status.attr}, which 'outcomes' of its registration does not list"
                 hint = f"add Status.{status.attr} to outcomes, or return another status"
                 yield part.finding("undeclared-in-class", message, status, hint)
 
 
 def _undeclared_keys(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield a key that py_trees' client writes, and that `writes` does not name."""
+    """Yield a key that is written through py_trees' client, and that `writes` does not list."""
     for node in ast.walk(part.node):
         if not (isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "register_key"):
             continue
@@ -223,6 +224,6 @@ def _undeclared_keys(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic
         if is_written and isinstance(key, ast.Constant) and isinstance(key.value, str):
             name = key.value.lstrip("/")
             if name not in spec.writes and f"@{name}" not in spec.writes:
-                message = f"<{spec.tag}>: it writes the key '{name}', which 'writes' of its registration does not name"
-                hint = f'add writes=["{name}"] to @register, or take an Output in the constructor'
+                message = f"<{spec.tag}>: it writes the key '{name}', which 'writes' of its registration does not list"
+                hint = f'add writes=["{name}"] to @register, or add an Output to the constructor'
                 yield part.finding("undeclared-in-class", message, node, hint)

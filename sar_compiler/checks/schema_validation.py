@@ -1,8 +1,7 @@
 """Validation against the XML schema that the registry generates.
 
-The schema is what editors complete with and what other tools validate with. Everything it can refuse
-the rules beside it say better, with a column and a suggestion; so its findings count only for elements
-of which the rules said nothing.
+Editors and other tools use the schema. The rules report everything that it can refuse with a better message, a column
+and a suggestion. Therefore its findings are used only for elements about which the rules found nothing.
 """
 
 import bisect
@@ -31,13 +30,13 @@ _DECLARATION = re.compile(r"^<\?xml\s[^>]*\?>")
 _IGNORED = re.compile(
     rf"Element '({ROOT_TAG}|{INCLUDE_TAG}|{TREE_TAG})', attribute '.*': The attribute '.*' is not allowed"
 )
-"""Its message about attributes that are passed over; the rules speak of them."""
+"""libxml2's message about attributes that are ignored; the rules report them."""
 _PASSED_OVER = ("unknown-element", "wrong-format", "unknown-attribute", "ignored-attribute")
-"""What the rules warn of in such a place."""
+"""The warnings of the rules in such a place."""
 
 
 _KEPT = 32
-"""How many schemas are kept for a registry, for other files with the same tags."""
+"""The maximum number of schemas to keep for a registry, for other files with the same tags."""
 _of_registry: "WeakKeyDictionary[Registry, dict[tuple[frozenset[str], ...], etree.XMLSchema]]" = (
     WeakKeyDictionary()
 )
@@ -55,7 +54,7 @@ def _schema_of(registry: Registry, tags: frozenset[str], notes: frozenset[str]) 
 def _schema(
     registry: Registry, tags: frozenset[str], notes: frozenset[str], described: Iterable[NodeSpec]
 ) -> etree.XMLSchema:
-    """Return the schema as far as a file needs it: to make all of it takes longer than to read most files."""
+    """Return the part of the schema that a file needs: generating all of it takes longer than reading most files."""
     return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags, sorted(notes)).encode()))
 
 
@@ -64,14 +63,14 @@ def schema_errors(
     registry: Registry,
     described: Sequence[NodeSpec] = (),
 ) -> list[tuple[int, str]]:
-    """Return what lxml says about a file: pairs of line and message.
+    """Return lxml's errors about a file as pairs of line and message.
 
-    The line is that in which a start tag ends; libxml2 knows no columns, and continues after an
-    unexpected element without looking at its siblings.
+    The line is the one in which a start tag ends. libxml2 knows no columns, and after an unexpected element it does
+    not check the element's siblings.
 
     Args:
         tree_file: The file.
-        registry: What tags mean.
+        registry: The registered nodes.
         described: Nodes that only a model describes.
     """
     elements = list(tree_file.root.iterate())
@@ -82,35 +81,35 @@ def schema_errors(
 
 
 def _refused(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
-    """Return what a schema says about a text: pairs of line and message."""
+    """Return the errors of a schema about a text as pairs of line and message."""
     parser = etree.XMLParser(
         encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_blank_text=True
     )
     try:
         document = etree.fromstring(text.encode(), parser)
-    except etree.XMLSyntaxError as error:  # what expat lets pass, such as a prefix that is not bound
+    except etree.XMLSyntaxError as error:  # accepted by expat, such as an unbound prefix
         return [(error.lineno or 1, f"{_MALFORMED}{error.msg}")]
     if schema.validate(document):
         return []
-    # The log grows over the life of the schema object; the last validation's errors are those of now.
+    # The log grows over the life of the schema object; keep only the errors of the last validation.
     return [(error.line, error.message) for error in schema.error_log.filter_from_errors()]
 
 
 def _notes(elements: Iterable[Element]) -> frozenset[str]:
-    """Return the attributes of elements that may be notes of an editor; what is a slip the rules have said."""
+    """Return the attributes of elements that may be an editor's notes; the rules have reported typos."""
     names = set().union(*(element.attributes for element in elements)).difference(CONDITIONS)
     return frozenset(name for name in names if name.startswith("_") and ":" not in name)
 
 
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
-    """Return a file as XML, and which of its lines each line of that is."""
+    """Return a file as XML, and for each line of that the line of the file."""
     if tree_file.source.form is not Form.XML:
         return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
-    # libxml2 does not count a lone carriage return as the end of a line, expat does.
+    # Unlike expat, libxml2 does not treat a lone carriage return as the end of a line.
     text = readable(tree_file)
     if "\r" in text:
         text = re.sub(r"\r\n?", "\n", text)
-    # A declaration of another version of XML is refused by libxml2 alone.
+    # Only libxml2 refuses the declaration of another version of XML.
     text = _DECLARATION.sub(lambda match: "\n" * match[0].count("\n"), text)
     return text, range(1, text.count("\n") + 2)
 
@@ -121,13 +120,13 @@ def check_schema(
     described: Sequence[NodeSpec],
     findings: Iterable[Diagnostic],
 ) -> Iterator[Diagnostic]:
-    """Yield what the schema refuses in places where the rules found nothing.
+    """Yield the schema's errors for elements about which the rules found nothing.
 
     Args:
         tree_file: The file.
-        registry: What tags mean.
+        registry: The registered nodes.
         described: Nodes that only a model describes.
-        findings: What the rules found.
+        findings: The findings of the rules.
     """
     errors = [
         (line, message)
@@ -146,14 +145,14 @@ def check_schema(
         and (finding.severity is Severity.ERROR or finding.code in _PASSED_OVER)
     )
     elements = [*tree_file.root.iterate()]
-    if tree_file.source.form is not Form.XML:  # its children may stand before its attributes
+    if tree_file.source.form is not Form.XML:  # children may precede attributes
         elements.sort(key=attrgetter("place"))
     for line, message in errors:
-        # The last element that begins in the line or before it.
+        # The last element that starts in the line or before it.
         index = max(0, bisect.bisect_left(elements, (line + 1, 0), key=attrgetter("place")) - 1)
         element, last = elements[index], line
         if tree_file.source.form is not Form.XML:
-            # Attributes stand in lines of their own, up to the next element.
+            # Attributes are on lines of their own, up to the next element.
             last = elements[index + 1].line - 1 if index + 1 < len(elements) else sys.maxsize
         following = bisect.bisect_left(spoken_of, element.line)
         if following == len(spoken_of) or spoken_of[following] > last:
@@ -161,10 +160,10 @@ def check_schema(
 
 
 def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
-    """Yield the text between elements at its places, which libxml2 does not know."""
+    """Yield the text between elements with its location, which libxml2 does not report."""
     from sar_compiler.tree.conversion import rest_of
 
-    message = "this text is between elements, where it means nothing"
+    message = "this text between elements has no meaning"
     for finding in rest_of(tree_file):
         if finding.code == "stray-text":
             yield dataclasses.replace(finding, message=message)

@@ -1,7 +1,7 @@
-"""Comments that silence findings: `<!-- sar: allow code: the reason -->`, in YAML `# sar: allow code`.
+"""Comments that suppress findings: `<!-- sar: allow code: the reason -->`, in YAML `# sar: allow code`.
 
-Such a comment is about the next element, or the one beside which it stands: its tag and its attributes, not what is
-in it.
+A comment applies to the next element, or to the element on the same line: to its tag and attributes, not to its
+content.
 """
 
 import re
@@ -22,13 +22,13 @@ _FORM = "sar: allow some-code, another-code: the reason"
 
 
 class _Suppression:
-    """One comment.
+    """One suppression comment.
 
     Attributes:
-        line: What it says.
-        element: The element that it is about; None where there is none.
-        span: Its place.
-        used: The codes that it has silenced.
+        line: Its text.
+        element: The element to which it applies; None if there is none.
+        span: Its location.
+        used: The codes of the findings that it has suppressed.
     """
 
     def __init__(self, line: str, element: Element | None, span: Span, tree_file: TreeFile) -> None:
@@ -40,13 +40,13 @@ class _Suppression:
 
     @property
     def codes(self) -> list[str]:
-        """The codes that it names; none where it is not what such a comment looks like."""
+        """The codes that it names; none if its form is wrong."""
         match = re.fullmatch(_ALLOW, self.line)
         return [code.strip() for code in match[1].split(",")] if match else []
 
 
 def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return the findings that no comment silences, and what is wrong with the comments themselves."""
+    """Return the findings that no comment suppresses, and those about the comments themselves."""
     kept, guesses = list(findings), Guesses()
     whole = all(finding.severity is not Severity.ERROR for finding in kept)
     for number, tree_file in enumerate((*forest.files, *forest.others)):
@@ -55,11 +55,11 @@ def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[D
         suppressions = list(_suppressions(tree_file))
         kept = _silenced(tree_file, suppressions, kept)
         if number < len(forest.files):
-            # While there are errors, some rules are not asked.
+            # If there are errors, some rules do not run.
             wrong = [each for one in suppressions for each in _wrong(one, guesses, unneeded=whole)]
             unneeded = any(each.code == _UNNEEDED for each in wrong)
             if unneeded and any(map(forest.is_used_elsewhere, forest.trees)):
-                # It may be needed where another file uses the tree.
+                # Another file that uses the tree may need it.
                 wrong = [each for each in wrong if each.code != _UNNEEDED]
             kept += wrong
     return kept
@@ -87,7 +87,7 @@ def _silenced(
 
 
 def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
-    """Yield the comments of a file that begin as such a comment does, in the order of the file."""
+    """Yield the suppression comments of a file, in the order of the file."""
     source = tree_file.source
     pattern = re.compile(_PLACES[source.form])
     offset = 0
@@ -101,7 +101,7 @@ def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
 
 
 def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, int]]:
-    """Yield each comment with the element that it is about, and an offset before which it does not begin."""
+    """Yield each comment with the element to which it applies, and an offset before which it does not begin."""
     for comment in tree_file.comments:
         if comment.index == 0:
             yield tree_file.root, comment, 0
@@ -132,26 +132,28 @@ def _wrong(suppression: _Suppression, guesses: Guesses, *, unneeded: bool) -> It
 
     codes, source = suppression.codes, suppression.tree_file.source
     if not codes:
-        message = f"'{suppression.line}' is no comment that allows something"
+        message = f"'{suppression.line}' is not a valid suppression comment"
         yield Diagnostic("wrong-allow", message, source, suppression.span, hint=f"write '{_FORM}'")
         return
     for code in codes:
         span = _span_of(code, suppression)
         if code not in KINDS:
             near = guesses.nearest(code, [each for each in KINDS if each not in ERRORS])
-            yield Diagnostic("wrong-allow", f"no finding is called '{code}'", source, span, near)
+            yield Diagnostic("wrong-allow", f"there is no kind of finding '{code}'", source, span, near)
         elif code in ERRORS:
-            message = f"'{code}' is an error: a tree with it cannot be run, so it cannot be allowed"
-            yield Diagnostic("wrong-allow", message, source, span, hint="mend it, and delete the comment")
+            message = f"'{code}' is an error, which cannot be suppressed: the tree cannot be run"
+            yield Diagnostic(
+                "wrong-allow", message, source, span, hint="fix the error and delete the comment"
+            )
         elif unneeded and code not in suppression.used:
             element = suppression.element
             about = "no element follows" if element is None else f"<{element.tag}> has none"
-            message = f"there is no '{code}' to be allowed here: {about}"
+            message = f"there is no '{code}' to suppress here: {about}"
             yield Diagnostic("unneeded-allow", message, source, span, hint="delete it")
 
 
 def _span_of(code: str, suppression: _Suppression) -> Span:
-    """Return the place of a code in a comment; that of the comment where it is not found."""
+    """Return the location of a code in a comment; that of the comment if it is not found."""
     source, span = suppression.tree_file.source, suppression.span
     start, end = source.offsets(span)
     match = re.search(rf"(?<![\w-]){re.escape(code)}(?![\w-])", source.text[start:end]) if code else None

@@ -294,7 +294,7 @@ def _explain(arguments: argparse.Namespace) -> int:
 
     if arguments.code not in KINDS:
         advice = did_you_mean(nearest(arguments.code, KINDS))
-        raise SarError(f"no finding is called '{arguments.code}'{advice}")
+        raise SarError(f"there is no kind of finding '{arguments.code}'{advice}")
     page = page_of(arguments.code)
     print(without_markdown(page, painter(sys.stdout)) if sys.stdout.isatty() else page, end="")
     return OK

@@ -52,12 +52,12 @@ def conform_runs(arguments: argparse.Namespace) -> int:
     (tree,) = load_checked(arguments, arguments.file)
     # Its code never checks whether to stop.
     budget = budget_of(arguments, patience_sec=0.0)
-    flights = [_compared_run(place, tree, budget, arguments) for place in arguments.journals]
+    runs = [_compared_run(place, tree, budget, arguments) for place in arguments.journals]
     show = views.runs_as_json if arguments.format == "json" else views.runs_as_text
-    print_text(show(flights))
+    print_text(show(runs))
     if budget.is_interrupted:
         return budget.exit_status
-    return OK if all(each.is_fine for each in flights) else FINDINGS
+    return OK if all(each.is_fine for each in runs) else FINDINGS
 
 
 def _compared_run(
@@ -73,18 +73,18 @@ def _compared_run(
     with JournalFile.reading(place) as file:
         state = MissionState.of(file.last_run(without=(*OF_ROBOT, STATUS)))
     state.look_at_process(is_gone=not file.is_written)
-    flight = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
+    compared = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
     if not state.nodes:
-        return flight._replace(problem="it has no run of a tree")
+        return compared._replace(problem="it has no run of a tree")
     try:
         found = budget.run(lambda: _compared(tree, place, state, arguments))
-        return flight._replace(found=found, changed=_changed(tree, state, arguments))
+        return compared._replace(found=found, changed=_changed(tree, state, arguments))
     except OtherTreeError as error:
-        return flight._replace(problem=f"{error}; it is of {_tree_of(state)}, not of {tree.path}")
+        return compared._replace(problem=f"{error}. It ran {_tree_of(state)}, not {tree.path}")
     except BudgetSpentError as error:
-        return flight._replace(problem=str(error))
+        return compared._replace(problem=str(error))
     except UndecidableError as error:
-        return flight._replace(problem=f"it cannot be checked: {error}")
+        return compared._replace(problem=f"it cannot be checked: {error}")
 
 
 def _compared(

@@ -95,10 +95,10 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, SimulatedRun
             labels[name] = text
             ros += ["-p", f"{name}:={text}"]
         faults = () if mix == _NO_FAULTS else tuple(mix.split())
-        flights = SimulatedRuns(
+        runs = SimulatedRuns(
             program, (options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros)
         )
-        yield SweptRow(labels, flights), flights
+        yield SweptRow(labels, runs), runs
 
 
 def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:

@@ -341,7 +341,7 @@ _NodeInInstance = tuple[Instance, BoundNode]
 
 
 def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
-    """Report a node that cannot be made, because there is no class for it."""
+    """Report a node that cannot be created, because it has no class."""
     if bound.element.tag == SUBTREE_TAG:
         message = f"the tree '{bound.spec.tag}' is described by a model, but it is in no file"
         hint = "<include> the file that has it, or name that under [project] trees in sar.toml"
@@ -526,7 +526,7 @@ def _stand_in(kind: Kind, /, name: str, **structure: Any) -> Behaviour:
 
 def _cannot_be_made(bound: BoundNode, error: Exception) -> TreeError:
     element = bound.element
-    message = f"<{bound.spec.tag}> cannot be made: {type(error).__name__}: {error}"
+    message = f"<{bound.spec.tag}> cannot be created: {type(error).__name__}: {error}"
     return TreeError([element.finding("constructor-failed", message)])
 
 

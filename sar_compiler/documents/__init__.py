@@ -1,1 +1,1 @@
-"""Files beside a tree (scenarios, properties, worlds, maps, settings): their values with places, checked by schemas."""
+"""Files beside a tree (scenarios, properties, worlds, maps, settings): their values with locations, checked by schemas."""

@@ -1,4 +1,4 @@
-"""Values with their places, and what a schema refuses of them: all mistakes in a file are found at once, each as a finding."""
+"""Values with their locations, and their validation by schemas, which reports all errors in a file at once as findings."""
 
 import functools
 import json
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 Path = tuple[int | str, ...]
 
-_WORDS = {"object": "a mapping", "array": "a list", "string": "a text"}
-_KINDS = {bool: "true or false", int: "a number", float: "a number", str: "a text"}
-# A longer list does not help; the nearest name is suggested nevertheless.
+_WORDS = {"object": "a mapping", "array": "a list", "string": "a string"}
+_KINDS = {bool: "true or false", int: "a number", float: "a number", str: "a string"}
+# A longer list would not help; the nearest name is suggested in any case.
 _MOST_LISTED = 15
 
 
@@ -80,18 +80,18 @@ def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
 
 
 UNIT = "x-unit"
-"""The keyword of our schemas for the unit of a number, one of `nodes.numbers.UNITS`; other readers of a schema pass it over."""
+"""The keyword of our schemas for the unit of a number, one of `nodes.numbers.UNITS`; other programs ignore it."""
 
 
 @functools.cache
 def _validator(schema: str) -> "Draft7Validator":
-    # Imported here, since it is slow and only these files need it.
+    # Imported here because it is slow and only these files need it.
     from jsonschema import Draft7Validator, ValidationError, validators
 
     def check_unit(_validator: Any, unit: str, number: Any, _schema: Any) -> Iterator[ValidationError]:
         is_number = isinstance(number, int | float) and not isinstance(number, bool)
         oddity = find_oddity(number, unit) if is_number else None
-        # What is impossible, the limits of the schema refuse.
+        # The limits of the schema refuse impossible values.
         if oddity is not None and not oddity.is_impossible:
             yield ValidationError(oddity.message, cause=None, context=())
 
@@ -129,12 +129,12 @@ def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
 
 def _conflict(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     inner = (*path, error.instance)
-    message = f"'{error.instance}' does not go with {error.schema['title']}"
-    yield Refusal("conflicting-keys", message, inner, root.name_at(inner), hint="make two of it")
+    message = f"'{error.instance}' cannot be combined with {error.schema['title']}"
+    yield Refusal("conflicting-keys", message, inner, root.name_at(inner), hint="write two separate entries")
 
 
 def _of_another_type(validator: "Draft7Validator", value: "Value", path: Path, error: Any) -> Refusal | None:
-    """Return the finding about a value that would be right with quotes, or without them; None about others."""
+    """Return the finding about a value that would be valid with quotes, or without them; None for other values."""
     if error.validator not in ("type", "enum") or value.text is None or value.is_nothing:
         return None
     if isinstance(value.data, str):
@@ -166,15 +166,15 @@ def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) 
 
 
 def _unusual(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
-    """Yield a warning about a number that is possible in its unit, and unusual."""
+    """Yield a warning about a number that is possible but unusual in its unit."""
     oddity = find_oddity(error.instance, error.schema[UNIT])
-    assert oddity is not None  # noqa: S101 - it has made the error
+    assert oddity is not None  # noqa: S101 - the error is about it
     message = f"{_title(path, error.schema)} {oddity.message}"
     yield Refusal("out-of-range", message, path, root.at(path), hint=oddity.hint)
 
 
 def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str | None, str | None]:
-    """Return the replacement of a value and the hint about it, one or none of them: what follows from it, or else an example that is called one."""
+    """Return the replacement of a value and the hint about it, at most one of them; the hint may give an example."""
     only = value.items[0] if value.items is not None and len(value.items) == 1 else value
     text, unit = only.text or "", schema.get(UNIT, "")
     meant = next(
@@ -200,7 +200,7 @@ def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str
 
 
 def _meanings(text: str, unit: str, schema: dict[str, Any]) -> Iterator[str]:
-    """Yield what a text can mean in another notation or another unit."""
+    """Yield the possible meanings of a text in another notation or another unit."""
     readings = (
         meant_duration(text) if "pattern" in schema else None,
         number_in(text, unit),
@@ -249,7 +249,7 @@ def _series(words: Iterable[str], last: str) -> str:
 
 
 MAX_VALUES = 50_000
-"""The most values, keys among them, that a file beside a tree may have."""
+"""The maximum number of values, including keys, in a file beside a tree."""
 
 _CONSTANTS: dict[str, bool | None] = {"true": True, "false": False, "": None}
 
@@ -282,7 +282,7 @@ class Value:
 
     @classmethod
     def of_entries(cls, start: int, end: int, entries: Iterable[tuple["Value", "Value"]]) -> "Value":
-        """Return a mapping; its keys are unique texts."""
+        """Return a mapping; its keys are unique strings."""
         taken = tuple(entries)
         return cls(start, end, {key.text: inner.data for key, inner in taken}, entries=taken)
 
@@ -293,7 +293,7 @@ class Value:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is a scalar as it stands in the file, without quotes around it."""
+        """Whether it is a scalar without quotes in the file."""
         return self.text is not None and self.end - self.start == len(self.text)
 
     @property
@@ -304,11 +304,11 @@ class Value:
         if self.is_nothing:
             return "nothing"
         is_quoted = isinstance(self.data, str) and self.meaning != self.data
-        return f"the text '{self.text}'" if is_quoted else f"'{self.text}'"
+        return f"the string '{self.text}'" if is_quoted else f"'{self.text}'"
 
     @property
     def meaning(self) -> bool | float | str | None:
-        """What the text of a scalar means where no quotes are around it."""
+        """The value of a scalar's text without quotes."""
         return meaning_of(self.text or "")
 
     @property
@@ -318,7 +318,7 @@ class Value:
 
     @property
     def listed(self) -> tuple["Value", ...]:
-        """The items of a list; a single value counts as a list of one."""
+        """The items of a list; a single value is treated as a list of one."""
         return (self,) if self.items is None else self.items
 
     def at(self, path: Path) -> "Value":
@@ -350,7 +350,7 @@ class Value:
 
 
 def meaning_of(text: str) -> bool | float | str | None:
-    """Return the value of an unquoted text: a number, a Boolean or None if it is written as one, else the text."""
+    """Return the value of an unquoted text: a number, a Boolean or None if it is written as one, else the string."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     value = literal_value(text)
@@ -362,9 +362,9 @@ class Document:
 
     Attributes:
         source: The file.
-        folder: The folder in which it lay when it was read, with links followed; None for text that is no file's.
+        folder: The folder that contained it when it was read, with links resolved; None for text without a file.
         root: Its content; set by the reader of its format.
-        findings: The mistakes found so far.
+        findings: The errors found so far.
     """
 
     root: Value
@@ -378,7 +378,7 @@ class Document:
         """Count a value that is read.
 
         Raises:
-            TreeError: If there are more than anybody writes: each takes a thousand times its letters in memory.
+            TreeError: If there are unreasonably many: each takes a thousand times its characters in memory.
         """
         self._values += 1
         if self._values > MAX_VALUES:
@@ -393,7 +393,7 @@ class Document:
         part: tuple[int, int] | None = None,
         **advice: "Unpack[Advice]",
     ) -> None:
-        """Note a mistake in a value.
+        """Report an error in a value.
 
         Args:
             code: The kind of the finding.
@@ -405,7 +405,7 @@ class Document:
         self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))
 
     def validate(self, schema: str, value: Value | None = None) -> Value:
-        """Check a value by a schema, report its mistakes, and return the value without them.
+        """Validate a value by a schema, report its errors, and return the value without them.
 
         The result conforms to the schema, so that it needs no further checks.
 
@@ -418,7 +418,7 @@ class Document:
         """
         left = self.root if value is None else value
         refused = list(refusals(left, schema))
-        # If several parts of the schema refuse one value, the first finding counts.
+        # If several parts of the schema refuse one value, only the first finding is reported.
         said: set[tuple[Path, str]] = set()
         impossible = {each.path for each in refused if each.code != "out-of-range"}
         for each in refused:
@@ -428,7 +428,7 @@ class Document:
                 place, suggestion, hint = each.place, each.suggestion, each.hint
                 self.report(each.code, each.message, place, suggestion=suggestion, hint=hint)
                 said.add((each.path, each.code))
-        # A mapping that lost a key which it needs goes as well; a number that is only unusual stays.
+        # A mapping that lost a required key is removed as well; an unusual number stays.
         while gone := [each.path for each in refused if SEVERITIES[each.code] is Severity.ERROR]:
             if () in gone:
                 self.raise_findings()
@@ -438,7 +438,7 @@ class Document:
 
     @contextmanager
     def findings_first(self) -> Iterator[None]:
-        """Raise the findings about the file instead of an error that may result from them.
+        """Raise the findings about the file in place of an error that may result from them.
 
         Raises:
             TreeError: If the file has findings and the block raises a `SarError`.
@@ -450,7 +450,7 @@ class Document:
             raise
 
     def raise_findings(self) -> None:
-        """Raise all findings about the file, in its order; warnings alone are left in `warnings`.
+        """Raise all findings about the file, in its order; if there are only warnings, keep them in `warnings`.
 
         Raises:
             TreeError: If there are errors.
@@ -460,14 +460,14 @@ class Document:
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """The findings that do not keep the file from being used, in its order."""
+        """The findings that do not prevent the use of the file, in its order."""
         return tuple(each for each in _in_order(self.findings) if each.severity is not Severity.ERROR)
 
     def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
-        """Return the place of a value, or of a part of its text; for lists and mappings the first line."""
+        """Return the location of a value, or of a part of its text; for lists and mappings the first line."""
         source = self.source
         if value.text is None:
-            # Only its beginning: a mapping may go on for many lines.
+            # Only its beginning, because a mapping may extend over many lines.
             line = source.span(value.start, value.start).line
             end = source.offset(line, len(source.line(line)) + 1)
             return source.span(value.start, max(value.start + 1, min(value.end, end)))

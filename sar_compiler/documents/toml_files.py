@@ -1,4 +1,4 @@
-"""Files in TOML, with the place of every key and value: tomllib reads them, and a scan of the text finds the places."""
+"""TOML files with the location of every key and value: tomllib reads them, and a scan of the text finds the locations."""
 
 import re
 import sys
@@ -19,7 +19,7 @@ else:
 _LINE_AND_COLUMN = re.compile(r" \(at line (\d+), column (\d+)\)")
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _STRING = re.compile(r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'', re.DOTALL)
-# A value that is neither text, list nor table, to the end of its line.
+# A value that is neither string, list nor table, to the end of its line.
 _BARE_TEXT = re.compile(r"""\s*[\w.-]+\s*=\s*([^\s"'\[{#][^"'\[{#=]*?)\s*(?:#.*)?$""")
 _BARE_KEY = re.compile(r"[\w-]+")
 # At least one character, so that a scan always ends.
@@ -46,21 +46,21 @@ def read_toml(path: Path, shown: str) -> Document:
         content = tomllib.loads(source.text)
         document.root = _value(content, (), _TomlPlaces(source.text), (0, len(source.text)), document)
     except RecursionError:
-        message = "lists and tables are nested too deep"
+        message = "lists and tables are nested too deeply"
         raise TreeError([Diagnostic("too-deep", message, source, source.span(0, 1))]) from None
     except ValueError as error:
         match = _LINE_AND_COLUMN.search(str(error))
         start = source.offset(int(match[1]), int(match[2])) if match else len(source.text.rstrip())
         message = f"not TOML: {_LINE_AND_COLUMN.sub('', str(error))}"
         bare = _BARE_TEXT.match(source.line(source.span(start, start).line))
-        hint = f'a text stands in quotes: "{bare[1]}"' if bare else None
+        hint = f'write strings in quotes: "{bare[1]}"' if bare else None
         finding = Diagnostic("malformed-toml", message, source, source.span(start, start + 1), hint=hint)
         raise TreeError([finding]) from None
     return document
 
 
 def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets, document: Document) -> Value:
-    """Return the value at a path; one of unknown place has the place of the enclosing one."""
+    """Return the value at a path; one of unknown location has that of the enclosing one."""
     document.count_value()
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
@@ -87,7 +87,7 @@ def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets, d
 
 
 class _TomlPlaces:
-    """The places of keys and values, by their paths; tables in a list of tables have none."""
+    """The locations of keys and values, by their paths; tables in a list of tables have none."""
 
     def __init__(self, text: str) -> None:
         self.keys: dict[_KeyPath, _Offsets] = {}
@@ -105,19 +105,19 @@ class _TomlPlaces:
                 self._pair(table)
 
     def text_of(self, path: _KeyPath, data: object) -> str:
-        """Return a value that is no text as it is written; `4.10` is another version than `4.1`."""
+        """Return a value other than a string as it is written: `4.10` is another version than `4.1`."""
         if path in self.values:
             return self._text[slice(*self.values[path])]
         return str(data).lower() if isinstance(data, bool) else str(data)
 
     def _pass(self, pattern: re.Pattern[str]) -> str:
-        """Skip the match of a pattern at this position; returns it, empty if there is none."""
+        """Skip the match of a pattern at this position; return it, or an empty string."""
         match = pattern.match(self._text, self._at)
         self._at = match.end() if match else self._at
         return match[0] if match else ""
 
     def _skip(self) -> int:
-        """Skip blanks and comments; returns the position after them."""
+        """Skip blanks and comments; return the position after them."""
         self._pass(_BLANK)
         return self._at
 
@@ -127,7 +127,7 @@ class _TomlPlaces:
         return taken
 
     def _key(self, path: _KeyPath) -> _KeyPath:
-        """Skip a key with all its parts, below a path; returns its path."""
+        """Skip a key with all its parts, below a path; return its path."""
         while True:
             start = self._skip()
             quoted = self._pass(_STRING)

@@ -1,6 +1,6 @@
-"""Files in YAML, with the place of every value.
+"""YAML files with the location of every value.
 
-An unquoted scalar is a number, a Boolean (`true`, `false`) or the text as written: `no` and `12:30` are texts.
+An unquoted scalar is a number, a Boolean (`true`, `false`) or a string: `no` and `12:30` are strings.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 
 class DataError(SarError):
-    """Data of Python that a file cannot have."""
+    """Python data that cannot be written to a file."""
 
 
 def read_yaml(path: str | Path, kind: FileKind, empty_hint: str) -> Document:
@@ -39,25 +39,28 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
 
     Args:
         data: The content.
-        path: What to call it in findings.
-        empty_hint: What to write in an empty file.
-        folder: The folder in which it lay when it was read, with links followed.
+        path: Its name in findings.
+        empty_hint: The hint for an empty file.
+        folder: The folder that contained it when it was read, with links resolved.
 
     Raises:
         TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.
     """
     document = Document(source_of(data, path, YamlSpans(), None, empty_hint, DOCUMENT), folder)
     events = Events(document.source)
-    events.take()  # the stream begins
+    events.take()  # start of the stream
     if not isinstance(events.next, yaml.DocumentStartEvent):
         start, message = Span(1, 1, 1, 1), "the file is empty"
         raise TreeError([Diagnostic("empty-file", message, document.source, start, hint=empty_hint)])
     events.take()
     document.root = _value(events, document)
-    events.take()  # the document ends
+    events.take()  # end of the document
     if isinstance(events.next, yaml.DocumentStartEvent):
         mark = _start(events.next)
-        message, hint = "a second document begins here; such a file is one", "put it in a file of its own"
+        message, hint = (
+            "a second document begins here, but such a file has only one",
+            "move it to a separate file",
+        )
         events.report("second-document", message, mark, mark + 3, hint=hint)
     if events.findings:
         raise TreeError(events.findings)
@@ -65,7 +68,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes data of Python: members of enumerations by their names, and no anchors for what is used twice."""
+    """Writes Python data: members of enumerations by their names, and repeated values without anchors."""
 
     def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
         return True
@@ -78,16 +81,16 @@ for _type in (set, bytes):
 
 
 def as_yaml(said: Mapping[str, object]) -> str:
-    """Return data of Python as the text of a file."""
+    """Return Python data as the text of a file."""
     text: str = yaml.dump(dict(said), Dumper=_Dumper, allow_unicode=True, sort_keys=False, width=1000)
     return text
 
 
 def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Document:
-    """Return data of Python as the document of a file that says the same.
+    """Return Python data as the document of an equivalent file.
 
     Raises:
-        DataError: If no file can say it.
+        DataError: If the data cannot be written to a file.
         TreeError: As `parse_yaml`.
     """
     try:
@@ -95,7 +98,7 @@ def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Docum
     except (yaml.representer.RepresenterError, RecursionError) as error:
         what = repr(error.args[1]) if len(error.args) > 1 else "something that contains itself"
         raise DataError(
-            f"{what} cannot be part of the {name}: give texts, numbers, True, False, lists and dictionaries"
+            f"{what} cannot be part of the {name}: use strings, numbers, True, False, lists and dictionaries"
         ) from None
     return parse_yaml(text, name, empty_hint)
 
@@ -119,13 +122,13 @@ def _value(events: Events, document: Document) -> Value:
                 message = SPLIT.format(split.written)
                 document.report("wrong-value", message, number, suggestion=split.meant, hint=split.hint)
             elif not key.text:
-                document.report("wrong-shape", f"a key is a word, and this is {key.kind}", key)
+                document.report("wrong-shape", f"a key must be a string, and this is {key.kind}", key)
             elif key.text in entries:
                 document.report("duplicate-key", f"'{key.text}' is written twice here", key)
             else:
                 entries[key.text] = (key, inner)
         return Value.of_entries(start, events.take().end_mark.index, entries.values())
-    if isinstance(event, yaml.AliasEvent):  # has a finding already
+    if isinstance(event, yaml.AliasEvent):  # already reported
         return Value(start, end, None, text="")
     return Value(start, end, event.value if event.style else meaning_of(event.value), text=event.value)
 

@@ -1,7 +1,7 @@
-"""From the path of a tree file to its findings, its binding and its compiled tree.
+"""Loading of tree files: from a path to its findings, its binding and its compiled tree.
 
-The settings of a project's configuration are combined with the user's: a `Workspace` has the latter, makes a `Project`
-for each configuration that it finds, and loads trees. All commands and all tests of a tree use it.
+A `Workspace` has the user's settings, creates a `Project` for each configuration that it finds, and loads trees. All
+commands and all tests of a tree use it.
 """
 
 from typing import TYPE_CHECKING

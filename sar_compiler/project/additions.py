@@ -12,14 +12,15 @@ class CommandLineSettings(NamedTuple):
 
     Attributes:
         nodes: Leaves: import paths of modules, which may be in the current folder; modules; classes.
-        models: Palettes, which describe nodes that are not installed: files, or names of installed ones (`nav2:jazzy`).
-        include_path: Further folders that may be included from.
-        trust: Whether to run, now and until they change, the modules beside configurations.
+        models: Palettes, which describe nodes that are not installed: files, or names of installed ones
+            (`nav2:jazzy`).
+        include_path: Further folders from which files may be included.
+        trust: Whether the modules beside configurations may run, now and until they change.
         registry: The registered nodes; None for the installed and named ones.
-        trees: Further tree files, in which a tree is sought that a file lacks.
-        mission: The name of the mission, whatever the leaves of a tree require; None to choose it by them.
-        folders: Folders that the user has named; the files in them belong together, as those of a repository do.
-        names: Tree files as the user has named them, for findings in them.
+        trees: Further tree files, searched for trees that a file lacks.
+        mission: The name of the mission, which overrides the requirements of the leaves; None if these determine it.
+        folders: Folders that the user has named; the files in one belong together, like those of a repository.
+        names: The tree files as the user has named them, for their findings.
         is_isolated: Whether the surroundings of a file are ignored: configuration, palettes and trees around it.
     """
 
@@ -36,7 +37,7 @@ class CommandLineSettings(NamedTuple):
 
     @property
     def palettes(self) -> tuple[str, ...]:
-        """The palettes that are installed."""
+        """The installed palettes."""
         from sar_compiler.nodes.palettes import is_palette_name
 
         return tuple(str(each) for each in self.models if is_palette_name(str(each)))

@@ -1,9 +1,10 @@
-"""Results of checks, kept from one command to the next in the user's cache folder.
+"""Results of checks, kept between commands in the user's cache folder.
 
-A result is used again if everything that it depends on is as it was. These are the answers to all questions about the disk that the
-check has asked (`opener.Observation`): what files contain, and also which files are not there. Modules of leaves and libraries count as read. The
-rest is part of the name of the file in which results are kept: the options, the current folder, the version of this package and of Python, and what is
-installed. A file has JSON, after a checksum; one that is damaged, or belongs to somebody else, is as good as none.
+A result is reused if everything on which it depends is unchanged. That is the answers to all queries of the file
+system during the check (`opener.Observation`): the contents of files, and which files are missing. Modules of leaves
+and libraries count as files that were read. The other dependencies are part of the name of the file with the results:
+the options, the current folder, the versions of this package and of Python, and the installed packages. A file
+contains JSON after a checksum; a damaged file, or one of another owner, is ignored.
 """
 
 import itertools
@@ -27,18 +28,18 @@ from sar_compiler.tree.model import NO_SPANS, NO_SPANS_OF_YAML
 
 _KIND = FileKind("cache of findings", 32 << 20)
 _MOST_FILES, _MOST_BYTES = 40, 128 << 20
-"""So much is kept; the oldest goes first."""
+"""The limit of the kept results; the oldest are deleted first."""
 _MOST_QUESTIONS = 100_000
 _uses = itertools.count()
 _RECENT_NS = 30 * 10**9
-"""A module that was written so shortly ago may have been imported as it was before."""
+"""A module written more recently than this may have been imported in its previous state."""
 
 
 def environment_key(options: Sequence[object]) -> str:
-    """Return a digest of all that decides the findings about any file, besides what checks ask the disk.
+    """Return a digest of everything that determines the findings about any file, except for the queries of checks.
 
     Args:
-        options: The options of the command that do so, as JSON values.
+        options: The options of the command that determine them, as JSON values.
     """
     here = os.stat(os.curdir)  # noqa: PTH116
     variables = [os.environ.get(name) for name in ("HOME", "AMENT_PREFIX_PATH", "PYTHONPATH", "SAR_KERNEL")]
@@ -57,14 +58,14 @@ def environment_key(options: Sequence[object]) -> str:
 
 
 def _names_in(folder: str) -> list[str]:
-    """Return what can be imported from a folder, or is installed there, by its name."""
+    """Return the names that can be imported from a folder or are installed there."""
     with suppress(OSError):
-        return sorted(each for each in os.listdir(folder) if each[0] not in "._")  # noqa: PTH208 - of a text
+        return sorted(each for each in os.listdir(folder) if each[0] not in "._")  # noqa: PTH208 - returns strings
     return []
 
 
 def _states_in(folder: str) -> Iterator[tuple[str, int, int]]:
-    """Yield the files of the package with their sizes and times."""
+    """Yield the files of the package with their sizes and modification times."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda each: each.name):
             if entry.is_dir():
@@ -78,8 +79,8 @@ class CheckCache:
     """The results of checks of one kind: with the same options, in the same folder.
 
     Args:
-        key: What `environment_key` says.
-        named: A digest of the files that were named together, of which a result may depend on each.
+        key: The result of `environment_key`.
+        named: A digest of the files that were named together; a result may depend on each of them.
     """
 
     def __init__(self, key: str, named: str) -> None:
@@ -93,13 +94,14 @@ class CheckCache:
 
     @classmethod
     def of(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
-        """Return the results of checks with some additions; None if these are not only names.
+        """Return the results of checks with some additions; None if the additions are not only names.
 
         Args:
             additions: The user's additions to the projects of the files.
-            options: Further options that decide the findings, as JSON values.
+            options: Further options that determine the findings, as JSON values.
         """
-        # Of later checks in a process, much is remembered that the first has asked the disk, and not asked again.
+        # Later checks in a process reuse answers from the first check without a query, so they would record too
+        # little.
         is_first = not next(_uses)
         if (
             not is_first
@@ -138,11 +140,11 @@ class CheckCache:
                     os.utime(self._path)
 
     def find(self, path: Path, work: int | None) -> FileCheck | None:
-        """Return the result for a file if it holds still; None if there is none.
+        """Return the result for a file if it is still valid; None if there is none.
 
         Args:
             path: The file.
-            work: How much may be tried of its runs; None for no limit in work.
+            work: The limit for exploring its runs, in units of work; None for no limit.
         """
         with suppress(SarError, ValueError, LookupError, TypeError, AttributeError):
             check = check_of(self._kept[str(path)])
@@ -151,11 +153,11 @@ class CheckCache:
         return None
 
     def store(self, checks: Mapping[Path, FileCheck], surroundings: Observation, *, reads_set: bool) -> None:
-        """Keep results.
+        """Store results.
 
         Args:
             checks: The new results, by file.
-            surroundings: What was asked about the disk for them, besides what is in each.
+            surroundings: The queries made for them, except those in each result.
             reads_set: Whether they may depend on each file that was named together.
         """
         add_modules(surroundings)
@@ -198,7 +200,7 @@ def _is_own(identity: Any) -> bool:
 
 
 def add_modules(observation: Observation) -> None:
-    """Add the modules that this process has imported, but for those of Python and of this package, which the key has."""
+    """Add the modules that this process has imported, except those of Python and of this package, which the key covers."""
     standard, own = os.path.dirname(os.__file__), str(Path(__file__).parents[1])  # noqa: PTH120
     with observation.recording():
         for module in [*sys.modules.values()]:
@@ -240,10 +242,10 @@ def data_of(check: FileCheck) -> dict[str, Any]:
 
 
 def check_of(data: Mapping[str, Any]) -> FileCheck:
-    """Return the result of a check of JSON values.
+    """Return the result of a check from JSON values.
 
     Raises:
-        ValueError, LookupError, TypeError: If they are none.
+        ValueError, LookupError, TypeError: If the values are invalid.
     """
     spans = {Form.XML: NO_SPANS, Form.YAML: NO_SPANS_OF_YAML}
     sources = [
@@ -267,7 +269,7 @@ def check_of(data: Mapping[str, Any]) -> FileCheck:
 
 
 def data_of_observation(observation: Observation) -> dict[str, dict[str, dict[str, str]]]:
-    """Return questions as JSON values: the answers by kind, limit and path."""
+    """Return queries as JSON values: the answers by kind, limit and path."""
     data: dict[str, dict[str, dict[str, str]]] = {}
     for (kind, path, limit), answer in observation.items():
         data.setdefault(kind, {}).setdefault(str(limit), {})[path] = answer
@@ -275,7 +277,7 @@ def data_of_observation(observation: Observation) -> dict[str, dict[str, dict[st
 
 
 def observation_of(data: Mapping[str, Mapping[str, Mapping[str, str]]]) -> Observation:
-    """Return questions of JSON values."""
+    """Return queries from JSON values."""
     return Observation(
         (Question(kind, path, int(limit)), answer)
         for kind, limits in data.items()

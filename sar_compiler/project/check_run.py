@@ -1,4 +1,4 @@
-"""The checks of the files that a command names: of results that are kept, of copies of this process, or in it."""
+"""The checks of the files that a command names: from stored results, in copies of this process, or in this process."""
 
 import os
 import sys
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sar_compiler.project.forked_workers import ForkedWorkers
 
 FEWEST_FOR_COPIES = 20
-"""Of fewer files, copies of the process take longer to make than they save."""
+"""The minimum number of files for which copies of the process save more time than they cost."""
 _MOST_COPIES = 8
 
 
@@ -35,13 +35,13 @@ class CheckRun:
 
     Args:
         files: The files.
-        make_checker: Makes what checks them; called only if not all results are kept.
-        cache: Results of before; None for none.
-        work: How much may be tried of the runs of a file; None for no limit in work.
-        budget: What the checks may take.
+        make_checker: Creates their checker; called only if results are missing.
+        cache: Stored results; None for none.
+        work: The limit for exploring the runs of a file, in units of work; None for no limit.
+        budget: The limits of the checks.
 
     Attributes:
-        others_sec: The processor time that copies of this process have taken.
+        others_sec: The processor time that copies of this process have used, seconds.
     """
 
     def __init__(
@@ -69,10 +69,10 @@ class CheckRun:
         self._cpu: dict[int, float] = {}
 
     def make_copies(self, max_sec: float) -> None:
-        """Make copies of this process if there is enough to do for them; before any thread is started.
+        """Create copies of this process if there is enough work for them; call it before any thread is started.
 
         Args:
-            max_sec: The processor time that each may take, seconds.
+            max_sec: The processor time of each copy, seconds.
         """
         if len(self._missing) < FEWEST_FOR_COPIES:
             return
@@ -94,7 +94,7 @@ class CheckRun:
             self._budget.divide_memory(self._count)
         try:
             check = checker.check(self._files[number])
-        except Exception:  # noqa: BLE001 - it is raised where the user hears of it
+        except Exception:  # noqa: BLE001 - it is raised again where it is reported
             return None
         observed = checker.surroundings
         if self._cache is not None and self._modules != len(sys.modules):
@@ -143,7 +143,7 @@ class CheckRun:
             yield path, self._results[number]
 
     def end(self) -> None:
-        """End the copies, and keep the results for the next command."""
+        """Terminate the copies, and store the results for the next command."""
         if self._copies is not None:
             self._copies.end()
         if self._cache is not None and self._checker is not None:

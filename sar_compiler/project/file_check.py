@@ -9,11 +9,11 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 
 class TrialOutcome(NamedTuple):
-    """The result of trying the runs of a file.
+    """The result of exploring the runs of a file within limits.
 
     Attributes:
         findings: Findings about ticks that raise.
-        spent: The work that it took.
+        spent: The work done.
         is_limited: Whether more work could have found more.
         is_cut: Whether its user has stopped it.
     """
@@ -30,8 +30,8 @@ class TextFix(NamedTuple):
     Attributes:
         number: The index of the finding among those of its file.
         start: As in `checks.fixing.Fix`.
-        end: As there.
-        text: As there.
+        end: As in `checks.fixing.Fix`.
+        text: As in `checks.fixing.Fix`.
     """
 
     number: int
@@ -46,21 +46,21 @@ class FileCheck:
 
     Attributes:
         palettes: Findings about the palettes of its project.
-        findings: Findings about the file, or about the configuration because of which it could not be checked.
-        further: What the further checks have found.
+        findings: Findings about the file, or about the configuration that prevents its check.
+        further: The findings of the further checks.
         raised: Findings about ticks that raise.
         fixes: The fixes of its findings.
-        fixable: How many of them do not touch each other.
-        used_palettes: Palettes around it that were used though nobody has named them.
-        used_trees: Tree files around it that were used so.
-        notes: What its user is told besides.
-        problem: Why it, or a file that it needs, cannot be read; empty if all could.
-        spent: The work that trying its runs took.
+        fixable: The number of fixes that do not overlap.
+        used_palettes: Palettes around it that were used without being named.
+        used_trees: Tree files around it that were used without being named.
+        notes: Further notes for the user.
+        problem: Why the file, or a file that it needs, cannot be read; empty if all could be read.
+        spent: The work done to explore its runs.
         is_limited: Whether more work could have found more.
         is_cut: Whether its user has stopped the check.
         is_read: Whether it could be read.
-        is_whole: Whether it was checked to the end.
-        sources: What was asked about the disk to read the file and its includes.
+        is_whole: Whether the check is complete.
+        sources: The queries of the file system made to read the file and its includes.
     """
 
     palettes: list[Diagnostic] = field(default_factory=list)

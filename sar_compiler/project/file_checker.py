@@ -1,4 +1,4 @@
-"""The check of one tree file after another, in one process."""
+"""The check of several tree files in one process."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,16 +15,16 @@ from sar_compiler.tree.model import TreeFile
 
 
 class FileChecker:
-    """Checks files one by one, each whatever becomes of the others.
+    """Checks files one by one, and continues if one check fails.
 
     Args:
         additions: The user's additions to the projects of the files.
-        further_checks: What is asked besides the rules.
-        try_runs: Tries the runs of a file.
+        further_checks: Returns findings in addition to those of the rules.
+        try_runs: Explores the runs of a file within limits.
 
     Attributes:
-        surroundings: What was asked about the disk, besides what each check has in its `sources`: by the checks of all files so far, since they
-            share configurations, palettes, sets of trees and nodes.
+        surroundings: The queries made by the checks of all files so far, except those in the `sources` of each check.
+            Files share them, because they share configurations, palettes, sets of trees and nodes.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class FileChecker:
         self.surroundings = Observation()
         self._further_checks, self._try_runs = further_checks, try_runs
         self._check = FileCheck()
-        # What a file and its includes say belongs to its check alone; a set is read once for all files.
+        # The content of a file and its includes is recorded only for its own check; a set is read once for all files.
         self.workspace = Workspace(additions, self._read, self._note, further_checks, read_tree_file)
 
     def _read(self, path: Path) -> TreeFile:
@@ -48,14 +48,14 @@ class FileChecker:
 
     @property
     def reads_set(self) -> bool:
-        """Whether files that were named together were searched for trees."""
+        """Whether the files that were named together were searched for trees."""
         return any(each.tree_set is not None and each.tree_set.is_read for each in self.workspace.projects)
 
     def check(self, path: Path) -> FileCheck:
         """Check a file.
 
         Raises:
-            Exception: If something has failed that commands have a message for, such as a library that is not installed.
+            Exception: An error for which commands have a message, such as a library that is not installed.
         """
         check = self._check = FileCheck()
         with self.surroundings.recording():
@@ -66,7 +66,7 @@ class FileChecker:
                 check.is_read = True
             except SarError as error:
                 check.problem = str(error)
-            except Exception as error:  # noqa: BLE001 - whatever it is, the other files are checked all the same
+            except Exception as error:  # noqa: BLE001 - whatever it is, the other files are still checked
                 from sar_compiler.checks import failure_of_file
 
                 check.findings.append(failure_of_file(path, error))
@@ -76,7 +76,7 @@ class FileChecker:
         tree = self.workspace.load_file(path)
         check.is_read = True
         project = tree.project
-        # What this file uses, also where others have used it before.
+        # Record the uses of this file even if other files have used the same palettes and trees.
         project.used_palettes, project.used_trees = {}, {}
         if not tree.is_malformed:
             project.note_use(tree.forest)

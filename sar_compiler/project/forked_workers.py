@@ -1,4 +1,4 @@
-"""Copies of this process that work through a list of things, and send back a text for each."""
+"""Copies of this process that process a list of items, and return a text for each."""
 
 import math
 import os
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 _POLL_SEC = 0.05
 _NUMBER, _LENGTH = 4, 8
-# How many things a copy is sent before it has answered, so that it need not wait for the next one.
+# The number of items that a copy is sent in advance, so that it does not wait for the next one.
 _AHEAD = 2
 
 
@@ -28,14 +28,15 @@ class _Copy(NamedTuple):
 class ForkedWorkers:
     """Copies of this process.
 
-    A copy has all that this process has imported and read, so it begins at once. It has only the thread that made it: make them before any
-    other thread is started. They leave Ctrl-C to this process, and end with it however it ends.
+    A copy has everything that this process has imported and read, so it starts immediately. It has only the thread
+    that created it: create the copies before any other thread is started. They leave Ctrl-C to this process, and end
+    with it however it ends.
 
     Args:
-        work: Returns the text for a number; None where this process has to do that itself.
+        work: Returns the text for a number; None if this process must compute it itself.
         numbers: The numbers.
-        count: How many copies.
-        max_sec: The processor time that each may take, seconds.
+        count: The number of copies.
+        max_sec: The processor time of each copy, seconds.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class ForkedWorkers:
 
     @staticmethod
     def are_possible() -> bool:
-        """Return whether this system can copy this process as it is now."""
+        """Return whether this system can copy this process in its current state."""
         return hasattr(os, "fork") and threading.active_count() == 1
 
     def _start(self) -> None:
@@ -59,7 +60,7 @@ class ForkedWorkers:
         process = os.fork()
         if process == 0:
             with suppress(BaseException):
-                # The pipes of the others would not end with this process's parent.
+                # Otherwise the pipes of the others would stay open when this process's parent ends.
                 for descriptor in (orders, answers, *(each for copy in self._copies for each in copy[1:3])):
                     os.close(descriptor)
                 self._serve(orders_in, answers_out)
@@ -90,14 +91,14 @@ class ForkedWorkers:
     def _send_orders(self, copy: _Copy) -> None:
         while self._waiting and len(copy.pending) < _AHEAD:
             copy.pending.append(self._waiting.popleft())
-            with suppress(BrokenPipeError):  # it has died, and is noticed when its answers are read
+            with suppress(BrokenPipeError):  # it has died, which is detected when its results are read
                 os.write(copy.orders, copy.pending[-1].to_bytes(_NUMBER, "big"))
 
     def results(self, is_over: Callable[[], bool]) -> Iterator[tuple[int, str | None]]:
-        """Yield each number with its text, in any order; None for what this process has to do itself, since no copy could.
+        """Yield each number with its text, in any order; None if no copy could compute it and this process must.
 
         Args:
-            is_over: Returns whether no more is wanted; asked again and again.
+            is_over: Returns whether no more results are needed; called repeatedly.
         """
         while not is_over() and any(copy.pending for copy in self._copies):
             open_ones = {copy.answers: copy for copy in self._copies if copy.pending}
@@ -108,7 +109,7 @@ class ForkedWorkers:
 
     def _receive(self, copy: _Copy) -> Iterator[tuple[int, str | None]]:
         data = os.read(copy.answers, 1 << 20)
-        if not data:  # it was killed, as where memory is short
+        if not data:  # it was killed, for instance for lack of memory
             yield from ((number, None) for number in copy.pending)
             copy.pending.clear()
         copy.received.extend(data)
@@ -123,7 +124,7 @@ class ForkedWorkers:
             yield number, text.decode("utf-8", "surrogatepass") or None
 
     def end(self) -> None:
-        """End the copies, whatever they do."""
+        """Terminate the copies, regardless of their state."""
         for copy in self._copies:
             with suppress(ProcessLookupError):
                 os.kill(copy.process, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""The settings of a project's tree files: its configuration, combined with what the user adds to it."""
+"""The settings of a project's tree files: its configuration, combined with the user's additions."""
 
 import contextlib
 import functools
@@ -33,11 +33,11 @@ class Project:
     Attributes:
         configuration: Their configuration.
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
-        files_around: The palettes and tree files around them that nobody has named.
+        files_around: The palettes and tree files around them that are used without being named.
         used_palettes: Those of these palettes that were used, by their paths.
         used_trees: Those of these tree files that were used, by their paths.
         additions: The user's additions.
-        tree_set: The files in which a tree is sought that a file lacks; None if there are none.
+        tree_set: The files that are searched for trees that a file lacks; None if there are none.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Project:
         self.reload_set()
 
     def reload_set(self) -> None:
-        """Have the files of the set read anew, by who asks for a tree next."""
+        """Reload the files of the set at the next request for a tree."""
         if self.configuration.trees or self.additions.trees or self.files_around.folder is not None:
             is_declared = bool(self.configuration.trees)
             self.tree_set = TreeSet(self._set_files, self._read, self.include_path, is_declared=is_declared)
@@ -102,13 +102,13 @@ class Project:
 
     def _trust_finding(self, module: str, modules: Sequence[str]) -> Diagnostic:
         message = (
-            f"'{module}' is not of an installed package that registers leaves ('{ENTRY_POINTS}'), and a configuration "
-            "brings no code along"
+            f"'{module}' is not in an installed package that registers leaves ('{ENTRY_POINTS}'), and code beside a "
+            "configuration is not trusted"
         )
         options = " ".join(f"--nodes {each}" for each in modules)
         hint = (
-            f"add {options} to the command, as in CI, or run pip install in a step before it; "
-            "--trust runs what lies here until it changes"
+            f"add {options} to the command, or install the package with pip before it. "
+            "--trust runs the code in this folder until it changes"
         )
         source, span = self.configuration.source, self.configuration.spans[module]
         return Diagnostic("untrusted-nodes", message, source, span, hint=hint)
@@ -119,7 +119,7 @@ class Project:
 
         Raises:
             UnreadableFileError: If a file that the user has named does not exist or cannot be read.
-            TreeError: If one is malformed, or cannot be read that the configuration names.
+            TreeError: If one is malformed, or one that the configuration names cannot be read.
         """
         files = [path for path in self.additions.models if not is_palette_name(str(path))]
         read = [read_tree_file(path) for path in files]
@@ -132,7 +132,7 @@ class Project:
 
     @contextlib.contextmanager
     def _tell_where_it_is_named(self, palette: str) -> Iterator[None]:
-        """Raise a finding in the configuration instead of an error about a palette that it names."""
+        """Convert errors about a palette named in the configuration into findings at that location."""
         try:
             yield
         except (UnreadableFileError, PaletteError) as error:
@@ -141,7 +141,7 @@ class Project:
 
     @functools.cached_property
     def _palettes_around(self) -> tuple[TreeFile, ...]:
-        """The palettes that nobody has named; one that is malformed is reported as a file."""
+        """The palettes around the files that are used without being named; a malformed one is reported as a file."""
         found = []
         for path in self.files_around.palettes:
             with contextlib.suppress(TreeError, UnreadableFileError):
@@ -149,7 +149,7 @@ class Project:
         return tuple(found)
 
     def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
-        """Return the palettes for a file: those that are named, and for nodes and enumerations that nothing else describes the nearest ones around it.
+        """Return the palettes for a file: the named ones, and the nearest ones around it for still unknown names.
 
         Raises:
             TreeError, UnreadableFileError: As `palettes`.
@@ -175,10 +175,10 @@ class Project:
 
     @functools.cached_property
     def vocabulary(self) -> Registry:
-        """All nodes that a tree can be written with: the registered ones, and those that palettes describe.
+        """All nodes that can be used in a tree: the registered ones, and those that palettes describe.
 
         Raises:
-            TreeError: If a palette has mistakes, or the configuration names modules that are not trusted.
+            TreeError: If a palette has errors, or the configuration names modules that are not trusted.
             UnreadableFileError: If a palette cannot be read.
         """
         if any(each.severity is Severity.ERROR for each in self.findings):
@@ -198,13 +198,13 @@ class Project:
         for folder, pattern in self.configuration.trees:
             for path in map(as_written, matching_files(folder, pattern)):
                 if not is_there(path):
-                    read_file(path, TREE)  # says why
+                    read_file(path, TREE)  # raises with the reason
                 place = real_path(path)
                 if place.is_relative_to(self.checkout):
                     yield self._names.get(place) or NamedPath.within(path, (self.checkout,))
 
     def note_use(self, forest: Forest) -> None:
-        """Note which files around were used for trees that a file lacks."""
+        """Record the files around that were used for trees that a file lacks."""
         if self.configuration.trees:
             return
         given = {*map(real_path, self.additions.trees), *self._names}
@@ -213,7 +213,7 @@ class Project:
 
     @property
     def include_path(self) -> tuple[Path, ...]:
-        """The further folders that may be included from."""
+        """The further folders from which files may be included."""
         root = self.files_around.root
         return (*self.additions.include_path, *self.configuration.include_path, *([root] if root else []))
 

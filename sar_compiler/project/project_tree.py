@@ -1,4 +1,4 @@
-"""One tree file with all that it includes: read, bound, checked and compiled."""
+"""One tree file with its includes: read, bound, checked and compiled."""
 
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from sar_compiler.compiler.sketch import Drawable
 
 FurtherCheck = Callable[["ProjectTree"], list[Diagnostic]]
-"""Returns findings about a tree that the core does not know of."""
+"""Returns the findings about a tree that need packages outside the core."""
 
 
 class ProjectTree:
-    """A tree file with all that it includes, and the settings of its project.
+    """A tree file with its includes, and the settings of its project.
 
     Args:
         path: The file.
         project: The settings of its project.
         read: Reads one tree file.
-        note: Is told what is surprising, but no mistake.
-        further_checks: What `check` asks besides the rules of `checks`.
+        note: Called with each surprise that is not an error.
+        further_checks: Returns findings in addition to those of the rules of `checks`.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -65,12 +65,12 @@ class ProjectTree:
 
     @property
     def is_malformed(self) -> bool:
-        """Whether the file cannot be understood at all."""
+        """Whether the file cannot be parsed."""
         return self._forest is None
 
     @property
     def forest(self) -> Forest:
-        """The file and what it includes.
+        """The file and its includes.
 
         Raises:
             TreeError: If the file is malformed.
@@ -81,7 +81,7 @@ class ProjectTree:
 
     @property
     def tree_file(self) -> TreeFile | None:
-        """The content of the file itself; if it is malformed, of its beginning, or None."""
+        """The content of the file itself; of a malformed file its beginning, or None."""
         if self._forest is not None:
             return self._forest.main
         return self._beginning.tree_file if self._beginning is not None else None
@@ -93,7 +93,7 @@ class ProjectTree:
 
     @functools.cached_property
     def findings(self) -> list[Diagnostic]:
-        """The findings about the file and those that it includes, with the project's severities."""
+        """The findings about the file and its includes, with the project's severities."""
         if self._forest is None:
             return self._findings_before()
         decide = self.project.configuration.decide
@@ -102,7 +102,7 @@ class ProjectTree:
 
     @functools.cached_property
     def context(self) -> CheckContext:
-        """The file with all that is known of it.
+        """The file with the results of its analysis.
 
         Raises:
             SarError: As `Project.registry` and `palettes` do.
@@ -112,16 +112,16 @@ class ProjectTree:
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
-        """The palettes that are files, without what is one of the files itself.
+        """The palettes that are files, except those that are among the files themselves.
 
         Raises:
             UnreadableFileError: If a palette does not exist or cannot be read.
-            TreeError: If the file, or a palette that somebody has named, is malformed.
+            TreeError: If the file or a named palette is malformed.
         """
         return self.project.palettes_for(self.forest)
 
     def _findings_before(self) -> list[Diagnostic]:
-        """Return the findings about a malformed file: where it is that, and what is wrong before."""
+        """Return the findings about a malformed file: the location of the error, and the findings before it."""
         found, project = list(self._malformed), self.project
         if self._beginning is not None:
             beginning, own = self._beginning, real_path(self.path)
@@ -137,19 +137,19 @@ class ProjectTree:
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
-        """Return all findings about the palettes, the file, the files that it includes, and what further checks find.
+        """Return all findings about the palettes, the file and its includes, and those of the further checks.
 
         Raises:
             TreeError: If a palette is malformed, or the configuration names modules that are not trusted.
             UnreadableFileError: If a palette cannot be read.
-            SarError: As the further checks do: a `MissionError` if there is no mission of the name that the user has given.
+            SarError: As the further checks do: a `MissionError` if the user has named a mission that does not exist.
         """
         further = [finding for check in self._further_checks for finding in check(self)]
         return [*self.findings_of_the_tree, *further]
 
     @property
     def findings_of_the_tree(self) -> list[Diagnostic]:
-        """The findings about the palettes, the file, and the files that it includes."""
+        """The findings about the palettes, the file and its includes."""
         return [*self.project.findings, *self.findings]
 
     def binding(self, tree_id: str | None = None) -> Binding:
@@ -159,7 +159,7 @@ class ProjectTree:
             tree_id: The tree; by default the one that the file executes.
 
         Raises:
-            TreeError: If there is none, or there are errors; carries them.
+            TreeError: If the tree does not exist, or there are errors; carries them.
         """
         from sar_compiler.compiler import bind_main
 
@@ -177,12 +177,12 @@ class ProjectTree:
             raise TreeError(errors)
 
     def report_warnings(self, findings: Iterable[Diagnostic]) -> None:
-        """Report findings about a file beside the tree with which it can be used."""
+        """Report the warnings about a file that is used with the tree."""
         for finding in findings:
             self.note(finding.render())
 
     def preview(self, tree_id: str | None = None) -> "CompiledTree":
-        """Compile a tree for display, with stand-ins for the objects of a mission.
+        """Compile a tree for display, with placeholders for the objects of a mission.
 
         Raises:
             TreeError: If there are errors.
@@ -198,32 +198,34 @@ class ProjectTree:
         context: Mapping[type, object] | None = None,
         tree_id: str | None = None,
     ) -> "CompiledTree":
-        """Compile a tree, to be ticked.
+        """Compile a tree for ticking.
 
         Args:
             parameters: Keys of the root blackboard.
-            context: Objects that leaves require in their constructors, by their type; without a `Clock`, the steady clock is used.
+            context: Objects that leaves require in their constructors, by their type; without a `Clock`, the steady
+                clock is used.
             tree_id: The tree in the file; by default the one that the file executes.
 
         Raises:
-            TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is
-                not in *context*, or a constructor refuses its arguments.
+            TreeError: If there are errors, a key has no value or an invalid one, a leaf needs an object that is not
+                in *context*, or a constructor refuses its arguments.
         """
         from sar_compiler.compiler import compile_tree
 
         return compile_tree(self.binding(tree_id), context or {}, parameters or {})
 
     def sketch(self, tree_id: str | None = None) -> "Drawable":
-        """Return a tree of the file for a drawing, whatever is wrong with the file.
+        """Return a tree of the file for a drawing, even if the file has errors.
 
-        A tree without errors is compiled as by `preview`. Of any other, unknown nodes have no meaning, and subtrees that are
-        nowhere are folded.
+        A tree without errors is compiled as by `preview`. In any other tree, unknown nodes have no meaning, and
+        missing subtrees are folded.
 
         Args:
-            tree_id: The tree in the file; by default the one that the file executes, or the first that no other one uses.
+            tree_id: The tree in the file; by default the one that the file executes, or the first that no other one
+                uses.
 
         Raises:
-            TreeError: If there is no such tree, the file is malformed, or its project's configuration has mistakes.
+            TreeError: If there is no such tree, the file is malformed, or its project's configuration has errors.
         """
         from sar_compiler.compiler.sketch import sketch_tree
         from sar_compiler.nodes.binding.tree_ids import find_main_tree

@@ -1,8 +1,8 @@
-"""The surroundings of a tree file: its configuration, and the palettes and trees around it that nobody has named.
+"""The surroundings of a tree file: its configuration, and the palettes and trees around it.
 
-Every command, the language server and the tools of agents find them here, so that what is known of a file does not depend on who
-asks. Files around are read only where a file uses a node that nobody describes, a name that may be an enumeration, or a
-tree that it lacks; and a command says which ones were used.
+All commands, the language server and the tools of agents use this module, so that a file has the same surroundings
+everywhere. Files around are read only if a file uses a node that is not described, a name that may be an enumeration,
+or a tree that it lacks. A command reports the ones that were used.
 """
 
 import functools
@@ -25,17 +25,18 @@ from sar_compiler.tree.discovery import files_around, is_palette, is_tree_file
 
 _PACKAGE = "package.xml"
 _MOST_FILES = 20_000
-"""Of larger folders, only so many files are looked at."""
+"""The maximum number of files that are examined in a large folder."""
 
 
 class FilesAround:
-    """The tree files and palettes below a folder, of which each is looked at once, and only when one is sought.
+    """The tree files and palettes below a folder, each examined once, and only when one is needed.
 
-    Links that lead out of the folder, and files of other users than the folder's, are left out.
+    Links that leave the folder, and files of other users than the folder's owner, are left out.
 
     Args:
-        folder: The folder, with links followed; None for no files.
-        is_root: Whether it is the root of a project, so that folders in it are looked into, and files in it may include each other.
+        folder: The folder, with links resolved; None for no files.
+        is_root: Whether it is the root of a project, so that its subfolders are searched, and its files may include
+            each other.
     """
 
     def __init__(self, folder: Path | None, *, is_root: bool = True) -> None:
@@ -67,10 +68,10 @@ NOTHING_AROUND = FilesAround(None)
 
 
 class FileSurroundings(NamedTuple):
-    """What is around a tree file.
+    """The surroundings of a tree file.
 
     Attributes:
-        configuration: The configuration that counts for it.
+        configuration: Its configuration.
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
         files: The tree files and palettes around it.
     """
@@ -89,18 +90,19 @@ def find_surroundings(
 ) -> FileSurroundings:
     """Return the surroundings of a tree file.
 
-    The files around are those of its repository. Without a repository they are those of the folder of its configuration, of its ROS
-    package, or of the current folder if the file is in it: of the outermost of these. Of any other file they are those in its own
-    folder. A folder that the user names, and that is around all this, counts instead. None is one that this process may not read.
+    The files around it are those of its repository. Without a repository, they are those of the outermost of these
+    folders: the folder of its configuration, of its ROS package, or the current folder if the file is in it.
+    Otherwise they are those in the file's own folder. A folder that the user names and that contains all of these
+    replaces them. A folder that this process may not read is never used.
 
     Args:
         path: The tree file.
         folders: Folders that the user has named, or that an editor has open.
         passed_over: As for `configuration_for`.
-        is_isolated: Whether there is to be neither configuration nor files around.
+        is_isolated: Whether to ignore the configuration and the files around.
 
     Raises:
-        TreeError: If the configuration that counts has mistakes.
+        TreeError: If the configuration has errors.
         UnreadableFileError: If it cannot be read.
     """
     place = real_path(path)
@@ -129,7 +131,7 @@ def _roots_of(place: Path, configuration: Configuration) -> Iterable[Path]:
         yield configuration.path.parent
     yield from (each for each in place.parents if is_there(each / _PACKAGE))
     here = real_path(Path.cwd())
-    # What lies in these belongs to several projects, or to several people.
+    # Files in these folders belong to several projects, or to several people.
     shared = here in (Path(here.anchor), real_path(Path.home())) or here.stat().st_mode & stat.S_IWOTH
     if not shared:
         yield here

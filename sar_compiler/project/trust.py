@@ -1,9 +1,9 @@
 """Modules beside a configuration that it names: imported only in the state in which the user trusted them.
 
 Trust applies to a path and its content: the configuration file, and every file of the packages (or the modules) that
-it names. A digest identifies all of it, and a file of that name in the user's state folder records that it is trusted;
-any change results in another digest. Only the files covered by it are imported, from their source: compiled modules,
-which may differ from the source beside them, are ignored, and so are modules next to those that are named.
+it names. A digest identifies all of it, and a file of that name in the user's state folder records the trust. Any
+change results in another digest. Only the files covered by it are imported, from their source. Compiled modules,
+which may differ from the source beside them, are ignored, and so are modules next to the named ones.
 """
 
 import hashlib
@@ -42,8 +42,8 @@ class Content:
     Attributes:
         configuration: The configuration file.
         packages: The names of the packages and modules beside it.
-        sums: The SHA-256 of the configuration and of each file of theirs, as they were read once: a module is run only if it
-            is still the same when it is imported.
+        sums: The SHA-256 of the configuration and of each of their files, as they were read once. A module is run
+            only if it is unchanged when it is imported.
     """
 
     configuration: Path
@@ -56,7 +56,7 @@ class Content:
 
         Links to files elsewhere are left out, and therefore not imported either.
         """
-        mark_unrepeatable()  # a file that is added to a package ends the trust
+        mark_unrepeatable()  # a file added to a package ends the trust
         packages = frozenset(module.partition(".")[0] for module in modules)
         folder = configuration.parent
         files = (path for name in packages if name.isidentifier() for path in _files(folder, name))
@@ -132,10 +132,10 @@ class _Finder(MetaPathFinder):
                 (ExtensionFileLoader, EXTENSION_SUFFIXES),
             )
             spec = finder.find_spec(fullname)
-            # A folder without a module of its own has no origin.
+            # A folder without an `__init__` module has no origin.
             if spec is not None and (spec.origin is None or Path(spec.origin) in self.content.sums):
                 return spec
-        raise ModuleNotFoundError(f"{fullname} is not among what is trusted", name=fullname)
+        raise ModuleNotFoundError(f"{fullname} is not part of the trusted code", name=fullname)
 
     def _loader(self, fullname: str, path: str) -> "_SourceLoader":
         return _SourceLoader(fullname, path, self.content.sums)
@@ -150,7 +150,7 @@ class _SourceLoader(SourceFileLoader):
         """Compile the source; compiled files are ignored.
 
         Raises:
-            ImportError: If it is not what was trusted any more.
+            ImportError: If it has changed since it was trusted.
         """
         source = self.get_filename(fullname)
         code = read_file(source, MODULE).whole()

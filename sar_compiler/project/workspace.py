@@ -1,4 +1,4 @@
-"""Loads tree files, each with the settings of the project that it belongs to."""
+"""Loads tree files, each with the settings of its project."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from sar_compiler.tree.discovery import find_tree, read_tree_file
 from sar_compiler.tree.forest import Read
 
 _MOST_NAMED = 5
-"""The number of files that a note names."""
+"""The maximum number of files that a note names."""
 
 
 @dataclass(eq=False, repr=False)
@@ -25,11 +25,11 @@ class Workspace:
         additions: The user's additions.
         read: Reads one tree file; an editor provides the text of open ones.
         note: Called once for each thing that is ignored for safety.
-        further_checks: What `ProjectTree.check` asks besides the rules of `checks`.
+        further_checks: Returns findings for `ProjectTree.check` in addition to those of the rules of `checks`.
         read_for_sets: Reads one file of a set of trees, which all files of a project share; None for `read`.
     """
 
-    additions: CommandLineSettings = CommandLineSettings()  # noqa: RUF009 - cannot be changed
+    additions: CommandLineSettings = CommandLineSettings()  # noqa: RUF009 - immutable
     read: Read = read_tree_file
     note: Callable[[str], None] = lambda _text: None
     further_checks: Sequence[FurtherCheck] = ()
@@ -46,7 +46,7 @@ class Workspace:
 
         Raises:
             UnreadableFileError: If the file does not exist or cannot be read.
-            TreeError: If the project's configuration has mistakes.
+            TreeError: If the project's configuration has errors.
         """
         return self.load_file(find_tree(str(tree)))
 
@@ -55,7 +55,7 @@ class Workspace:
 
         Raises:
             UnreadableFileError: If the file does not exist or cannot be read.
-            TreeError: If the project's configuration has mistakes.
+            TreeError: If the project's configuration has errors.
         """
         return ProjectTree(path, self.project_of(path), self.read, self.note_once, self.further_checks)
 
@@ -68,11 +68,11 @@ class Workspace:
 
         Raises:
             UnreadableFileError: If its configuration cannot be read.
-            TreeError: If the configuration has mistakes.
+            TreeError: If the configuration has errors.
         """
 
         def pass_over(foreign: Path) -> None:
-            self.note_once(f"{foreign} is passed over: it belongs neither to you nor to the owner of {path}")
+            self.note_once(f"{foreign} is ignored: it belongs neither to you nor to the owner of {path}")
 
         folders, is_isolated = self.additions.folders, self.additions.is_isolated
         found = find_surroundings(path, folders, pass_over, is_isolated=is_isolated)
@@ -85,8 +85,8 @@ class Workspace:
             )
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
                 self.note_once(
-                    f"the leaves of '{entry_point.value}' are passed over: {place} says that they are installed, "
-                    f"but is part of what is looked at; install them, or say --nodes {entry_point.value}"
+                    f"the leaves of '{entry_point.value}' are ignored: {place} declares them as installed, "
+                    f"but is in the checked folder. Install them, or add --nodes {entry_point.value}"
                 )
         return self._projects[key]
 
@@ -96,26 +96,26 @@ class Workspace:
         return self._projects.values()
 
     def renew_sets(self) -> None:
-        """Have the files of all sets read anew: some have changed."""
+        """Reload the files of all sets at the next request, because some have changed."""
         for project in self._projects.values():
             project.reload_set()
 
     def note_use(self) -> None:
-        """Note which palettes and trees around the files that were looked at have been used, though nobody has named them."""
+        """Report the palettes and trees around the loaded files that were used without being named."""
         palettes = {path for each in self.projects for path in each.used_palettes}
         trees = {path for each in self.projects for path in each.used_trees}
         for text in notes_on_use(palettes, trees):
             self.note_once(text)
 
     def note_once(self, text: str) -> None:
-        """Note a text, unless it was noted before."""
+        """Report a note, unless it was reported before."""
         if text not in self._noted:
             self._noted.add(text)
             self.note(text)
 
 
 def notes_on_use(palettes: Collection[Path], trees: Collection[Path]) -> Iterator[str]:
-    """Yield a note on the palettes that were used though nobody has named them, and one on the trees."""
+    """Yield a note on the palettes that were used without being named, and one on the trees."""
     for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
         if paths:
             more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""

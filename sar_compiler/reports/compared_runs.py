@@ -20,7 +20,7 @@ from sar_compiler.tree.showing import in_one_line
 
 _WRONG = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
 # Words for the end of a run. The end of a journal that is still written is unknown.
-_GOING_ON = {"running": "running, judged so far"}
+_GOING_ON = {"running": "running, compared so far"}
 
 
 class ComparedRun(NamedTuple):
@@ -53,28 +53,29 @@ class ComparedRun(NamedTuple):
         return [each for each in self.found.properties if each.fate in _WRONG] if self.found else []
 
 
-def runs_as_text(flights: Sequence[ComparedRun]) -> str:
+def runs_as_text(runs: Sequence[ComparedRun]) -> str:
     """Return one run with all details; several runs as a table, with their problems below."""
-    if len(flights) == 1:
-        return "\n".join(map(in_one_line, _run_lines(flights[0])))
-    lines = [table_text([*map(_row, flights)], 4)]
-    for flight in flights:
-        if not flight.is_fine:
-            lines += ["", *map(in_one_line, _run_lines(flight))]
+    if len(runs) == 1:
+        return "\n".join(map(in_one_line, _run_lines(runs[0])))
+    lines = [table_text([*map(_row, runs)], 4)]
+    for compared in runs:
+        if not compared.is_fine:
+            lines += ["", *map(in_one_line, _run_lines(compared))]
     return "\n".join(lines)
 
 
-def _row(flight: ComparedRun) -> dict[str, str]:
-    found = flight.found
-    fits = "not judged"
+def _row(compared: ComparedRun) -> dict[str, str]:
+    found = compared.found
+    fits = "not compared"
     if found is not None:
         fits = "yes" if found.misfit is None else f"no, from tick {found.misfit.tick}"
-    names = [f"{each.name}{_doubt(each)}" for each in flight.wrong]
+    names = [f"{each.name}{_doubt(each)}" for each in compared.wrong]
     return {
-        "journal": in_one_line(str(flight.journal)),
-        "end": flight.end,
+        "journal": in_one_line(str(compared.journal)),
+        "end": compared.end,
         "conforms": fits,
-        "broken": in_one_line("; ".join(names)) or ("none" if found else flight.problem.partition(";")[0]),
+        "violated": in_one_line(", ".join(names))
+        or ("none" if found else compared.problem.partition(". ")[0]),
     }
 
 
@@ -82,15 +83,15 @@ def _doubt(each: RecordedProperty) -> str:
     return " (perhaps)" if each.fate is PropertyFate.IN_DOUBT else ""
 
 
-def _run_lines(flight: ComparedRun) -> Iterator[str]:
-    found = flight.found
+def _run_lines(compared: ComparedRun) -> Iterator[str]:
+    found = compared.found
     if found is None:
-        yield f"{flight.journal}: not compared: {flight.problem}"
+        yield f"{compared.journal}: not compared: {compared.problem}"
         return
-    end = _GOING_ON.get(flight.end, flight.end)
-    yield f"{flight.journal}: run {flight.run}, {end}, {count_text(found.ticks, 'tick')}"
-    if flight.changed:
-        yield f"the tree has changed since the run: {flight.changed}"
+    end = _GOING_ON.get(compared.end, compared.end)
+    yield f"{compared.journal}: run {compared.run}, {end}, {count_text(found.ticks, 'tick')}"
+    if compared.changed:
+        yield f"the tree has changed since the run: {compared.changed}"
     if found.misfit is None:
         yield "conforms: it is a possible run of the tree"
     else:
@@ -140,18 +141,18 @@ def _event_lines(run: Sequence[Event]) -> Iterator[str]:
         yield f"    {clock_text(event.time_sec or 0.0):>7}  tick {event.tick:>4}  {event_words(event)}"
 
 
-def runs_as_json(flights: Sequence[ComparedRun]) -> str:
+def runs_as_json(runs: Sequence[ComparedRun]) -> str:
     """Return recorded runs as a JSON object; see `runs_as_text`."""
-    return as_json({"fine": all(each.is_fine for each in flights), "runs": [*map(_run_data, flights)]})
+    return as_json({"fine": all(each.is_fine for each in runs), "runs": [*map(_run_data, runs)]})
 
 
-def _run_data(flight: ComparedRun) -> dict[str, object]:
-    found = flight.found
+def _run_data(compared: ComparedRun) -> dict[str, object]:
+    found = compared.found
     data: dict[str, object] = {
-        "journal": str(flight.journal),
-        "run": flight.run,
-        "end": flight.end,
-        "problem": flight.problem,
+        "journal": str(compared.journal),
+        "run": compared.run,
+        "end": compared.end,
+        "problem": compared.problem,
     }
     if found is None:
         return {**data, "conforms": None}
@@ -159,7 +160,7 @@ def _run_data(flight: ComparedRun) -> dict[str, object]:
         **data,
         "conforms": found.misfit is None,
         "ticks": found.ticks,
-        "tree_changed": flight.changed,
+        "tree_changed": compared.changed,
         "misfit": found.misfit and _with_run(found.misfit._asdict()),
         "properties": [_with_run({**each._asdict(), "fate": each.fate.value}) for each in found.properties],
         "left_out": [{"property": each.name, "missing": list(each.missing)} for each in found.left_out],

@@ -197,13 +197,13 @@ def _free_domain() -> Iterator[tuple[int, IO[str]]]:
     raise SimulatedRunError("all ROS domains of this machine are used by other sweeps: wait until one ends")
 
 
-def fewest_faults(flights: SimulatedRuns, seed: int) -> SimulatedRuns:
+def fewest_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
     """Return the runs with a minimal set of faults that still makes the mission of a seed fail."""
-    for fault in flights.faults:
-        fewer = replace(flights, faults=tuple(each for each in flights.faults if each != fault))
+    for fault in runs.faults:
+        fewer = replace(runs, faults=tuple(each for each in runs.faults if each != fault))
         if fewer([seed])[0].failure:
-            flights = fewer
-    return flights
+            runs = fewer
+    return runs
 
 
 def in_threads(count: int) -> Workers:

@@ -1,6 +1,7 @@
-"""The colours and signs of everything that is seen: pages, reports, drawings of trees, maps of other programs, terminals.
+"""The colours and signs of all output: pages, reports, drawings of trees, exports to map programs, terminals.
 
-The colours are those of Okabe and Ito, which colour-blind eyes tell apart. Nothing is said by colour alone.
+The colours are those of Okabe and Ito, which are distinguishable with colour blindness. No information is given by
+colour alone.
 """
 
 import json
@@ -11,18 +12,18 @@ from typing import NamedTuple
 
 
 class Colour(NamedTuple):
-    """A colour: for light ground and for dark ground, as CSS writes it."""
+    """A colour for a light and for a dark background, in CSS notation."""
 
     light: str
     dark: str
 
     def on(self, *, dark: bool) -> str:
-        """Return it for one ground, `#rrggbb`."""
+        """Return the colour for one background, `#rrggbb`."""
         return self.dark if dark else self.light
 
 
 COLOURS: Mapping[str, Colour] = {
-    # what is written, and where
+    # text and lines, and their backgrounds
     "ground": Colour("#ffffff", "#14171b"),
     "raised": Colour("#f3f4f6", "#1e2329"),
     "chosen": Colour("#dbe9f8", "#223a52"),
@@ -31,7 +32,7 @@ COLOURS: Mapping[str, Colour] = {
     "quiet": Colour("#545d69", "#a8b1bc"),
     "mark": Colour("#0b57a4", "#7cc0f5"),
     "veil": Colour("rgb(0 0 0 / .5)", "rgb(0 0 0 / .5)"),
-    # statuses, and how far something is; `on` is written upon them
+    # statuses and progress; `on` is written upon them
     "running": Colour("#005f9e", "#5db7f0"),
     "success": Colour("#00694d", "#3fd0a4"),
     "failure": Colour("#b03a00", "#ff8b4d"),
@@ -39,7 +40,7 @@ COLOURS: Mapping[str, Colour] = {
     "skipped": Colour("#8a3f6d", "#dd9bc2"),
     "none": Colour("#9aa2ad", "#66707c"),
     "on": Colour("#ffffff", "#10131a"),
-    # what somebody must look at, what is wrong, what stops a robot
+    # things that need attention, errors, obstacles to the robot
     "warning": Colour("#e69f00", "#f0b429"),
     "on-warning": Colour("#231800", "#1d1400"),
     "error": Colour("#b03a00", "#ff8b4d"),
@@ -53,7 +54,7 @@ COLOURS: Mapping[str, Colour] = {
     "likely": Colour("#cc79a7", "#dd9bc2"),
     "seen": Colour("#009e73", "#3fd0a4"),
     "grid": Colour("rgb(20 30 45 / .09)", "rgb(220 230 245 / .1)"),
-    # the shapes of a tree's nodes: those of py_trees' drawings, lighter
+    # the shapes of a tree's nodes: as in py_trees' drawings, but lighter
     "sequence": Colour("#ffd9a0", "#6b4408"),
     "selector": Colour("#b5eff4", "#0d565e"),
     "parallel": Colour("#ffec99", "#655300"),
@@ -64,12 +65,12 @@ COLOURS: Mapping[str, Colour] = {
 
 
 class Look(NamedTuple):
-    """The look of how far a landmark is, or of what is known of a property.
+    """The look of a landmark's level, or of the verdict on a property.
 
     Attributes:
-        word: What is drawn of it is marked with, in CSS.
-        colour: Its colour, of `COLOURS`.
-        sign: What stands in its mark, or before its word.
+        word: The CSS class of its marks.
+        colour: The name of its colour in `COLOURS`.
+        sign: The sign in its mark, or before its word.
     """
 
     word: str
@@ -85,7 +86,7 @@ LEVELS = (
 )
 """The looks by the numbers of `Level`."""
 FOUND = Look("found", "warning", "!")
-"""The look of a find to which somebody must go; its sign only until it is done with."""
+"""The look of a detection to which a person must go; its sign is shown only until it is finished."""
 _DONE, _GIVEN_UP = 2, 3
 
 MARKS: Mapping[str, str] = {
@@ -94,7 +95,7 @@ MARKS: Mapping[str, str] = {
     "house": "M-10 10 V-2 L0 -11 L10 -2 V10 Z",
     "square": "M-9 -9 H9 V9 H-9 Z",
 }
-"""The outlines of landmarks by the shapes of their kinds, as paths of SVG, 24 wide around the origin; another shape is a circle."""
+"""The outlines of landmarks by the shapes of their kinds, as SVG paths 24 wide around the origin; else circles."""
 
 # The letter of a status, and its outline in a square of 16.
 _STATUSES = {
@@ -106,18 +107,18 @@ _STATUSES = {
     "": ("", "M8 4 A4 4 0 1 1 7.99 4 Z"),
 }
 CONDITIONS = {"good": "●", "quiet": "○", "warning": "▲", "error": "■"}
-"""The signs of conditions and alarms, by how serious they are."""
+"""The signs of conditions and alarms, by severity."""
 PROPERTIES = {
     "watched": Look("watched", "quiet", "○"),
     "owed": Look("owed", "running", "…"),
     "kept": Look("kept", "success", "✓"),
     "broken": Look("broken", "failure", "✗"),
 }
-"""The looks of watched properties, by what is known of them."""
+"""The looks of monitored properties, by verdict."""
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
-"""What the signs of decorators mean, which all have one shape."""
+"""The meanings of the signs of decorators, which all have one shape."""
 IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}
-"""The signs of statuses in a text, as py_trees has them."""
+"""The signs of statuses in texts, as in py_trees."""
 
 TERMINAL: Mapping[str, str] = {
     "RUNNING": "bold cyan",
@@ -135,18 +136,18 @@ TERMINAL: Mapping[str, str] = {
     "carets": "bold red",
     "advice": "green",
 }
-"""The styles of a terminal's text, in rich's words; a terminal has colours of its own."""
+"""The styles of a terminal's text, in rich's notation; a terminal has its own colours."""
 
 TAK_CERTAIN, TAK_LIKELY = -65536, -35072
-"""TAK's red and orange, of the few that its spots can have, for a find that is confirmed and for one that is not: ARGB as a signed number."""
+"""TAK's red and orange (of few colours) for confirmed and unconfirmed detections, as signed ARGB numbers."""
 
 
 def colour_of(level: int, *, is_found: bool) -> str:
-    """Return the name of the colour of a landmark where it has but one.
+    """Return the name of the colour of a landmark that is drawn in one colour.
 
     Args:
-        level: How far it is, a `Level`.
-        is_found: Whether its kind is one that a robot finds.
+        level: Its progress, a `Level`.
+        is_found: Whether its kind is one that a robot detects.
     """
     if not is_found:
         return LEVELS[level].colour
@@ -154,7 +155,7 @@ def colour_of(level: int, *, is_found: bool) -> str:
 
 
 def sign_of(level: int, *, is_found: bool) -> str:
-    """Return what stands in the mark of a landmark."""
+    """Return the sign in the mark of a landmark."""
     return FOUND.sign if is_found and level < _DONE else LEVELS[level].sign
 
 
@@ -167,7 +168,7 @@ def rgb(name: str, *, dark: bool = False) -> tuple[float, float, float]:
 
 
 def style() -> str:
-    """Return the stylesheet that pages and reports have in common: the colours by name, and what marks on a map look like."""
+    """Return the common stylesheet of pages and reports: the colours by name, and the marks on a map."""
     light, dark = (
         ";".join(f"--{name}:{each.on(dark=dark)}" for name, each in COLOURS.items()) for dark in (False, True)
     )
@@ -182,7 +183,7 @@ def style() -> str:
 
 
 def literal(css: str) -> str:
-    """Return a stylesheet with the colours themselves in place of their names, for what draws pictures and knows no `var()`."""
+    """Return a stylesheet with literal colours instead of their names, for renderers without `var()`."""
     coloured = "\n".join(line for line in css.splitlines() if "var(" in line)
     light, dark = _resolved(css, dark=False), _resolved(coloured, dark=True)
     return f"{light}@media (prefers-color-scheme:dark){{\n{dark}\n}}\n"
@@ -193,7 +194,7 @@ def _resolved(css: str, *, dark: bool) -> str:
 
 
 def script() -> str:
-    """Return the signs for the pages, as a module of JavaScript."""
+    """Return the signs for the pages, as a JavaScript module."""
     told = {
         "LEVELS": [each._asdict() for each in LEVELS],
         "FOUND": FOUND._asdict(),

@@ -90,7 +90,7 @@ def test_what_a_run_raises_only_after_an_answer_of_a_palettes_leaf_is_a_warning(
     body = f'{AFTER_A_FAILURE}<Script code="x += 1"/>'
     assert found(tmp_path, body) == [("failing-tick", "warning", 5, 15)]
     (finding,) = tried(tmp_path, body)
-    assert finding.message.endswith("(in tick 1; 'Drive' FAILURE)")
+    assert finding.message.endswith("(in tick 1: 'Drive' FAILURE)")
 
 
 def test_two_nodes_of_one_name_are_told_apart(tmp_path):
@@ -232,7 +232,7 @@ def test_trees_of_the_leaves_that_their_configurations_name_are_tried(tmp_path, 
         (folder / "tree.xml").write_text(document(body))
     folders = [str(tmp_path / name) for name in ("One", "Two")]
     assert main(["validate", "--trust", "--all", *folders]) == 1
-    assert capsys.readouterr().out.count("(in tick 1; 'Ask") == 2
+    assert capsys.readouterr().out.count("(in tick 1: 'Ask") == 2
 
 
 def test_a_tree_without_keys_and_scripts_is_not_tried(tmp_path):

@@ -32,7 +32,7 @@ REGISTRY = Registry(
 def test_the_first_node_of_an_abstract_class_is_a_finding_that_names_the_missing_method():
     found = errors(forest("<Sequence>\n<Whole/>\n<Half/>\n<Half/>\n</Sequence>"), REGISTRY)
     assert [(f.code, f.span.line, f.span.column) for f in found] == [("constructor-failed", 5, 1)]
-    assert found[0].message == f"<Half> cannot be made: its class {__name__}.Half has no update()"
+    assert found[0].message == f"<Half> cannot be created: its class {__name__}.Half has no update()"
 
 
 def test_a_leaf_on_a_base_of_this_project_is_told_all_that_the_base_leaves_to_it():

@@ -135,10 +135,10 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
         (
             "[language]\nbtcpp = 4.8.2  # Jazzy's",
             "not TOML: Expected newline or end of document after a statement",
-            'a text stands in quotes: "4.8.2"',
+            'write strings in quotes: "4.8.2"',
         ),
-        ("nodes = leaves", "not TOML: Invalid value", 'a text stands in quotes: "leaves"'),
-        ("nodes = [true]", "an item of 'nodes' is a text, and true without quotes is true or false", None),
+        ("nodes = leaves", "not TOML: Invalid value", 'write strings in quotes: "leaves"'),
+        ("nodes = [true]", "an item of 'nodes' is a string, and true without quotes is true or false", None),
     ],
 )
 def test_missing_quotes_are_told_as_what_is_missing(tree, text, message, advice):

@@ -39,7 +39,7 @@ SLIPS = {
     "a patrol without memory": (
         changed(('name="Patrol" memory="true"', 'name="Patrol" memory="false"')),
         ("endless-restart", "<NavigateToZone/>"),
-        "'NavigateToZone' is started again in the next tick while 'DetectSurvivor' runs, and interrupts",
+        "'NavigateToZone' is restarted in the next tick while 'DetectSurvivor' runs, and interrupts",
         "write memory=\"true\" in 'Patrol'",
     ),
     "a survivor who is named without memory": (
@@ -54,8 +54,8 @@ SLIPS = {
             '<NotifyBase detect_node="DetectSurvivor"/>',
         ),
         ("wrong-order", "<NotifyBase "),
-        "'NotifyBase' can only fail here: it needs what 'BroadcastSurvivorTF' (line 22) does",
-        "put it behind 'BroadcastSurvivorTF'",
+        "'NotifyBase' can only fail here: it needs the effect of 'BroadcastSurvivorTF' (line 22)",
+        "move it after 'BroadcastSurvivorTF'",
     ),
     "the next zone before this one is searched": (
         changed(
@@ -63,8 +63,8 @@ SLIPS = {
             ("        <DetectSurvivor/>\n", "        <AdvanceZone/>\n        <DetectSurvivor/>\n"),
         ),
         ("wrong-order", "<DetectSurvivor/>"),
-        "'DetectSurvivor' works with what 'NavigateToZone' did, and 'AdvanceZone' (line 16)",
-        "put it before 'AdvanceZone'",
+        "'DetectSurvivor' needs the effect of 'NavigateToZone', but 'AdvanceZone' (line 16)",
+        "move it before 'AdvanceZone'",
     ),
     "a log that comes first": (
         changed(
@@ -75,8 +75,8 @@ SLIPS = {
             ),
         ),
         ("unreachable-node", '<Sequence name="SurvivorFound"'),
-        "'SurvivorFound' is never ticked: 'LogNoDetection' before it never fails",
-        "put it elsewhere",
+        "'SurvivorFound' is never ticked: the previous child 'LogNoDetection' never fails",
+        "move it",
     ),
     "the way home before the patrol": (
         changed(
@@ -87,7 +87,7 @@ SLIPS = {
             ),
         ),
         ("endless-restart", "<NavigateToBase/>"),
-        "'NavigateToBase' is started again in the next tick after it has failed, and interrupts 'Patrol'",
+        "'NavigateToBase' is restarted in the next tick after it has failed, and interrupts 'Patrol'",
         "write memory=\"true\" in 'MissionOrReturnToBase'",
     ),
     "a time limit for what asks": (

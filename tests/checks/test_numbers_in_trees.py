@@ -23,17 +23,17 @@ def found(body):
     [
         (
             '<Spin spin_dist="90.0"/>',
-            "spin_dist: 90.0 is unusual, because radians are from -6.2832 to 6.2832 as a rule",
+            "spin_dist: 90.0 is unusual, because radians are usually from -6.2832 to 6.2832",
             "90 degrees are 1.5708 rad: write 1.5708",
         ),
         (
             '<Spin spin_dist="-45"/>',
-            "spin_dist: -45 is unusual, because radians are from -6.2832 to 6.2832 as a rule",
+            "spin_dist: -45 is unusual, because radians are usually from -6.2832 to 6.2832",
             "-45 degrees are -0.7854 rad: write -0.7854",
         ),
-        ('<Spin spin_dist="1e300"/>', "radians are from -6.2832 to 6.2832 as a rule", None),
-        ('<Wait wait_duration="5000000"/>', "seconds are from 0 to 604800 as a rule", "5000000 ms are 5000 s: write 5000"),
-        ('<Delay delay_msec="700000000"><AlwaysSuccess/></Delay>', "milliseconds are from 0 to 604800000", None),
+        ('<Spin spin_dist="1e300"/>', "radians are usually from -6.2832 to 6.2832", None),
+        ('<Wait wait_duration="5000000"/>', "seconds are usually from 0 to 604800", "5000000 ms are 5000 s: write 5000"),
+        ('<Delay delay_msec="700000000"><AlwaysSuccess/></Delay>', "milliseconds are usually from 0 to 604800000", None),
         ('<DriveOnHeading dist_to_travel="200000" speed="0.2" time_allowance="10"/>', "metres are", "200000 mm are 200 m: write 200"),
     ],
 )  # fmt: skip

@@ -116,4 +116,4 @@ def test_the_message_names_the_leaf_the_answers_and_the_remedy() -> None:
         finding.message
         == "text: 'a' may not be written yet: 'Look' (line 3) does not write it when it ends with 'dark'"
     )
-    assert finding.hint == 'give it a value before that node: <Script code="a := ..."/>'
+    assert finding.hint == 'assign it in an earlier node: <Script code="a := ..."/>'

@@ -57,7 +57,7 @@ MISTAKES = {
     "a key that nobody writes": (
         '<Say text="{greeting}"/>',
         ("unwritten-key", 3, 12, None),
-        "'greeting' is read here, and nothing ever writes it",
+        "'greeting' is read here, but never written",
     ),
     "a misspelt key": (
         '<Sequence>\n<Find at="{place}"/>\n<Say text="{plaice}"/>\n</Sequence>',
@@ -82,7 +82,7 @@ MISTAKES = {
     "a variable that is changed before anything makes it": (
         '<Script code="count = 1"/>',
         ("unwritten-key", 3, 15, None),
-        "= and its like need a variable that exists",
+        "= and similar operators need an existing variable",
     ),
     "a variable in a condition": (
         '<Success _skipIf="done"/>',
@@ -97,7 +97,7 @@ MISTAKES = {
     "a key that is read before it is written": (
         '<Sequence>\n<Say text="{place}"/>\n<Find at="{place}"/>\n</Sequence>',
         ("read-before-write", 4, 12, None),
-        "'Find' (line 5), which writes it, comes later",
+        "'Find' (line 5), which writes it, is ticked later",
     ),
     "a key that is read before it is written, by a condition around both": (
         '<Sequence _skipIf="place &gt; 1">\n<Find at="{place}"/>\n<Success/>\n</Sequence>',
@@ -107,22 +107,22 @@ MISTAKES = {
     "a variable that is made of itself": (
         '<Sequence>\n<Script code="n := n + 1"/>\n<ScriptCondition code="n &gt; 1"/>\n</Sequence>',
         ("read-before-write", 4, 20, None),
-        "'n' is read here before it can have been written",
+        "'n' is read here before it is written",
     ),
     "a variable that its script makes behind what reads it": (
         '<Sequence>\n<Script code="b := n; n := 1"/>\n<ScriptCondition code="b == n"/>\n</Sequence>',
         ("read-before-write", 4, 20, None),
-        "'n' is read here before it can have been written",
+        "'n' is read here before it is written",
     ),
     "a key that is written twice": (
         '<Sequence>\n<Script code="a := 1"/>\n<Script code="a := 2"/>\n<ScriptCondition code="a == 2"/>\n</Sequence>',
         ("overwritten-key", 5, 15, None),
-        "before anybody can have read what 'Script' (line 4) wrote",
+        "before any node can read the value from 'Script' (line 4)",
     ),
     "a key that two leaves write before the one who reads it": (
         '<Sequence>\n<Find name="Left" at="{place}"/>\n<Find name="Right" at="{place}"/>\n<Say text="{place}"/>\n</Sequence>',
         ("overwritten-key", 5, 24, None),
-        "what 'Left' (line 4) wrote",
+        "read the value from 'Left' (line 4)",
     ),
     "a key that two write side by side": (
         (
@@ -130,40 +130,40 @@ MISTAKES = {
             "</Sequence>"
         ),
         ("shared-key", 6, 24, None),
-        "side by side in 'ParallelAll'",
+        "in parallel in 'ParallelAll'",
     ),
     "a key that is written for nobody": (
         '<Sequence>\n<Script code="a := 1"/>\n<Success/>\n</Sequence>',
         ("unread-key", 4, 15, None),
-        "'a' is written here, and nothing ever reads it",
+        "'a' is written here, but never read",
     ),
     **{
         f"an assignment in {attribute}": (
             f'<Sequence>\n<Script code="a := 1"/>\n<Success {attribute}="a = 2"/>\n</Sequence>',
             ("assignment-as-condition", 5, 14 + len(attribute), "=="),
-            "'=' gives 'a' a value, where a condition is wanted",
+            "'=' assigns to 'a' in a condition",
         )
         for attribute in ("_failureIf", "_successIf", "_skipIf", "_while")
     },
     "an assignment to a variable that nobody makes, in a condition": (
         '<Precondition if="a = 1 &lt; 2; a = 2"><Success/></Precondition>',
         ("assignment-as-condition", 3, 35, "=="),
-        "'=' gives 'a' a value",
+        "'=' assigns to 'a' in a condition",
     ),
     "an assignment in a ScriptCondition": (
         '<ScriptCondition code="a := 2"/>',
         ("assignment-as-condition", 3, 26, None),
-        "':=' gives 'a' a value",
+        "':=' assigns to 'a' in a condition",
     ),
     "a key without its closing brace": (
         '<Say text="{greeting"/>',
         ("unclosed-key", 3, 12, "{greeting}"),
-        "is written between two braces",
+        "is written in braces",
     ),
     "a key without its opening brace": (
         '<Say text="greeting}"/>',
         ("unclosed-key", 3, 12, "{greeting}"),
-        "'greeting}' is a text",
+        "'greeting}' is read as a string",
     ),
     "a number's key without its closing brace": (
         '<Delay delay_msec="{wait"><Say text="hi"/></Delay>',
@@ -208,7 +208,7 @@ def test_what_a_subtree_is_given_and_does_not_look_at_is_found_with_the_nearest_
 def test_a_key_that_a_subtree_is_not_given_is_found_where_it_is_read():
     (finding,) = check(forest_of(trees('<SubTree ID="B"/>', ("B", '<Say text="{text}"/>'))), REGISTRY)
     assert (finding.code, finding.span.line, finding.span.column) == ("unwritten-key", 3, 33)
-    assert finding.hint == 'give it to the subtree, <SubTree ID="B" text="..."/>, or let a node write it'
+    assert finding.hint == 'pass it to the subtree, <SubTree ID="B" text="..."/>, or write it in a node'
 
 
 def test_a_key_that_comes_by_way_of_a_subtree_is_followed_to_where_it_is_read_too_early():
@@ -434,7 +434,7 @@ def test_beside_a_leaf_of_a_palette_a_key_without_value_is_one_level_milder(body
 def test_a_milder_finding_says_what_may_speak_against_it():
     body = f'<Sequence>{LATE}<Drive gear="{{speed}}"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
-    assert finding.message.endswith("which writes it, comes later, unless C++ code does")
+    assert finding.message.endswith("which writes it, is ticked later, unless C++ code does")
 
 
 def test_the_output_of_a_leaf_of_a_palette_writes_a_key_and_its_input_does_not():

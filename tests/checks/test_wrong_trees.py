@@ -57,11 +57,11 @@ MISTAKES = {
     ),
     "the same in a ReactiveSequence": (
         "<ReactiveSequence>\n<Beep/>\n<Wait/>\n</ReactiveSequence>",
-        ("repeated-effect", 4, 1, "'ReactiveSequence' looks at every child again"),
+        ("repeated-effect", 4, 1, "'ReactiveSequence' re-evaluates every child in each tick"),
     ),
     "two actions that take time, without memory": (
         '<Sequence memory="false">\n<Ready/>\n<Look/>\n<Drive/>\n</Sequence>',
-        ("endless-restart", 5, 1, "interrupts 'Drive' before it can end"),
+        ("endless-restart", 5, 1, "interrupts 'Drive' before that ends"),
     ),
     "an action that is tried again before another one can end": (
         "<ReactiveFallback>\n<Look/>\n<Drive/>\n</ReactiveFallback>",
@@ -76,24 +76,24 @@ MISTAKES = {
             '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n'
             '<Sequence name="Steps">\n<Look/><Drive/></Sequence>\n</Selector>'
         ),
-        ("lost-progress", 5, 1, "'Steps' begins again with 'Look'"),
+        ("lost-progress", 5, 1, "'Steps' restarts with 'Look'"),
     ),
     # never ticked, never ended
     "a child behind one that cannot fail": (
         "<Selector>\n<Ready/>\n<Beep/>\n<Drive/>\n</Selector>",
-        ("unreachable-node", 6, 1, "'Drive' is never ticked: 'Beep' before it never fails"),
+        ("unreachable-node", 6, 1, "'Drive' is never ticked: the previous child 'Beep' never fails"),
     ),
     "a child behind one that cannot succeed": (
         "<Sequence>\n<SuccessIsFailure><Ready/></SuccessIsFailure>\n<Drive/>\n</Sequence>",
-        ("unreachable-node", 5, 1, "'SuccessIsFailure' before it never succeeds"),
+        ("unreachable-node", 5, 1, "the previous child 'SuccessIsFailure' never succeeds"),
     ),
     "a child behind a selector that cannot fail": (
         "<Selector>\n<Selector><Ready/><Beep/></Selector>\n<Drive/>\n</Selector>",
-        ("unreachable-node", 5, 1, "'Selector' before it never fails"),
+        ("unreachable-node", 5, 1, "the previous child 'Selector' never fails"),
     ),
     "a child behind a placeholder that runs for ever": (
         "<Sequence>\n<Running/>\n<Drive/>\n</Sequence>",
-        ("unreachable-node", 5, 1, "'Running' before it never succeeds"),
+        ("unreachable-node", 5, 1, "the previous child 'Running' never succeeds"),
     ),
     "a branch for a condition that cannot be false": (
         "<IfThenElse>\n<Beep/>\n<Drive/>\n<Look/>\n</IfThenElse>",
@@ -149,11 +149,11 @@ MISTAKES = {
             '<Timeout name="Outer" duration="5">\n<Sequence>\n<Look/>\n<Timeout msec="8000"><Drive/></Timeout>\n'
             "</Sequence>\n</Timeout>"
         ),
-        ("without-effect", 6, 1, "its 8 s are never over before the 5 s of 'Outer'"),
+        ("without-effect", 6, 1, "its limit of 8 s never expires before the 5 s of 'Outer'"),
     ),
     "a time limit of a tick": (
         '<Timeout duration="0.2">\n<Drive/>\n</Timeout>',
-        ("short-timeout", 3, 1, "hardly more than one tick"),
+        ("short-timeout", 3, 1, "little more than one tick"),
     ),
     "running taken for failure": (
         "<RunningIsFailure>\n<Drive/>\n</RunningIsFailure>",
@@ -165,49 +165,49 @@ MISTAKES = {
     ),
     "trying again what is done only once": (
         '<RetryUntilSuccessful num_attempts="3">\n<Drive oneshot="ON_COMPLETION"/>\n</RetryUntilSuccessful>',
-        ("without-effect", 3, 1, "'Drive' is done once in the whole run"),
+        ("without-effect", 3, 1, "'Drive' runs only once"),
     ),
     "repeating what is done only once": (
         '<Repeat num_success="3">\n<OneShot policy="ON_SUCCESSFUL_COMPLETION"><Drive/></OneShot>\n</Repeat>',
-        ("without-effect", 3, 1, "'OneShot' is done once"),
+        ("without-effect", 3, 1, "'OneShot' runs only once"),
     ),
     # not needed
     "a control of one": (
         "<Sequence>\n<Drive/>\n</Sequence>",
-        ("needless-node", 3, 1, "there is only 'Drive' in it"),
+        ("needless-node", 3, 1, "its only child is 'Drive'"),
     ),
     "a parallel of one": (
         "<ParallelAll>\n<Drive/>\n</ParallelAll>",
-        ("needless-node", 3, 1, "there is only 'Drive' in it"),
+        ("needless-node", 3, 1, "its only child is 'Drive'"),
     ),
     "a single attempt": (
         '<Retry num_failures="1">\n<Drive/>\n</Retry>',
-        ("needless-node", 3, 1, "a single time"),
+        ("needless-node", 3, 1, "a node is executed once"),
     ),
     "a single round": (
         '<Repeat num_cycles="1">\n<Drive/>\n</Repeat>',
-        ("needless-node", 3, 1, "a single time"),
+        ("needless-node", 3, 1, "a node is executed once"),
     ),
     "an inverter of an inverter": (
         "<Inverter>\n<Inverter>\n<Ready/>\n</Inverter>\n</Inverter>",
-        ("needless-node", 3, 1, "takes back what 'Inverter' does"),
+        ("needless-node", 3, 1, "reverses the effect of 'Inverter'"),
     ),
     # side by side
     "a race of two that work": (
         '<Parallel policy="SuccessOnOne">\n<Drive/>\n<Look/>\n</Parallel>',
-        ("cancelled-branch", 3, 19, "'Look' stops half done when 'Drive' succeeds"),
+        ("cancelled-branch", 3, 19, "'Look' is interrupted when 'Drive' succeeds"),
     ),
     "children that must succeed in the same tick": (
         '<Parallel policy="SuccessOnAll" synchronise="false">\n<Wait/>\n<Look/>\n</Parallel>',
-        ("out-of-step", 3, 46, "'Wait' is started again whenever it has succeeded"),
+        ("out-of-step", 3, 46, "'Wait' is restarted whenever it has succeeded"),
     ),
     "two that drive the robot at the same time": (
         "<ParallelAll>\n<Drive/>\n<Sequence><Ready/><Drive/></Sequence>\n</ParallelAll>",
-        ("shared-action", 5, 19, "'Drive' sends its goals to 'go' while 'Drive' does"),
+        ("shared-action", 5, 19, "'Drive' sends goals to 'go' at the same time as 'Drive'"),
     ),
     "two nodes beside each other with one name": (
         '<Sequence>\n<Look name="Work"/>\n<Drive name="Work"/>\n</Sequence>',
-        ("same-name", 5, 14, "also the name of the node in line 4"),
+        ("same-name", 5, 14, "also the name of its sibling in line 4"),
     ),
     "a name that reads as a path": (
         '<Sequence>\n<Look name="left/right"/>\n<Drive/>\n</Sequence>',
@@ -301,7 +301,7 @@ def test_a_single_attempt_of_a_single_round_takes_nothing_back():
     body = '<Retry num_failures="1">\n<Repeat num_cycles="1">\n<Drive/></Repeat></Retry>'
     findings = check(forest_of(document(body)), REGISTRY)
     assert [finding.span.line for finding in findings] == [3, 4]
-    assert all("a single time" in finding.message for finding in findings)
+    assert all("a node is executed once" in finding.message for finding in findings)
 
 
 def test_what_is_tried_after_what_cannot_succeed_is_never_ticked():
@@ -335,7 +335,7 @@ def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_
     assert [(f.code, f.span.line) for f in findings] == [("unreachable-node", 6)]
     reactive = check(forest_of(document("<Steps>\n<Beep/>\n<Wait/>\n</Steps>")), registry)
     assert [(f.code, f.hint) for f in reactive] == [
-        ("repeated-effect", "take a node that goes on where it was")
+        ("repeated-effect", "use a node that resumes where it was")
     ]
 
 

@@ -61,8 +61,8 @@ def test_a_flight_that_conforms_and_keeps_its_properties_is_fine(conform, flight
 def test_a_broken_property_is_told_with_its_event_and_place(conform, flight, place):
     status, out, _ = conform(flight())
     assert status == 1
-    assert "2 properties: 1 kept, 1 broken" in out
-    assert f"nothing is told: broken by Tell counted in tick 1, 0:00  ({place}/tree.xml:" in out
+    assert "2 properties: 1 kept, 1 violated" in out
+    assert f"nothing is told: violated by Tell counted in tick 1, 0:00  ({place}/tree.xml:" in out
     assert "0:00  tick    1  Look SUCCESS\n" in out
 
 
@@ -73,7 +73,7 @@ def test_as_json_there_is_the_same(conform, flight):
     (one,) = told["runs"]
     assert (one["run"], one["end"], one["conforms"], one["misfit"]) == (1, "over", True, None)
     broken, kept = one["properties"]
-    assert (broken["fate"], broken["event"], broken["tick"]) == ("broken", "Tell counted", 1)
+    assert (broken["fate"], broken["event"], broken["tick"]) == ("violated", "Tell counted", 1)
     assert [each[1:] for each in broken["run"]] == [[1, 1, "SUCCESS"], [1, 2, "SUCCESS"], [1, 3, "SUCCESS"]]
     assert (kept["fate"], kept["run"]) == ("kept", [])
 
@@ -95,7 +95,7 @@ def test_several_flights_are_a_table_with_what_was_wrong_below(conform, flight, 
     assert status == 1
     table, *others = out.split("\n\n")
     rows = [line.removeprefix(f"{place}/").split(maxsplit=2) for line in table.splitlines()]
-    assert rows[0] == ["journal", "end", "conforms         broken"]
+    assert rows[0] == ["journal", "end", "conforms         violated"]
     assert [(row[0], row[1]) for row in rows[1:]] == [
         ("fine.journal", "over"),
         ("loud.journal", "over"),
@@ -119,7 +119,7 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
     (place / "tree.xml").write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
     status, out, _ = conform(journal, options=())
     assert status == 1
-    assert "not compared: the tree has nodes other than those that ran; it is of 'Main' of " in out
+    assert "not compared: the tree's nodes differ from those of the run. It ran 'Main' of " in out
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_ctrl_c_ends_the_comparison_and_what_is_known_is_shown(conform, flight, 
 def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):
     status, out, _ = conform(flight(tree_id="Elsewhere"))
     assert status == 1
-    assert "not compared: the tree's nodes differ from those of the run; it is of 'Elsewhere' of " in out
+    assert "not compared: the tree's nodes differ from those of the run. It ran 'Elsewhere' of " in out
 
 
 def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
@@ -178,7 +178,7 @@ def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkey
         flown(simulated(place / "tree.xml"), Said(Drive=["RUNNING"] * 9), journal, tree_id="Main")
         status, out, _ = conform(live)
     assert status == 0
-    assert "live.journal: run 1, running, judged so far, " in out
+    assert "live.journal: run 1, running, compared so far, " in out
 
 
 def test_a_file_that_is_no_journal_is_wrong_usage(conform, place):

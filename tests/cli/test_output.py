@@ -60,14 +60,14 @@ def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monke
         output.show("another tree")
     assert output.lost
     assert capsys.readouterr().err == (
-        "sar-run: standard output can no longer be written (Broken pipe); the run continues without output\n"
+        "sar-run: standard output can no longer be written (Broken pipe). The run continues without output\n"
     )
 
 
 def test_what_somebody_should_see_is_said_on_standard_error_then(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
         RunOutput().say("a summary")
-    assert capsys.readouterr().err.endswith("the run continues without output\na summary\n")
+    assert capsys.readouterr().err.endswith("The run continues without output\na summary\n")
 
 
 def test_a_drawing_that_the_terminal_cannot_show_does_not_end_the_run(capsys, monkeypatch, tmp_path):

@@ -146,7 +146,7 @@ def test_an_option_that_cannot_be_meant_is_refused(capsys, tree, option, said):
 @pytest.mark.parametrize(
     ("until", "said"),
     [
-        ("att == 'base'", "--until: 'att' is neither a fact nor a key of this tree; there is "),
+        ("att == 'base'", "--until: 'att' is neither a fact nor a key of this tree (known: "),
         (
             "at = 'base'",
             "--until: a condition only reads 'at' and must not change it; write == to compare",
@@ -265,7 +265,7 @@ def test_a_trace_is_held_against_the_file_that_the_scenario_names(capsys, tree, 
     monkeypatch.delenv(RENEW, raising=False)
     status, out, _ = run(capsys, tree, "--scenario", path)
     assert status == 1
-    assert f"trace: there is no golden file {path.parent / 'golden/trace.txt'} yet: run with {RENEW}=1" in out
+    assert f"trace: there is no golden file {path.parent / 'golden/trace.txt'} yet. Run with {RENEW}=1" in out
     monkeypatch.setenv(RENEW, "1")
     assert run(capsys, tree, "--scenario", path)[0] == 0
     monkeypatch.delenv(RENEW)
@@ -385,7 +385,7 @@ def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
     [
         ("/**: {ros__parameters: {x: [1, a]}}", "params.yaml:1:32: 'x' mixes an integer with text"),
         ("/**: {ros__parameters: {patience: long}}", "params.yaml:1:25: parameter zone_order: is missing"),
-        (PARAMS.replace("b]", "c]"), "params.yaml:3:21: parameter zone_order: names 'c', which has no pose"),
+        (PARAMS.replace("b]", "c]"), "params.yaml:3:21: parameter zone_order: names 'c', which cannot represent pose"),
         (PARAMS.replace("y: 0", "z: 0"), "\n  {path}:6:17: zones.a.y: is missing"),
         ("/robot1/search_and_rescue: {ros__parameters: {x: 1}}", "this node is /search_and_rescue"),
         (None, "No such file or directory"),

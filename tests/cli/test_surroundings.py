@@ -67,9 +67,9 @@ def test_a_character_that_standard_output_cannot_show_is_told(command):
     status, error = typed(f"sar-compile {command} > out.txt", **ASCII)
     assert (status, error.count("\n")) == (2, 1)
     assert error.startswith(
-        "sar-compile: standard output cannot be written: its encoding is ascii, which has no '\\u04"
+        "sar-compile: standard output cannot be written: its encoding is ascii, which cannot represent '\\u04"
     )
-    assert error.endswith("'; choose a UTF-8 locale, or set PYTHONUTF8=1\n")
+    assert error.endswith("'. Choose a UTF-8 locale, or set PYTHONUTF8=1\n")
 
 
 def test_a_closed_standard_error_sends_nothing_to_standard_output():

@@ -55,7 +55,7 @@ def test_a_property_that_does_not_hold_has_status_1_and_its_run(run):
     table, _, shown = out.partition("\n\n")
     assert table.endswith(f"  searched:                              does not hold\n{NOTE}")
     assert shown.startswith(
-        "searched: does not hold\n  it is broken in the last tick:\n    1  NavigateToZone arrived"
+        "searched: does not hold\n  it is violated in the last tick:\n    1  NavigateToZone arrived"
     )
 
 
@@ -171,7 +171,7 @@ def test_a_property_about_leaves_that_are_not_there_is_said_to_be_left_out(run):
 def test_a_bound_that_is_reached_is_said_and_has_status_1(run):
     status, out, _ = run(FINE, "--max-states", "10")
     assert status == 1
-    assert re.search("not decided: nothing speaks against it in the first .*tick.* of every run", out)
+    assert re.search("not decided: no violation was found in the first .*tick.* of every run", out)
     assert "Not proved beyond 10 states" in out
 
 
@@ -236,7 +236,7 @@ answers: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -=
     ("arguments", "said"),
     [
         (["--set", "zones_lef=1"], "did you mean 'zones_left'?"),
-        (["--set", "zones_left=many"], "the fact 'zones_left' is a whole number"),
+        (["--set", "zones_left=many"], "the fact 'zones_left' is an integer"),
         (["--set", "zones_left"], "'zones_left' is not FACT=VALUE"),
         (["--max-states", "none"], "'none' is not an integer above 0"),
         (["--properties", "nowhere.yaml"], "cannot read nowhere.yaml"),
@@ -306,7 +306,7 @@ def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status
     status, out, err = run(reactive(FINE), *AGAINST, before=FINE, p=SEARCHED)
     assert (status, err.count("warning[endless-restart]"), len(err.splitlines())) == (1, 1, 3)
     assert (
-        "searched on: does not hold\n  it is broken in the last tick:\n    1  NavigateToZone arrived" in out
+        "searched on: does not hold\n  it is violated in the last tick:\n    1  NavigateToZone arrived" in out
     )
     table = out.splitlines()[:8]
     assert table[0].startswith(f"before: {tmp_path}/before.xml  ")
@@ -415,5 +415,5 @@ def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found
         output = "\n".join(terminal.history)
     finally:
         terminal.kill()
-    assert "stays at home: does not hold\n  it is broken in the last tick:\n    1  " in output
+    assert "stays at home: does not hold\n  it is violated in the last tick:\n    1  " in output
     assert "there are more; it was stopped there." in output

@@ -72,7 +72,7 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
         ("leaves: {A: }", "'A' is a mapping, a list or a text, and this is nothing", ""),
         (
             "ticks: '5'",
-            "'ticks' is a whole number from 1 on, and 5 in quotes is a text",
+            "'ticks' is an integer from 1 on, and 5 in quotes is a string",
             "write 5, without quotes",
         ),
         (

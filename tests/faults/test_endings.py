@@ -691,7 +691,9 @@ def test_a_run_with_a_goal_under_way_and_a_foreign_thread_leaves_nothing(foreign
     run.send(number)
     assert run.end() == SIGNALS[number], run.output
     assert server.active == 0, run.output
-    assert re.search(r"sar-run: thread 'charger' is still running.*; the process ends without it", run.output)
+    assert re.search(
+        r"sar-run: thread 'charger' is still running.*, so the process ends without it", run.output
+    )
     run.require_gone()
 
 

@@ -145,7 +145,7 @@ class TestProjects:
     def test_a_program_is_warned_of_what_is_passed_over(self, folder):
         os.chown(write(folder, "x = 1\n", "sar.toml"), 1234, 1234)
         write(folder, SLEEPS)
-        with pytest.warns(UserWarning, match=r"sar\.toml is passed over"):
+        with pytest.warns(UserWarning, match=r"sar\.toml is ignored"):
             assert load("tree.xml").check() == []
 
     def test_what_the_user_adds_comes_before_the_configuration_s(self, folder):
@@ -295,5 +295,5 @@ def test_a_script_may_use_a_list_twice_and_statuses_of_py_trees():
 
 @pytest.mark.parametrize("answer", [object(), {"aborted"}, [b"aborted"]])
 def test_what_no_script_can_have_is_named(answer):
-    with pytest.raises(sar_compiler.SarError, match=r"cannot be part of the script: give texts"):
+    with pytest.raises(sar_compiler.SarError, match=r"cannot be part of the script: use strings"):
         simulate("search_and_rescue", NavigateToZone=answer)

@@ -80,7 +80,7 @@ def test_where_a_node_comes_from_is_said_with_the_other_file(folder, capsys):
 
 def test_a_path_out_of_the_repository_is_refused(folder):
     write(folder, "sar.toml", '[project]\ntrees = ["../elsewhere"]\n')
-    with pytest.raises(TreeError, match=r"error\[setting-outside\]: trees: '\.\./elsewhere' lies outside"):
+    with pytest.raises(TreeError, match=r"error\[setting-outside\]: trees: '\.\./elsewhere' is outside"):
         load("main.xml")
 
 

@@ -109,8 +109,7 @@ def test_of_a_journal_a_form_whose_library_is_missing_is_told(
     assert main(["report", journal_of(**PLACE), "-o", *out]) == 1
     assert written(tmp_path) == {"r.json"}
     assert (
-        f"sar-journal: {out[0]}: a report as a page or in coordinates of the world needs"
-        in capsys.readouterr().err
+        f"sar-journal: {out[0]}: a report as a page or in world coordinates needs" in capsys.readouterr().err
     )
 
 

@@ -152,7 +152,7 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     ),
     (
         ROBOT + "walls: []\nzones: {a: {x: 1, y: '1'}}\n",
-        *(3, 23, "wrong-value", "'y' is a number of at most 1000000, and 1 in quotes is a text", ""),
+        *(3, 23, "wrong-value", "'y' is a number of at most 1000000, and 1 in quotes is a string", ""),
     ),
     (
         ROBOT + "walls: []\ndebris:\n  - {shape: bx, x: 1}\n",
@@ -174,7 +174,7 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
         ROBOT + "walls:\n  - {x: 0.3, y: 0, size_x: 0.2, size_y: 1}\n",
         *(1, 1, "wrong-value", "the robot would start in an obstacle", ""),
     ),
-    (ROBOT + "walls: []\nmap: ''\n", 3, 7, "missing-value", "'map' is a path, and this is the text ''", ""),
+    (ROBOT + "walls: []\nmap: ''\n", 3, 7, "missing-value", "'map' is a path, and this is the string ''", ""),
 ]
 
 

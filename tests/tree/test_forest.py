@@ -287,7 +287,12 @@ def test_an_id_that_an_included_file_has_already_is_a_finding_that_names_that_fi
     write("main.xml", A, include("more.xml"))
     write("more.xml", B, A)
     assert checked(load()) == [
-        ("duplicate-tree-id", "main.xml", 2, "the tree ID 'A' is taken by the tree in line 3 of more.xml")
+        (
+            "duplicate-tree-id",
+            "main.xml",
+            2,
+            "the tree ID 'A' is already used by the tree in line 3 of more.xml",
+        )
     ]
 
 

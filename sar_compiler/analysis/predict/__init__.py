@@ -1,7 +1,7 @@
-"""How likely a tree is to succeed, and to keep its properties, how long it takes, and which leaf matters most: computed, not played.
+"""Prediction of a tree's runs, computed without running it: probabilities, times and influential leaves.
 
-The tree's states are searched as for a proof, with leaves whose chances and times are known (`kernel.probabilities`); what comes of them is a
-system of linear equations (`weighed_graph`).
+The tree's states are searched as for a proof, with the known probabilities and times of leaves
+(`state_search.probabilities`). The result is a system of linear equations (`weighed_graph`).
 """
 
 import math
@@ -47,13 +47,14 @@ _MOST_TICKS = 2_000_000
 
 @dataclass(frozen=True)
 class Influence:
-    """How much a leaf matters.
+    """The influence of a leaf on success.
 
     Attributes:
         leaf: Its path.
-        derivative: By how much the chance of success grows with that of the leaf's first answer that is SUCCESS, where its others keep their
-            proportions: 0.3 are 0.3 points for each point.
-        if_never_failed: The chance of success if the leaf always gave that answer.
+        derivative: The increase of the success probability per increase of the probability of the leaf's first
+            outcome with SUCCESS, if its other outcomes keep their proportions: 0.3 means 0.3 percentage points per
+            point.
+        if_never_failed: The success probability if the leaf always had that outcome.
     """
 
     leaf: tuple[str, ...]
@@ -63,27 +64,30 @@ class Influence:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What is to be expected of a tree's runs. A number that is not known exactly is between its bounds.
+    """The expected results of a tree's runs. A number that is not known exactly is given by its bounds.
 
     Attributes:
-        success: The chance that a run ends with the root SUCCESS.
-        ends: The chance that a run ends.
-        properties: The chance that each property is kept, by its name.
-        time_sec: The expected time of the runs that end, seconds; None if that is not known, or none does. Where chances are not
-            known, from the one to the other of the times with which success is least and most likely.
-        success_sec: The same of those that succeed.
-        distribution: The times at which runs end, seconds, with the chance that one has ended well by then, and that it has ended; empty
-            where there would be too much to go through. Here, and for the influences, chances that are not known are in the middle.
-        influences: The leaves that matter, most first.
-        unknown: The paths of the leaves of which no chance is known.
-        states: How many states were found.
-        steps: How many steps there are between them.
-        complete: Whether all states were gone through; what is behind the others may be anything.
-        stopped: Whether it was stopped before that, or before all numbers were worked out: those that are missing have the bounds 0 and 1.
-        left_out: The properties that say nothing about this tree.
-        undecided: The reasons for which some runs were not followed, or some conditions not evaluated, because they need unknown values.
-            Chances have bounds that are right whatever these values are; times, the distribution and the influences are not computed.
-        merged: The keys and facts of which not all values were distinguished, since no run can tell them apart.
+        success: The probability that a run ends with the root SUCCESS.
+        ends: The probability that a run ends.
+        properties: The probability that each property holds, by its name.
+        time_sec: The expected time of the runs that end, seconds; None if that is not known, or none ends. If
+            probabilities are unknown, the times for which success is least and most probable.
+        success_sec: The same for the runs that succeed.
+        distribution: The times at which runs end, seconds, with the probabilities that a run has succeeded and that
+            it has ended by then; empty if the computation would be too large. Here, and for the influences, unknown
+            probabilities are set to the middle of their bounds.
+        influences: The influential leaves, most influential first.
+        unknown: The paths of the leaves without any known probability.
+        states: The number of states found.
+        steps: The number of steps between them.
+        complete: Whether all states were explored; the behaviour after the others is unknown.
+        stopped: Whether it was stopped before that, or before all numbers were computed: missing numbers have the
+            bounds 0 and 1.
+        left_out: The properties that do not apply to this tree.
+        undecided: The reasons why some runs were not explored, or some conditions not evaluated, because they need
+            unknown values. The bounds of probabilities hold for all these values; times, the distribution and the
+            influences are not computed.
+        merged: The keys and facts with merged values, because no run can distinguish them.
     """
 
     success: Between
@@ -103,7 +107,7 @@ class Prediction:
     merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
-        """Return the time by which this share of the runs that end has ended, seconds; None if that is not known."""
+        """Return the time by which a share of the runs that end has ended, seconds; None if unknown."""
         whole = self.distribution[-1][2] if self.distribution else 0.0
         return next((sec for sec, _, ended in self.distribution if ended >= share * whole - _ROUNDING), None)
 
@@ -118,20 +122,21 @@ def predict(
     *,
     merges: bool = True,
 ) -> Prediction:
-    """Return what is to be expected of a tree's runs.
+    """Predict the results of a tree's runs.
 
     Args:
-        simulated: The tree with stub leaves; it is used up.
-        file: The properties, and the chances of answers; None for none.
+        simulated: The tree with stub leaves; not usable afterwards.
+        file: The properties, and the probabilities of outcomes; None for none.
         tags: The tags of leaves that a tree can have.
         period_sec: The time between two ticks, seconds.
-        max_states: How many states to find at most; what is behind the others may be anything.
-        budget: Is told now and then how far it is; ends the search. What is known by then is published in it.
-        merges: Whether values are one that no run can tell apart (`verify.slicing`).
+        max_states: The maximum number of states to find; the behaviour after the others is unknown.
+        budget: Receives the progress, and ends the search. The result so far is published in it.
+        merges: Whether to merge values that no run can distinguish (`verify.slicing`).
 
     Raises:
-        TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree's runs cannot be gone through, or a tick of one raises an error for another reason than an unknown value.
+        TreeError: If the file contradicts the tree; carries the findings.
+        UndecidableError: If the tree's runs cannot be searched, or a tick raises an error for another reason than an
+            unknown value.
     """
     _require_few_ticks(simulated, period_sec)
     prepared = Prepared.of(simulated)
@@ -152,7 +157,7 @@ def predict(
 def _predicted(
     properties: Properties, *, prepared: Prepared, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
-    """Return what is to be expected of a tree's runs; raises `ConditionError` as well."""
+    """Predict the results of a tree's runs; raises `ConditionError` as well."""
     simulated, probabilities = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
     stepper = TreeStepper(prepared, _remembering(properties.rules), probabilities=probabilities)
     nothing = _nothing_known(properties)
@@ -178,7 +183,7 @@ def _predicted(
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
-    """Require that every time takes few ticks: the search counts them, and keeps each number that it has come to.
+    """Require that every time takes few ticks: the search counts them, and stores each count as a separate state.
 
     Raises:
         UndecidableError: If a time takes too many.
@@ -187,13 +192,13 @@ def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
         if seconds / period_sec > _MOST_TICKS:
             period = _rounded_up(seconds / _MOST_TICKS)
             raise UndecidableError(
-                f"'{name}' takes {seconds:g} s, which is {seconds / period_sec:.3g} ticks; the most are {_MOST_TICKS:,}. "
-                f"Let ticks be further apart: --period {period}"
+                f"'{name}' takes {seconds:g} s, which is {seconds / period_sec:.3g} ticks. At most {_MOST_TICKS:,} are supported. "
+                f"Write a longer tick period: --period {period}"
             )
 
 
 def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
-    """Require that no tick raises: nothing is known of what comes after it.
+    """Require that no tick raises, because the behaviour after it is unknown.
 
     Raises:
         UndecidableError: If one does.
@@ -205,13 +210,13 @@ def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
 
 
 def _rounded_up(seconds: float) -> str:
-    """Return a number of seconds, rounded up to two digits, as an option takes it."""
+    """Return a number of seconds, rounded up to two digits, as the value of an option."""
     digits = 1 - math.floor(math.log10(seconds))
     return f"{math.ceil(seconds * 10.0**digits) / 10.0**digits:g}"
 
 
 def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
-    """Yield the nodes that wait, each with how long it may, seconds; what is known only while the tree runs is left out."""
+    """Yield the nodes that wait, each with its time limit, seconds; limits known only at run time are left out."""
     for behaviour in simulated.root.iterate():
         if isinstance(behaviour, StubLeaf):
             yield from ((behaviour.name, answer.sec[1]) for answer in behaviour.answers)
@@ -242,10 +247,10 @@ def _nothing_known(properties: Properties) -> Prediction:
 
 
 class _BreachMonitors(Monitors):
-    """Monitors that remember which of them were broken: a bit for each, above those of what the others remember.
+    """Monitors that remember their violations: a bit for each, above the state of the wrapped monitors.
 
     Args:
-        monitors: The others.
+        monitors: The wrapped monitors.
     """
 
     def __init__(self, monitors: Monitors) -> None:
@@ -263,11 +268,11 @@ class _BreachMonitors(Monitors):
     def after(self, state: int, event: int) -> tuple[int, int]:
         before, broken = self.parts(state)
         after, now = self._inner.after(before, event)
-        # What is broken has nothing more to remember.
+        # A violated property has no further state.
         return (after & ~(broken | now)) | (broken | now) << self.count, 0
 
     def parts(self, state: int) -> tuple[int, int]:
-        """Return what the monitors remember in a state, and which were broken."""
+        """Return the state of the wrapped monitors, and the violated ones."""
         return state & (1 << self.count) - 1, state >> self.count
 
     def owed(self, state: int) -> int:
@@ -281,7 +286,7 @@ def _remembering(rules: PropertyAutomata) -> PropertyAutomata:
 
 
 class _Reckoning:
-    """Reckons what is to be expected, from the states that were found."""
+    """Computes the prediction from the states that were found."""
 
     def __init__(
         self,
@@ -303,7 +308,7 @@ class _Reckoning:
             self._look_at(int(state))
 
     def _look_at(self, state: int) -> None:
-        """Find out which properties are broken in a state, and whether a run has succeeded in it."""
+        """Determine the properties violated in a state, and whether a run has succeeded in it."""
         steps, code = self._stepper.steps, self._graph.states[state]
         outcome, watched = steps.restore(code)
         broken = watched >> self._properties.rules.monitors.count
@@ -314,11 +319,11 @@ class _Reckoning:
             self._broken[state, rule] = broken >> rule & 1
 
     def prediction(self, found: Prediction, budget: Budget) -> Prediction:
-        """Return what is to be expected.
+        """Return the prediction.
 
         Args:
-            found: What is known before: of each number, that it may be anything.
-            budget: What has been worked out is published in it.
+            found: The initial result, in which each number may be anything.
+            budget: The results so far are published in it.
         """
         weighed, unknown = self._weighed, self._open
         parts: list[tuple[str, Callable[[], Any]]] = [
@@ -349,7 +354,7 @@ class _Reckoning:
         return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
     def _kept(self, rule: int) -> Between:
-        """Return the chance that a property is kept; one that owes something is only where a run ends and it has come."""
+        """Return the probability that a property holds; an obligation must be met before a run ends."""
         broken, unknown = self._broken[:, rule], self._open
         if rule in self._properties.owing:
             return self._weighed.bounds(self._ends & ~broken, unknown)
@@ -361,7 +366,7 @@ class _Reckoning:
         return None if ticks is None else Between(*map(self._seconds, ticks))
 
     def _seconds(self, ticks: float) -> float:
-        """Return when a tick is, seconds from the first one."""
+        """Return the time of a tick, seconds from the first one."""
         return (ticks - 1) * self._period_sec
 
     def _influences(self) -> tuple[Influence, ...]:
@@ -377,7 +382,7 @@ class _Reckoning:
         return tuple(sorted(found, key=lambda each: -abs(each.derivative)))
 
     def _unknown(self) -> tuple[tuple[str, ...], ...]:
-        """Return the paths of the leaves that have a choice of which nothing is known."""
+        """Return the paths of the leaves that have a choice without known probabilities."""
         open_ = {
             choice.leaf
             for choice in self._probabilities.choices

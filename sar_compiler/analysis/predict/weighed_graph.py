@@ -1,14 +1,17 @@
-"""The places that a tree's runs come to, with how likely each step is, and what follows from that.
+"""The places that a tree's runs reach, with the probability of each step, and the quantities computed from them.
 
-A *place* is a state, or a middle of ticks (`kernel.forking`), in which one leaf has several ways to go on. Where all chances are known the places
-are a Markov chain, and the chance of coming to some states from each of them is the solution of x = A x + b, once the places are left out from which
-there is no way there (else A has 1 as an eigenvalue, and the solution is not unique).
+A *place* is a state, or an intermediate state of ticks (`state_search.forking`) in which one leaf has several
+outcomes. If all probabilities are known, the places are a Markov chain. The probability of reaching some states from
+each of them is then the solution of x = A x + b, after removing the places without a path to these states (otherwise
+A has the eigenvalue 1, and the solution is not unique).
 
-Where chances are known as intervals, or not at all, the bounds are those over all ways in which they could be chosen, anew at each place and
-each time: a Markov decision process. They are found by improving a choice of the chances until there is no better one (policy iteration). Two
-things make that right. For the largest chance the first choice gives something to everything that is possible, so that every place that can get to
-the goal does. For the least one the places are left out from which the goal can be avoided for ever: there the least chance is 0, and equations alone
-would not find it, since they hold for every value on a round that nobody has to leave.
+If probabilities are known as intervals, or not at all, the bounds are those over all possible choices of the
+probabilities at each place and each time: a Markov decision process. They are found by improving a choice of the
+probabilities until there is no better one (policy iteration). Two details make that correct. For the largest
+probability, the first choice gives every possible outcome a positive probability, so that every place with a path to
+the goal reaches it. For the least one, the places are removed from which the goal can be avoided forever. The least
+probability there is 0, but the equations alone would not find it, since they hold for every value on a loop that a
+run need not leave.
 """
 
 from collections import deque
@@ -29,24 +32,25 @@ from sar_compiler.runtime.answers import middle
 Flags: TypeAlias = npt.NDArray[Any]
 Indices: TypeAlias = npt.NDArray[Any]
 Reals: TypeAlias = npt.NDArray[Any]
-"""Arrays of bool, of int64 and of float64: one number for each place, or for each step."""
+"""Arrays of bool, int64 and float64 with one number for each place, or for each step."""
 
 _MOST_ROUNDS = 100
-# So many rounds are quicker than one pass in Python.
+# The number of rounds that are faster than one pass in Python.
 _FEW_ROUNDS = 5
 _ROUNDING = 1e-9
-# What is left of a run's chance when its time is not followed any more, and how many steps are followed: a second or two.
+# The remaining probability below which a run's time is not computed, and the limit of computed steps: a second or
+# two.
 _REST = 1e-6
 _MOST_CARRIED = 20_000_000
 _STEPS_OF_A_ROUND = 400
 
 
 class Between(NamedTuple):
-    """A number of which it is known that it lies between two.
+    """A number that is known by its bounds.
 
     Attributes:
-        low: The least that it can be.
-        high: The greatest.
+        low: Its lower bound.
+        high: Its upper bound.
     """
 
     low: float
@@ -58,8 +62,8 @@ class EndTick(NamedTuple):
 
     Attributes:
         tick: Its number, from 0.
-        succeeded: The chance that a run has ended by then, and well.
-        ended: The chance that it has ended.
+        succeeded: The probability that a run has succeeded by then.
+        ended: The probability that it has ended.
     """
 
     tick: int
@@ -68,22 +72,24 @@ class EndTick(NamedTuple):
 
 
 class WeighedGraph:
-    """What a search has found, with how likely each step is. What is missing of an answer's chance are ticks that need an unknown value.
+    """The result of a search with the probability of each step.
+
+    Ticks that need an unknown value have the remaining probability of an outcome.
 
     Args:
-        graph: The states and steps; `going_on` of what these do has the number of a weight.
+        graph: The states and steps; `going_on` of a step's label contains the number of a weight.
         chances: The weights.
     """
 
     def __init__(self, graph: Graph, probabilities: ChoiceTable) -> None:
-        # The last place stands for all that is not known.
+        # The last place stands for all unknown places.
         self._states, self._count = len(graph.states), graph.places + 1
         self._choices = probabilities.choices
         steps = _steps_of(graph)
         labels = np.array([waits[0] for waits in graph.waits] or [0])[steps[2]]
         weights = np.array(probabilities.weights)[np.maximum(labels, 0)]
         answers, shares = weights[:, 1].astype(np.int64), weights[:, 2]
-        # The last choice is that of a place where there is nothing to choose.
+        # The last choice is that of a place without a choice.
         self._low, self._high, self._middle = _tables([choice.bounds for choice in self._choices])
         self._choice_at = np.full(self._count, -1)
         self._choice_at[steps[0]] = weights[:, 0]
@@ -95,7 +101,7 @@ class WeighedGraph:
             np.concatenate([answers, answer])[order],
             np.concatenate([shares, share])[order],
         )
-        # Only time passes in a step without a weight; a step to a middle does not end its tick.
+        # A step without a weight only takes time; a step to an intermediate state does not end its tick.
         ticks = np.where(labels < 0, -labels, 1) * (steps[1] < self._states)
         self._ticks = np.concatenate([ticks, np.zeros(len(source), ticks.dtype)])[order]
         wide = self._low < self._high
@@ -104,7 +110,7 @@ class WeighedGraph:
     def _not_followed(
         self, graph: Graph, source: Indices, answers: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return the places and answers after which ticks need an unknown value, and which share of each answer's chance these are."""
+        """Return the places and outcomes after which ticks need an unknown value, and these ticks' share of each."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + answers, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
@@ -115,11 +121,11 @@ class WeighedGraph:
         return places, found, missing[places, found]
 
     def bounds(self, goal: Flags, unknown: Flags) -> Between:
-        """Return the chance of coming to some states.
+        """Return the bounds of the probability of reaching some states.
 
         Args:
             goal: Which states these are.
-            unknown: The states of which nobody knows what follows.
+            unknown: The states with unknown behaviour after them.
         """
         possible = self._wide(goal | unknown)
         possible[-1] = True
@@ -127,14 +133,16 @@ class WeighedGraph:
         return Between(float(least[0]), float(most[0]))
 
     def _wide(self, states: Flags) -> Flags:
-        """Return which places some states are."""
+        """Return flags of places for flags of states."""
         return np.concatenate([states, np.zeros(self._count - self._states, bool)])
 
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
-        """Return the largest chance of coming to a goal from each place, with a *sign* below 0 the least one, and the chances with which it is that.
+        """Return the largest probability of reaching a goal from each place, and the probabilities that lead to it.
+
+        If *sign* is below 0, it is the least one.
 
         Raises:
-            UndecidableError: If it is not found: what was found until then may be no bound.
+            UndecidableError: If it is not found: intermediate results may be no bounds.
         """
         probabilities = self._between()
         left_out = self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._count, bool)
@@ -145,21 +153,22 @@ class WeighedGraph:
                 return values, probabilities
             probabilities = better if turn != _FEW_ROUNDS else self._backwards(goal | left_out, values, sign)
             values = self._reach(goal, probabilities, left_out)
-        raise UndecidableError(f"no bound of a chance was found in {_MOST_ROUNDS} rounds")
+        raise UndecidableError(f"no bound of a probability was found in {_MOST_ROUNDS} rounds")
 
     def _between(self) -> Reals:
-        """Return chances of the answers at each place that are between their bounds, and not 0 where they need not be."""
+        """Return probabilities of the outcomes at each place that are within their bounds, and positive if possible."""
         probabilities: Reals = self._middle[self._choice_at]
         return probabilities
 
     def _backwards(self, given: Flags, values: Reals, sign: int) -> Reals:
-        """Return chances that are the best ones where no round is, found in one pass from the last places to the first ones.
+        """Return probabilities that are optimal without loops, found in one pass from the last places to the first ones.
 
-        On rounds they are only good to begin with. A choice at a time, `_improved` would take as many rounds as ways are long.
+        With loops they are only a good start. Changing one choice at a time, `_improved` would take as many rounds as
+        the longest path.
 
         Args:
             given: The places whose values are known.
-            values: The values that others have with the chances that are between their bounds.
+            values: The values of the others with probabilities within their bounds.
             sign: Whether the largest or the least value is the best one.
         """
         count, width = len(values), self._low.shape[1]
@@ -185,7 +194,7 @@ class WeighedGraph:
         return probabilities
 
     def _improved(self, values: Reals, probabilities: Reals, sign: int) -> Reals | None:
-        """Return chances that are better where places have a choice; None if there are none."""
+        """Return better probabilities for the places with a choice; None if there are none."""
         places = self._varying
         worth = self._worth(values)[places]
         low, high = self._low[self._choice_at[places]], self._high[self._choice_at[places]]
@@ -203,7 +212,7 @@ class WeighedGraph:
         return found
 
     def _worth(self, values: Reals) -> Reals:
-        """Return the value of each answer at each place."""
+        """Return the value of each outcome at each place."""
         width = self._low.shape[1]
         worth = np.bincount(
             self._source * width + self._answer, self._share * values[self._target], self._count * width
@@ -211,7 +220,7 @@ class WeighedGraph:
         return worth.reshape(-1, width)
 
     def _reach(self, goal: Flags, probabilities: Reals, left_out: Flags) -> Reals:
-        """Return the chance of coming to a goal from each place."""
+        """Return the probability of reaching a goal from each place."""
         return self._equations(goal, probabilities, left_out).reach(goal)
 
     def _equations(self, goal: Flags, probabilities: Reals, left_out: Flags) -> "_Equations":
@@ -221,7 +230,7 @@ class WeighedGraph:
         return _Equations(self._source, self._target, likely, there)
 
     def _before(self, goal: Flags, used: Flags) -> Flags:
-        """Return the places from which there is a way to a goal."""
+        """Return the places with a path to a goal."""
         count = self._count
         first = np.flatnonzero(goal)
         rows = np.concatenate([self._target[used], np.full(len(first), count)])
@@ -233,13 +242,13 @@ class WeighedGraph:
         return before
 
     def _avoiding(self, goal: Flags) -> Flags:
-        """Return the places from which a goal can be avoided for ever."""
+        """Return the places from which a goal can be avoided forever."""
         width = self._low.shape[1]
         avoiding = ~goal
         order = np.argsort(self._target, kind="stable")
         ends = np.cumsum(np.bincount(self._target, minlength=self._count))
         sources, answers = self._source[order], self._answer[order]
-        # The answers of a place from which all steps avoid the goal, and whether one of these can be all that comes.
+        # The outcomes of a place whose steps all avoid the goal, and whether one of these can have probability 1.
         safe = np.ones((self._count, width), bool)
         waiting = deque(np.flatnonzero(goal))
         while waiting:
@@ -254,11 +263,11 @@ class WeighedGraph:
         return avoiding
 
     def ticks(self, goal: Flags, best_for: Flags) -> Between | None:
-        """Return the expected number of ticks of the runs that come to some states; None if none does.
+        """Return the expected number of ticks of the runs that reach some states; None if none does.
 
         Args:
             goal: The states.
-            best_for: The states for which chances that are not known are the worst and the best ones.
+            best_for: The states for which unknown probabilities are the worst and the best ones.
         """
         found = [
             self._expected(self._wide(goal), probabilities) for probabilities in self._extremes(best_for)
@@ -267,7 +276,7 @@ class WeighedGraph:
         return Between(min(told), max(told)) if told else None
 
     def _extremes(self, goal: Flags) -> list[Reals]:
-        """Return the chances with which coming to some states is least and most likely."""
+        """Return the probabilities with which reaching some states is least and most probable."""
         signs = (-1, 1) if len(self._varying) else (1,)
         return [self._optimum(self._wide(goal), sign)[1] for sign in signs]
 
@@ -279,14 +288,15 @@ class WeighedGraph:
         return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
 
     def influences(self, goal: Flags, usual: Sequence[int]) -> Iterator[tuple[int, float, float]]:
-        """Yield the leaves with a choice that matters, each with a derivative and with the chance of a goal if it never failed.
+        """Yield each influential leaf with a derivative, and the probability of a goal if the leaf never failed.
 
-        The derivative is that of the chance of coming to the goal, for the chance of the leaf's usual answer, where the others keep their proportions.
-        Chances that are not known are taken to be in the middle.
+        The derivative is that of the probability of reaching the goal with respect to the probability of the leaf's
+        usual outcome, if the others keep their proportions. Unknown probabilities are set to the middle of their
+        bounds.
 
         Args:
             goal: The states.
-            usual: Which answer of each choice is the usual one; -1 for none.
+            usual: Which outcome of each choice is the usual one; -1 for none.
         """
         wide, probabilities = self._wide(goal), self._between()
         nothing = np.zeros(self._count, bool)
@@ -317,20 +327,20 @@ class WeighedGraph:
     def ends(
         self, ends: Flags, goal: Flags, is_spent: Callable[[], bool] = lambda: False
     ) -> list[EndTick] | None:
-        """Return when runs end, tick by tick; None if that would take too long. Chances that are not known are taken to be in the middle.
+        """Return when runs end, tick by tick; None if that takes too long. Unknown probabilities are set to the middle.
 
         Args:
             ends: The states in which runs end.
             goal: The states in which they have succeeded.
-            is_spent: Whether it has taken too long.
+            is_spent: Returns whether it has taken too long.
         """
         likely = self._share * self._between()[self._source, self._answer]
-        # A run that cannot end any more is not followed: that would be for ever.
+        # A run that can no longer end is not followed, because that would take forever.
         can_end = self._before(self._wide(ends), likely > 0.0)
         likely[~can_end[self._target]] = 0.0
         first = np.concatenate([[0], np.cumsum(np.bincount(self._source, minlength=self._count))])
         found, total, good, carried = [], 0.0, 0.0, 0
-        # How likely it is that a run has not ended yet, and still can.
+        # The probability that a run has not ended yet, and still can.
         left = float(can_end[0])
         moments: dict[int, list[tuple[Indices, Reals]]] = {0: [(np.array([0]), np.array([1.0]))]}
         while moments and left > _REST:
@@ -345,7 +355,7 @@ class WeighedGraph:
             places, mass = places[~over], mass[~over]
             while len(places):
                 steps, counts = _ranges(first[places], first[places + 1])
-                # A round of NumPy's calls takes as long as many steps.
+                # The calls of NumPy in a round take as long as many steps.
                 carried += len(steps) + _STEPS_OF_A_ROUND
                 if carried > _MOST_CARRIED or is_spent():
                     return None
@@ -362,12 +372,12 @@ class WeighedGraph:
 
 
 class _Equations:
-    """The equations of the places from which there is a way to a goal.
+    """The equations of the places with a path to a goal.
 
     Args:
-        source: Where each step begins.
-        target: Where it leads.
-        likely: How likely it is.
+        source: The source of each step.
+        target: Its target.
+        likely: Its probability.
         there: Which places these are.
     """
 
@@ -383,21 +393,21 @@ class _Equations:
         self._solver = splu(sparse.identity(size, format="csc") - matrix) if size else None
 
     def mean(self, values: Reals) -> Reals:
-        """Return for each of the places the mean over its steps of something that each step has."""
+        """Return for each place the mean over its steps of a quantity of each step."""
         return np.bincount(self._source, self._likely * values, self._count)[self.places]
 
     def solve(self, known: Reals) -> Reals:
-        """Return what each place has, given what it has of its own."""
+        """Return the quantity of each place, given its own contribution."""
         return self._solver.solve(known) if self._solver else known
 
     def reach(self, goal: Flags) -> Reals:
-        """Return the chance of coming to the goal from each place."""
+        """Return the probability of reaching the goal from each place."""
         values = goal.astype(float)
         values[self.places] = self.solve(self.mean(values[self._target]))
         return values
 
     def visits(self) -> Reals:
-        """Return how often runs come to each of the places."""
+        """Return the expected number of visits of each place."""
         visits = np.zeros(self._count)
         begin = (self.places == 0).astype(float)
         visits[self.places] = self._solver.solve(begin, "T") if self._solver else begin
@@ -405,7 +415,7 @@ class _Equations:
 
 
 def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
-    """Return of each step its source and its target, as places, and the number of what it does."""
+    """Return the source and the target of each step, as places, and the number of its label."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
         counts = [int(steps.count(place)) for place in range(len(steps))]
@@ -421,7 +431,7 @@ def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
 
 
 def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Reals, Reals]:
-    """Return the least, the greatest and the middle chance of each answer of each choice; the last choice has a single answer."""
+    """Return the least, greatest and middle probability of each outcome of each choice; the last choice has one outcome."""
     shape = len(bounds) + 1, max(map(len, bounds), default=1)
     low, high, between = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for number, answers in enumerate([*bounds, [(1.0, 1.0)]]):
@@ -432,7 +442,7 @@ def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Rea
 
 
 def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[float]) -> list[float]:
-    """Return the chances between some bounds, adding up to 1, with which most is gained."""
+    """Return the probabilities within some bounds, with the sum 1, that maximize the gain."""
     likely = [low for low, _ in bounds]
     left = 1.0 - sum(likely)
     for place in sorted(range(len(gains)), key=lambda each: -gains[each]):
@@ -443,13 +453,13 @@ def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[fl
 
 
 def _gathered(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
-    """Return the places of some parts, each once, with all that comes there."""
+    """Return the places of some parts, each once, with the sum of its values."""
     places, inverse = np.unique(np.concatenate([each[0] for each in parts]), return_inverse=True)
     return places, np.bincount(inverse, np.concatenate([each[1] for each in parts]), len(places))
 
 
 def _ranges(begins: Indices, ends: Indices) -> tuple[Indices, Indices]:
-    """Return the numbers of some ranges, one behind the other, and how many each has."""
+    """Return the concatenated numbers of some ranges, and the length of each."""
     counts = ends - begins
     before = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return np.arange(counts.sum()) + np.repeat(begins - before, counts), counts

@@ -1,7 +1,7 @@
-"""Verifying a tree: whether properties hold in all of its possible runs.
+"""Verification of a tree: whether properties hold in all of its possible runs.
 
-The tree is compiled with stub leaves and brought into flat form; every combination of answers is played in
-every state that can be reached, those that fewest ticks lead to first.
+The tree is compiled with stub leaves and converted to its flat form. Then every combination of leaf outcomes is
+played in every reachable state, breadth first.
 """
 
 from collections.abc import Collection, Iterator
@@ -42,23 +42,24 @@ def verify(
 ) -> Verification:
     """Search the states of a tree and answer every question.
 
-    A larger tree with parallel branches that share nothing is proved branch by branch (`composing`), if that leads to answers.
-    A property whose condition needs an unknown value is not decided; the others are, without it. Likewise the end of a run, and what depends on it.
+    A larger tree with independent parallel branches is proved branch by branch (`composing`), if that succeeds. A
+    property whose condition needs an unknown value is undecided, and the search continues without it. The same
+    applies to the condition for the end of a run, and to the properties that depend on it.
 
     Args:
-        simulated: The tree with stub leaves; it is used up.
-        file: What must hold; None for nothing but what is asked of every tree.
+        simulated: The tree with stub leaves; not usable afterwards.
+        file: The properties; None for only the questions that are asked of every tree.
         tags: The tags of leaves that a tree can have.
-        max_states: How many states to find at most.
-        budget: Is told now and then how far it is, and when a property is violated; ends the search. What is known by then is published in it.
-        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
-        plainly: With how many states a tree is searched as it is in any case.
-        merges: Whether values are one that no run can tell apart (`slicing`).
+        max_states: The maximum number of states to find.
+        budget: Receives the progress and each violation, and ends the search. The result so far is published in it.
+        forgets: Whether states are equal that differ only in the last statuses of nodes, if these make no difference.
+        plainly: The number of states up to which a tree is searched without branches.
+        merges: Whether to merge values that no run can distinguish (`slicing`).
 
     Raises:
-        TreeError: If the file says something that makes no sense for the tree; carries the findings.
-        UndecidableError: If the tree has a node whose rules are not known, or keeps values that cannot be compared; or if a condition
-            cannot be evaluated, and no unknown value is the reason.
+        TreeError: If the file contradicts the tree; carries the findings.
+        UndecidableError: If the tree has a node with unknown rules, or keeps values that cannot be compared; or if a
+            condition cannot be evaluated for another reason than an unknown value.
     """
     prepared = Prepared.of(simulated)
     search = partial(
@@ -118,12 +119,12 @@ def _searched(
 def _so_far(
     asked: Collection[str], progress: Progress, properties: Properties, simulated: SimulatedTree
 ) -> Verification:
-    """Return what is known while the search goes on: what is violated, without a run."""
-    violated = "it is violated; the search was stopped before a run could be shown"
+    """Return the result during the search: the violated properties, without a run."""
+    violated = "it is violated, but the search stopped before a run could be shown"
     verdicts = tuple(
         Verdict(each, ProofStatus.BROKEN, violated)
         if each in progress.broken
-        else Verdict(each, ProofStatus.UNDECIDED, "the search was stopped")
+        else Verdict(each, ProofStatus.UNDECIDED, "the search stopped early")
         for each in asked
     )
     return Verification(
@@ -149,14 +150,17 @@ def _verified(
     report: Report,
     budget: Budget,
 ) -> Verification:
-    """Search the states of a tree as it is."""
+    """Search the states of a tree without composing branches."""
     simulated = prepared.simulated
     graph, unknown = explored(stepper, max_states, report, (*properties.names, OWN_RECORDS))
     plain = plain_stepper(prepared, properties.rules)
     space = StateSpace(stepper, graph, properties.names, properties.owing, unknown, plain)
     questions = Questions(space, simulated.explain)
     found = Verification(
-        tuple(Verdict(each, ProofStatus.UNDECIDED, "it was not worked out any more") for each in asked),
+        tuple(
+            Verdict(each, ProofStatus.UNDECIDED, "the search stopped before it was evaluated")
+            for each in asked
+        ),
         len(graph.states),
         graph.step_count,
         graph.depth,

@@ -1,8 +1,8 @@
-"""Branches below parallel nodes that share nothing with the rest of their tree, and what can come of their ticks.
+"""Independent branches below parallel nodes, and the automata that describe the results of their ticks.
 
-Neighbours that all have to succeed are together one branch (`joined`): a parallel node of three such children is one of two, of which the first one is a
-parallel node of two. What can come of the ticks of two is brought to its fewest states before a third one is added; so twenty like branches are some ten
-states.
+Neighbours that all have to succeed are joined into one branch (`joined`): a parallel node with three such children
+becomes one with two, the first of which is a parallel node with two. The automaton of two branches is minimized
+before a third one is added, so that twenty similar branches have about ten states.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -36,27 +36,27 @@ from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.user_nodes import UserNode
 
 _MOST_STATES = 20_000
-"""A branch with more states on its own is no small part of a proof."""
+"""The maximum number of states of a branch: a larger one is not a small part of a proof."""
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.FIXED)
 _OUTSIDE = -1
-"""In place of the number of a node: something else than a node."""
+"""The number of a user other than a node."""
 
 
 def has_parallels(flat: FlatTree) -> bool:
-    """Return whether a tree has parallel nodes, and none that may tick a child twice in a tick, or look at whatever it likes."""
+    """Return whether a tree has parallel nodes, and none that may tick a child twice in a tick or read arbitrary nodes."""
     own = any(isinstance(node, UserNode) for node in flat.nodes)
     return not own and any(isinstance(node, CountingNode) for node in flat.nodes)
 
 
 class Sharing:
-    """Which nodes of a tree use which entries.
+    """The entries that each node of a tree uses.
 
     Args:
         simulated: The tree.
         read: The names of the entries that properties read.
 
     Attributes:
-        is_open: Whether a node may depend on others in ways that are not seen here.
+        is_open: Whether a node may depend on others in ways that are not visible here.
     """
 
     def __init__(self, simulated: SimulatedTree, read: Iterable[str]) -> None:
@@ -68,7 +68,7 @@ class Sharing:
         self._places = PlaceFinder(top)
         table = entry_table_of(top)
         self.is_open = table.is_open or any(
-            # What is only removed is no access.
+            # An entry that is only removed is not accessed.
             any(role.kind is AccessKind.NONE for role in bound.spec.semantics.keys.values())
             or (bound.references and not is_answered(bound.spec))
             for tree in table.accesses
@@ -91,7 +91,7 @@ class Sharing:
                 self._changed.add(entry.name)
 
     def is_apart(self, branch: Behaviour) -> bool:
-        """Return whether nobody else uses what a branch changes, or changes what it uses."""
+        """Return whether no other node uses the entries that a branch changes, or changes those that it uses."""
         if branch.id not in self._origins:
             return False
         made = self._origins.construction(branch.id)
@@ -103,12 +103,12 @@ class Sharing:
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """A tree, or a branch that is ticked on its own, of which some branches stand for themselves.
+    """A tree, or a branch that is ticked on its own, with automata in place of some branches.
 
     Attributes:
         stepper: Ticks it.
-        told: What these branches have done in the tick that was told last.
-        branches: They, by their indexes in it.
+        told: The results of these branches in the tick that was reported last.
+        branches: The branches, by their indexes in it.
     """
 
     stepper: TreeStepper
@@ -126,15 +126,15 @@ class Assembly:
         around: Behaviour | None = None,
         joined: Mapping[Behaviour, list[Behaviour]] | None = None,
     ) -> "Assembly":
-        """Put them together.
+        """Combine a tree and its branches.
 
         Args:
             prepared: The tree.
             root: Its root, or the branch's.
-            branches: The branches that stand for themselves.
-            rules: What is watched.
-            around: A behaviour for what ticks a branch on its own.
-            joined: The children of parallel nodes that need all of them, where there are fewer than in the tree.
+            branches: The branches that are replaced by automata.
+            rules: The monitored properties.
+            around: The behaviour that ticks a branch on its own.
+            joined: The children of parallel nodes that need all of them, if there are fewer than in the tree.
         """
         known, told = {branch.root: branch for branch in branches}, list[BranchDeed]()
         automata = {root: branch.automaton for root, branch in known.items()}
@@ -145,13 +145,13 @@ class Assembly:
         return cls(stepper, told, found)
 
     def start(self) -> "Position":
-        """Return where it is before the first tick."""
+        """Return the position before the first tick."""
         return Position(
             self.stepper.steps.start(), tuple(branch.parts.start() for branch in self.branches.values())
         )
 
     def go_on(self, position: "Position", wanted: IsWanted) -> "tuple[Position, tuple[int, ...]]":
-        """Play the first tick that is wanted; return where it leads, and its choices in the tree as it is."""
+        """Play the first wanted tick; return the new position, and the tick's choices in the tree without automata."""
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
         self.told.clear()
         state = next(self.stepper.ticks(position.state, path)).state or b""
@@ -166,11 +166,11 @@ class Assembly:
 
 @dataclass(frozen=True)
 class Position:
-    """Where a run is that was put together of those of branches.
+    """The position in a run that is composed of runs of branches.
 
     Attributes:
         state: The state of the whole; empty after an error.
-        within: Where the branches are that stand for themselves.
+        within: The positions of the replaced branches.
     """
 
     state: bytes
@@ -183,9 +183,9 @@ class Branch:
 
     Attributes:
         root: Its root.
-        parts: What it consists of.
-        classes: The state of the automaton that each of its states is.
-        automaton: What its parent sees of it.
+        parts: Its components.
+        classes: The automaton's state for each of its states.
+        automaton: Its behaviour as its parent observes it.
     """
 
     root: Behaviour
@@ -199,17 +199,17 @@ class Branch:
         return all(outcome != SKIPPED for some in self.automaton.ticks for outcome, _ in some)
 
     def go_on(self, position: Position, result: BranchResult) -> tuple[Position, tuple[int, ...]]:
-        """Return where a tick with a result leads, and the choices of that tick in the tree as it is."""
+        """Return the position after a tick with a given result, and the tick's choices in the tree without automata."""
         classes, runs = self.classes, self.automaton.halts[self.classes[position.state]]
         after, choices = self.parts.go_on(
             position, lambda step: (step.outcome, classes[step.state or b""]) == result
         )
-        # The first one is whether a branch that runs is halted.
+        # The first choice is whether a running branch is halted.
         return after, choices[1 if runs else 0 :]
 
 
 def branches_of(prepared: Prepared, flat: FlatTree, read: Iterable[str]) -> Iterator[Branch]:
-    """Yield the branches of a tree that can stand for themselves, none within another one.
+    """Yield the branches of a tree that can be replaced by automata, none within another one.
 
     Args:
         prepared: The tree.
@@ -230,12 +230,12 @@ def branches_of(prepared: Prepared, flat: FlatTree, read: Iterable[str]) -> Iter
 
 
 def searched(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = ()) -> Branch | None:
-    """Search a branch on its own; return None if it cannot stand for itself.
+    """Search a branch on its own; return None if it cannot be replaced by an automaton.
 
     Args:
         prepared: The tree.
         root: The root of the branch.
-        pair: The two branches that it joins, if it is none of the tree.
+        pair: The two branches that it joins, if it is not a branch of the tree.
     """
     rules, around = without_properties().rules, Running("around")
     try:
@@ -244,7 +244,7 @@ def searched(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = ()) -
         graph = explore(parts.stepper.steps, _MOST_STATES)
     except UndecidableError:
         return None
-    # One that is ticked when it is halted may choose then, in the order in which its parent halts.
+    # A branch that is ticked when it is halted may choose then, in the order in which its parent halts.
     catches = any(isinstance(node, TryCatchNode) for node in parts.stepper.flat.nodes)
     if catches or not graph.complete or graph.error is not None:
         return None
@@ -263,9 +263,10 @@ def searched(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = ()) -
 
 
 def _comes_to_its_end(graph: Graph, runs: Sequence[bool]) -> bool:
-    """Return whether a branch comes to its end in every fair run, and nothing goes on being waited for while it does not run.
+    """Return whether a branch ends in every fair run, with no pending obligation while it does not run.
 
-    What was waited for until it has ended is not waited for when it begins again, so that runs in which it ends again and again are fair.
+    An obligation that is pending until the branch ends is not pending when it restarts, so runs in which it ends
+    repeatedly are fair.
     """
     waits_at_rest = any(
         waits for state in range(len(runs)) if not runs[state] for _, waits in graph.ticks(state)
@@ -275,9 +276,9 @@ def _comes_to_its_end(graph: Graph, runs: Sequence[bool]) -> bool:
 
 
 def _classes(results: Sequence[Sequence[BranchResult]]) -> list[int]:
-    """Return a number for each state, the same for those of which the same can come: the coarsest bisimulation.
+    """Return a class number for each state, equal for states with the same possible results: the coarsest bisimulation.
 
-    Only a branch that runs can be halted, so one that does not is another one.
+    Only a running branch can be halted, so one that does not run is in another class.
     """
     classes, count = [0] * len(results), 0
     while count < len(set(classes)):

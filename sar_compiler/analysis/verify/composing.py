@@ -1,15 +1,17 @@
-"""Proofs of trees with parallel branches that share nothing, each of them apart.
+"""Proofs of trees with independent parallel branches, one branch at a time.
 
-The states of k branches side by side are the product of theirs. But what a branch shares nothing with sees of it only what comes of its ticks. So for
-each question only those branches are searched that it speaks of, and the others stand for themselves (`branches`, `kernel.branch_nodes`):
+The states of k parallel branches are the product of their states. But the rest of the tree observes only the results
+of a branch's ticks if it shares nothing with the branch. So for each question only the branches that it concerns are
+searched in full. Automata replace the others (`branches`, `state_search.branch_nodes`):
 
-- whether the leaves of a branch can run is asked with this branch as it is, and all others standing for themselves;
-- a property is asked with those as they are whose leaves it names;
-- errors and ends are asked with all standing for themselves. A branch in which a tick can raise never does.
+- Whether the leaves of a branch can run is decided with this branch in full, and all others replaced.
+- A property is decided with the branches in full whose leaves it names.
+- Errors and ends are decided with all branches replaced. A branch in which a tick can raise is never replaced.
 
-Nothing is lost: a branch and its automaton are bisimilar, tick by tick, and what is waited for in the one is in the other. So verdicts are those of
-the plain search, and so are the numbers of ticks that lead to what is wrong. A round without an end may be a longer one, since it is told of the
-tree as it is: its ticks are put together of those of the branches, and played by what plays the whole tree.
+The result is exact: a branch and its automaton are bisimilar, tick by tick, and the same obligations are pending in
+both. So the verdicts are those of the plain search, and so are the numbers of ticks that lead to a violation. Only an
+endless loop may be longer: it is shown for the full tree, so its ticks are composed of those of the branches, and
+played in the whole tree.
 """
 
 import copy
@@ -36,9 +38,9 @@ from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.walking import pre_order
 
 _MOST_JOINED = 64
-"""Of more neighbours, what they do would be told of branches within branches too deep."""
+"""The maximum number of neighbours: with more, branches would be nested too deeply."""
 _FEWEST = 2
-"""With one branch that stands for itself, the search in which it does not is the plain one."""
+"""With one replaceable branch, the search in which it is not replaced is the plain one."""
 
 
 def proved_apart(
@@ -49,15 +51,15 @@ def proved_apart(
     report: Report,
     so_far: Verification,
 ) -> Verification | None:
-    """Return the answers to all questions from searches in which branches stand for themselves; None if that does not lead to answers.
+    """Return the answers to all questions from searches with replaced branches; None if that does not succeed.
 
     Args:
         prepared: The tree.
         flat: Its flat form.
-        properties: What is asked.
-        max_states: How many states to find at most in each search.
-        report: Is told now and then how far it is, and when a property is broken.
-        so_far: What is known if the search is stopped.
+        properties: The questions.
+        max_states: The maximum number of states to find in each search.
+        report: Receives the progress, and each violation.
+        so_far: The result if the search is stopped.
     """
     read = {entry.name for condition in properties.conditions for entry in condition.entries}
     branches = [] if properties.asks_for_idle else list(branches_of(prepared, flat, read))
@@ -83,17 +85,17 @@ def proved_apart(
 
 
 class _Asked:
-    """What is asked of a tree, each with those branches as they are of which it speaks.
+    """The questions about a tree, each with the branches that it concerns in full.
 
     Args:
         prepared: The tree.
         flat: Its flat form.
-        properties: What is asked.
-        branches: The branches that can stand for themselves.
+        properties: The questions.
+        branches: The branches that can be replaced.
 
     Attributes:
-        numbers: The numbers of the properties that are asked with the same branches as they are, by these.
-        spaces: What was found of each.
+        numbers: The numbers of the properties that are decided with the same branches in full, by these branches.
+        spaces: The states found for each set of branches.
     """
 
     def __init__(
@@ -112,7 +114,7 @@ class _Asked:
             self.numbers.setdefault(named, []).append(number)
 
     def search(self, concrete: frozenset[Behaviour], max_states: int, report: Report) -> Graph:
-        """Search the tree with some branches as they are."""
+        """Search the tree with some branches in full."""
         asked = self._properties.only(self.numbers[concrete])
         parts = self._arrangement.without(concrete, asked.rules)
         graph, unknown = explored(parts.stepper, max_states, report, asked.names)
@@ -149,12 +151,12 @@ class _Asked:
 
 
 class Arrangement:
-    """Which branches stand for themselves, alone or together, while some are searched as they are.
+    """The replaced branches, alone or joined, for a given set of branches that are searched in full.
 
     Args:
         prepared: The tree.
         flat: Its flat form.
-        branches: The branches that can stand for themselves.
+        branches: The branches that can be replaced.
     """
 
     def __init__(self, prepared: Prepared, flat: FlatTree, branches: Iterable[Branch]) -> None:
@@ -164,11 +166,11 @@ class Arrangement:
         self._joined: dict[tuple[Behaviour, Behaviour], Branch | None] = {}
 
     def without(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> Assembly:
-        """Return the tree with some branches as they are.
+        """Return the tree with some branches in full.
 
         Args:
-            concrete: The roots of these.
-            rules: What is watched.
+            concrete: The roots of these branches.
+            rules: The monitored properties.
         """
         parts = {root: branch for root, branch in self._branches.items() if root not in concrete}
         joined: dict[Behaviour, list[Behaviour]] = {}
@@ -181,7 +183,7 @@ class Arrangement:
         )
 
     def _together(self, parallel: Behaviour, parts: dict[Behaviour, Branch]) -> list[Behaviour]:
-        """Return the children of a parallel node, neighbours that stand for themselves as one, which is added to the others."""
+        """Return the children of a parallel node, with replaced neighbours joined into one new part."""
         can_join = {root for root, branch in parts.items() if branch.is_never_skipped}
         children: list[Behaviour] = []
         for joins, some in groupby(parallel.children, can_join.__contains__):
@@ -195,7 +197,7 @@ class Arrangement:
 
     def _joined_neighbours(self, parallel: Behaviour, run: list[Branch]) -> list[Branch]:
         """Return as few branches as possible for neighbours below a parallel node."""
-        # From the end of the node on, so that what is joined serves again where the branch beside it is another one.
+        # From the last child backwards, so that a joined branch is reused if only the branch before it differs.
         is_first = run[0].root is parallel.children[0]
         found: list[Branch] = []
         for branch in run if is_first else reversed(run):
@@ -206,7 +208,7 @@ class Arrangement:
         return found if is_first else found[::-1]
 
     def _join(self, parallel: Behaviour, pair: Sequence[Branch]) -> Branch | None:
-        """Return two branches as one; None if they can only stand for themselves alone."""
+        """Return two branches as one; None if they can only be replaced separately."""
         roots = pair[0].root, pair[1].root
         if roots not in self._joined:
             self._joined[roots] = searched(self._prepared, copy.copy(parallel), pair)
@@ -233,11 +235,11 @@ def _constant(port: Input[int]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class ComposedSpace(StateSpace):
-    """The states of a tree of which some branches stand for themselves; what is told of them are runs of the whole tree.
+    """The states of a tree with replaced branches, with runs shown for the whole tree.
 
     Attributes:
         parts: The tree.
-        whole: Ticks it with all branches as they are.
+        whole: Ticks it with all branches in full.
     """
 
     parts: Assembly = field(kw_only=True)
@@ -248,7 +250,7 @@ class ComposedSpace(StateSpace):
         stem = len(wanted) - loop
         for each in wanted[:stem]:
             run.go_on(each)
-        # The tree as it is may need several rounds to come back to a state.
+        # The whole tree may need several rounds to return to a state.
         known: dict[object, int] = {}
         while loop and run.position not in known:
             known[run.position] = len(run.ticks)
@@ -259,7 +261,7 @@ class ComposedSpace(StateSpace):
 
 
 class _WholeRun:
-    """A run of a whole tree, after one of a tree of which some branches stand for themselves.
+    """A run of the whole tree that follows a run of a tree with replaced branches.
 
     Args:
         parts: That tree.
@@ -267,7 +269,7 @@ class _WholeRun:
 
     Attributes:
         ticks: Its ticks so far.
-        found: What was found of them.
+        found: The results of these ticks.
     """
 
     def __init__(self, parts: Assembly, whole: TreeStepper) -> None:
@@ -279,16 +281,16 @@ class _WholeRun:
 
     @property
     def position(self) -> object:
-        """Where it is."""
+        """Its position."""
         return self._state, self._of_parts
 
     def go_on(self, wanted: IsWanted) -> None:
-        """Play a tick that is wanted."""
+        """Play a wanted tick."""
         whole, parts = self._whole, self._parts
         self._of_parts, choices = parts.go_on(self._of_parts, wanted)
         step = next(whole.ticks(self._state or b"", choices))
         if step.outcome != parts.stepper.steps.outcome:
-            message = "the run of the whole tree is another one than that of its parts"
+            message = "the run of the whole tree differs from the run of its parts"
             raise AssertionError(message)
         self.found.append(PlayedTick(choices, step.outcome))
         self.ticks.append(whole.played(len(self.ticks) + 1))

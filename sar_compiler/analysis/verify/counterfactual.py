@@ -1,6 +1,7 @@
-"""The smallest change of answers with which a run that was recorded would have succeeded, and what another answer would have led to.
+"""The smallest change of leaf outcomes with which a recorded run would have succeeded, and the effects of other outcomes.
 
-The run is found again among all runs of the tree, tick by tick. From the last tick backwards, it is then let go on otherwise.
+The recorded run is located among all runs of the tree, tick by tick. From the last tick backwards, the search then
+tries other continuations.
 """
 
 import itertools
@@ -14,22 +15,22 @@ from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
 
 _SUCCESS, _RUNNING = WORDS[SUCCESS], WORDS[RUNNING]
-# Answers other than the usual ones after the change.
+# The maximum number of unusual outcomes after the change.
 _MOST_UNUSUAL = 2
-# Ticks that are followed after another answer.
+# The number of ticks that are explored after a changed outcome.
 _MOST_FOLLOWED = 12
 
 
 class Counterfactual(NamedTuple):
-    """How a run would have succeeded.
+    """The change with which a run would have succeeded.
 
     Attributes:
-        tick: The number of the last tick in which something can have been otherwise.
-        time_sec: When that was, seconds since the run began.
-        was: What the leaf has come to in that tick.
-        instead: What it answers instead.
-        then: What leaves answer after that, in order, those that go on running left out.
-        unusual: How many of these answers are other than usual.
+        tick: The number of the last tick that could have been different.
+        time_sec: The time of this tick, seconds since the start of the run.
+        was: The outcome of the leaf in this tick.
+        instead: The changed outcome.
+        then: The outcomes of leaves after that, in order, without those that keep running.
+        unusual: How many of these outcomes are unusual.
     """
 
     tick: int
@@ -41,13 +42,13 @@ class Counterfactual(NamedTuple):
 
 
 class WhatIfResult(NamedTuple):
-    """What would have followed from another answer of a leaf.
+    """The consequence of another outcome of a leaf.
 
     Attributes:
-        was: What the leaf has come to.
-        instead: What it answers instead.
-        then: What leaves answer after that, as usual where they can, those that go on running left out.
-        root: What the root comes to: RUNNING, where the tree goes on beyond what was tried.
+        was: The outcome of the leaf.
+        instead: The changed outcome.
+        then: The outcomes of leaves after that, usual ones if possible, without those that keep running.
+        root: The final status of the root; RUNNING if the tree continues beyond the explored ticks.
     """
 
     was: Event
@@ -61,22 +62,22 @@ def counterfactual(
 ) -> Counterfactual | None:
     """Return the smallest change with which a run would have succeeded, the latest of those; None if none was found.
 
-    The change is one leaf's answer. After it leaves answer what is usual, their first answer that is possible, with as few
-    exceptions as can be, two at most.
+    The change is one leaf's outcome. After it, leaves have their usual outcome, the first possible one, with as few
+    exceptions as possible and at most two.
 
     Args:
-        simulated: The tree with stub leaves; it is used up.
-        record: The run, up to the failure of its root; read once. Answers that are as the last ones may be left out, and ticks in which
-            there are no others.
+        simulated: The tree with stub leaves; not usable afterwards.
+        record: The run, up to the failure of its root; read once. Outcomes equal to the previous one may be left out,
+            and so may ticks without others.
         names: The names of the nodes that ran, in pre-order.
 
     Raises:
-        UndecidableError: If the tree's runs cannot be gone through, or the record is none of them.
+        UndecidableError: If the tree's runs cannot be searched, or the record is not one of them.
         OtherTreeError: If the tree has nodes other than those that ran.
     """
     runs = TreeRuns(simulated, names)
     after = _Continuations(runs)
-    # What could have been otherwise in a tick is a question of its ways: of ticks with the same ones, the latest is asked.
+    # The possible changes of a tick depend only on its ways: of ticks with equal ways, keep the latest.
     moments: dict[int, FoundTick] = {}
     for moment in reversed(runs.replayed(record)):
         moments.setdefault(id(moment.ways), moment)
@@ -94,14 +95,14 @@ def counterfactual(
 
 
 class WhatIfSearch:
-    """What a tree would have done in a run, had a leaf answered otherwise; one question after the other.
+    """Answers what a tree would have done in a run with another outcome of a leaf, for several queries.
 
     Args:
-        simulated: The tree with stub leaves; it is used up.
+        simulated: The tree with stub leaves; not usable afterwards.
         names: The names of the nodes that ran, in pre-order.
 
     Raises:
-        UndecidableError: If the tree's runs cannot be gone through.
+        UndecidableError: If the tree's runs cannot be searched.
         OtherTreeError: If the tree has nodes other than those that ran.
     """
 
@@ -110,14 +111,14 @@ class WhatIfSearch:
         self._after = _Continuations(self._runs)
 
     def consequences(self, record: Iterable[Event], leaf: int) -> list[WhatIfResult]:
-        """Return what would have followed from each other answer of a leaf in the last tick of a record.
+        """Return the consequences of each other outcome of a leaf in the last tick of a record.
 
         Args:
             record: The run up to that tick.
             leaf: The leaf's number.
 
         Raises:
-            UndecidableError: If the record is none of the tree's runs.
+            UndecidableError: If the record is not one of the tree's runs.
         """
         self._runs.renew()
         moments = self._runs.replayed(record)
@@ -132,12 +133,12 @@ class WhatIfSearch:
 
 
 class _OtherAnswer(NamedTuple):
-    """An answer that could have been another one.
+    """An outcome that could have been different.
 
     Attributes:
-        way: The tick with the other one.
-        place: Which of its answers that is.
-        was: What the leaf has answered.
+        way: The tick with the other outcome.
+        place: The index of the outcome in the tick.
+        was: The leaf's outcome in the run.
     """
 
     way: Way
@@ -146,37 +147,37 @@ class _OtherAnswer(NamedTuple):
 
     @property
     def instead(self) -> Event:
-        """The other answer."""
+        """The other outcome."""
         return self.way.answers[self.place]
 
     @property
     def unusual(self) -> int:
-        """The number of unusual answers in the tick from this one on."""
+        """The number of unusual outcomes in the tick from this one on."""
         return sum(self.way.unusual[self.place :])
 
 
 def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherAnswer]:
-    """Return the answers in a tick that could have been others, the last one first."""
+    """Return the outcomes in a tick that could have been different, the last one first."""
     changes = []
     for state, was in moment.ways:
         for way in runs.ways(state):
             pairs = enumerate(zip(was.answers, way.answers, strict=False))
             place, other = next(((place, pair) for place, pair in pairs if pair[0] != pair[1]), (0, None))
-            # Another leaf's turn is a timer's doing.
+            # If another leaf follows, a timer caused the difference.
             if other is not None and other[0].number == other[1].number:
                 changes.append(_OtherAnswer(way, place, other[0]))
     return sorted(changes, key=lambda change: -change.place)
 
 
 class _Continuations:
-    """How runs of a tree go on."""
+    """Continuations of a tree's runs."""
 
     def __init__(self, runs: TreeRuns) -> None:
         self._runs = runs
         self._hopeless: dict[bytes, int] = {}
 
     def followed(self, change: _OtherAnswer) -> WhatIfResult:
-        """Return what follows from another answer: some ticks as usual, at most until the tree has ended."""
+        """Return the consequence of another outcome: some usual ticks, at most until the tree has ended."""
         way, answers = change.way, list(change.way.answers[change.place + 1 :])
         for _ in range(_MOST_FOLLOWED):
             ways = self._runs.ways(way.state) if way.root == _RUNNING else []
@@ -188,11 +189,11 @@ class _Continuations:
         return WhatIfResult(change.was, change.instead, then, way.root)
 
     def way_to_success(self, way: Way, most: int) -> list[Way] | None:
-        """Return the ticks after one up to a success of the root, the fewest; None if there are none.
+        """Return the shortest sequence of ticks after one up to a success of the root; None if there is none.
 
         Args:
             way: The tick.
-            most: How many answers of them can be other than usual.
+            most: The maximum number of unusual outcomes in these ticks.
         """
         if way.root == _SUCCESS and most >= 0:
             return []

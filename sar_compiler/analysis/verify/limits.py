@@ -1,4 +1,4 @@
-"""Limits: facts that say how often something happens at most, which proofs need."""
+"""Limits: facts that bound how often something happens, which proofs need."""
 
 from collections.abc import Collection
 
@@ -7,14 +7,14 @@ from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.expressions import Assignment, name_uses
 from sar_compiler.runtime.script import parse
 
-# A number that is the same with one less.
+# A number so large that subtracting one does not change it.
 _WITHOUT_END = 1e18
 
 
 def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
-    """Let a tree's leaves do as often as they like what is assumed to happen so many times at most; return whether there is such a thing.
+    """Remove the assumed limits on how often a tree's leaves may have an outcome; return whether there are any.
 
-    A record shows how often it was.
+    A record shows how often it happened.
 
     Args:
         simulated: The tree with stub leaves.
@@ -27,13 +27,13 @@ def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
 
 
 def limits_of(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
-    """Return the facts that say how often something happens at most, which proofs need: an operator's orders, losses of a connection.
+    """Return the facts that bound how often something happens, such as operator commands or losses of a connection.
 
-    These are the facts that answers only lower.
+    These are the facts that outcomes only decrease.
 
     Args:
         simulated: The tree with stub leaves.
-        known: The facts of which a run has said how much there was.
+        known: The facts whose initial values a run has recorded.
     """
     scripts = [parse(answer.then) for leaf in simulated.leaves for answer in leaf.answers if answer.then]
     changes = [each for script in scripts for each in script.statements if isinstance(each, Assignment)]
@@ -42,9 +42,10 @@ def limits_of(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
 
 
 def spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> set[int]:
-    """Return the numbers of a tree's conditions that take from limits.
+    """Return the numbers of a tree's conditions that decrease limits.
 
-    What such a one finds in one tick after the other (a mission that is held) has happened once, in a real run.
+    In a real run, a situation that such a condition finds in several consecutive ticks (a paused mission) has
+    happened once.
 
     Args:
         simulated: The tree with stub leaves.

@@ -1,4 +1,4 @@
-"""Properties that a tree can keep or break: the files that demand them, their conditions, and the monitors that watch runs for them."""
+"""Properties of trees: the files that define them, their conditions, and the monitors that detect violations in runs."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,9 +24,9 @@ from sar_compiler.runtime.variables import Enums, ScriptValue
 ROOT = "root"
 """The root's status after the last tick."""
 IDLE = "idle"
-"""Whether every tick from now on leaves the tree as it is."""
+"""Whether every further tick leaves the tree unchanged."""
 AFTER_A_TICK = (ROOT, IDLE)
-"""The names that are known only when a tick is over."""
+"""The names that are known only after a tick."""
 
 
 class ConditionError(UndecidableError):
@@ -47,11 +47,11 @@ class IdleUnknownError(SarError):
 
 
 class PropertyScope(FactVariables):
-    """The variables of conditions: facts, keys of the tree, and the end of the last tick.
+    """The variables of conditions: facts, keys of the tree, and the result of the last tick.
 
     Args:
         simulated: The tree.
-        keys: The keys, where they are those of another tree.
+        keys: The keys, if they are those of another tree.
     """
 
     def __init__(self, simulated: SimulatedTree, keys: Scope | None = None) -> None:
@@ -63,13 +63,13 @@ class PropertyScope(FactVariables):
 
         Args:
             root: The root's status.
-            idle: Whether every tick from now on leaves the tree as it is; None if that is not known yet.
+            idle: Whether every further tick leaves the tree unchanged; None if that is not known yet.
         """
         self._ended[ROOT] = root
         self._ended[IDLE] = None if idle is None else float(idle)
 
     def read(self, name: str) -> ScriptValue:
-        """Return the value of a fact, of a key, or of what is known of the last tick.
+        """Return the value of a fact, of a key, or of a part of the last tick's result.
 
         Raises:
             IdleUnknownError: If that is whether the tree idles, and it is not known.
@@ -84,8 +84,8 @@ class Condition:
     """A condition that can be evaluated.
 
     Args:
-        script: What it says.
-        surroundings: What it reads.
+        script: Its script.
+        surroundings: The variables that it reads.
         owner: The name of its property, for messages.
     """
 
@@ -97,11 +97,11 @@ class Condition:
 
     @property
     def script(self) -> Script:
-        """What it says."""
+        """Its script."""
         return self._program.script
 
     def entry_name(self, name: str) -> str | None:
-        """Return the absolute name of the entry that a name in it means; None for what is known of the last tick."""
+        """Return the absolute name of the entry to which a name in it refers; None for a part of the last tick's result."""
         return None if name in AFTER_A_TICK else self._surroundings.entry(name).name
 
     @property
@@ -118,7 +118,7 @@ class Condition:
         """Return whether it holds now, in a tick.
 
         Raises:
-            ConditionError: If it cannot be evaluated, because a key has no value yet or one that does not fit.
+            ConditionError: If it cannot be evaluated, because a key has no value yet or one of a wrong type.
         """
         if self._memo is None:
             return self._holds()
@@ -126,7 +126,7 @@ class Condition:
         return held
 
     def after_tick(self, root: str, idle: bool | None) -> bool:
-        """Return whether it holds when a tick is over; see `PropertyScope.end_tick`.
+        """Return whether it holds after a tick; see `PropertyScope.end_tick`.
 
         Raises:
             ConditionError: As `holds`.
@@ -150,15 +150,15 @@ class PropertyPattern(Enum):
     NEVER = "never"
     """Absence: the event does not happen."""
     BEFORE = "before"
-    """Precedence: before the event comes another one (since a third)."""
+    """Precedence: the event happens only after another one (since a third)."""
     AFTER = "after"
-    """Response: after the event another one comes (before a third)."""
+    """Response: after the event another one happens (before a third)."""
     AT_MOST_ONCE = "at_most_once"
-    """Bounded existence: the event happens once at most (between two of another)."""
+    """Bounded existence: the event happens at most once (between two of another)."""
 
 
 MAIN, OTHER, LIMIT = 1, 2, 4
-"""The roles of an event in a property: the one that it is about, the one that must come, the one that bounds it."""
+"""The roles of an event in a property: the main event, the required event, and the limiting event."""
 
 
 @dataclass(frozen=True)
@@ -166,9 +166,9 @@ class Monitor:
     """One property over events.
 
     Attributes:
-        form: What it says.
-        roles: What each event is in it, as bits; events that are nothing are left out.
-        owes: Whether what must come can come at any time, so that it is owed until it comes.
+        form: Its pattern.
+        roles: The roles of each event, as bits; events without a role are left out.
+        owes: Whether the required event can happen at any time, so that it is pending until it happens.
     """
 
     form: PropertyPattern
@@ -176,11 +176,11 @@ class Monitor:
     owes: bool = False
 
     def after(self, flag: bool, event: int) -> tuple[bool, bool]:
-        """Return the flag after an event, and whether the event breaks the property.
+        """Return the flag after an event, and whether the event violates the property.
 
         Args:
-            flag: What is remembered: that the other event has come (`BEFORE`), that it has still to come
-                (`AFTER`), that the event has happened (`AT_MOST_ONCE`).
+            flag: The state: whether the other event has happened (`BEFORE`), is pending (`AFTER`), or whether the
+                event has happened (`AT_MOST_ONCE`).
             event: The event.
         """
         roles = self.roles.get(event)
@@ -218,7 +218,7 @@ _RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
 
 
 class Monitors:
-    """Several monitors as one, whose state is a number: a bit for each.
+    """Several monitors as one, whose state is a number with a bit for each.
 
     Args:
         monitors: The monitors; the first has the lowest bit.
@@ -235,16 +235,16 @@ class Monitors:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """The number of monitors."""
         return len(self._monitors)
 
     @property
     def heard(self) -> set[int]:
-        """The events that matter to at least one of them."""
+        """The events that affect at least one of them."""
         return {event for monitor in self._monitors for event in monitor.roles}
 
     def after(self, state: int, event: int) -> tuple[int, int]:
-        """Return the state after an event, and the monitors that it breaks, as bits."""
+        """Return the state after an event, and the monitors that report a violation, as bits."""
         following = broken = 0
         for bit, monitor in enumerate(self._monitors):
             flag, wrong = monitor.after(bool(state >> bit & 1), event)
@@ -253,25 +253,26 @@ class Monitors:
         return following, broken
 
     def owed(self, state: int) -> int:
-        """Return the monitors that still owe something in a state, as bits."""
+        """Return the monitors with a pending obligation in a state, as bits."""
         return state & self._owing
 
 
 AfterTickCondition = Callable[[str, bool | None], bool]
-"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles: every tick from
-now on leaves it as it is. None if that is not known yet: then it may raise `IdleUnknownError`."""
+"""Returns whether a condition holds after a tick, given the root's status and whether the tree idles: every further tick
+leaves it unchanged. If this is None, which means unknown, it may raise `IdleUnknownError`.
+"""
 
 
 @dataclass(frozen=True)
 class PropertyAutomata:
-    """The properties of a tree, ready to be watched.
+    """The properties of a tree as automata.
 
     Attributes:
-        monitors: Those over events; the first rules.
-        guarded: The events that count only while a condition holds, by the number of the event without it.
-        ends: Says whether a run is over.
-        at_end: What must hold when it is over; the rules behind those over events.
-        entries: The entries that these and the end look at.
+        monitors: The properties over events; the first rules.
+        guarded: The events that matter only while a condition holds, by the number of the event without it.
+        ends: Returns whether a run is over.
+        at_end: The conditions that must hold at the end of a run; the rules after those over events.
+        entries: The entries that these conditions and `ends` read.
     """
 
     monitors: Monitors
@@ -282,7 +283,7 @@ class PropertyAutomata:
 
     @property
     def count(self) -> int:
-        """How many there are; rules of others have higher numbers."""
+        """The number of properties; further rules have higher numbers."""
         return self.monitors.count + len(self.at_end)
 
     def judge(self, outcome: int, watched: int, idle: bool | None) -> Judgement:
@@ -290,8 +291,8 @@ class PropertyAutomata:
 
         Args:
             outcome: The outcome of the root, as a number; INVALID before the first tick.
-            watched: What the monitors remember.
-            idle: Whether every tick leaves it as it is; None if that is not known yet.
+            watched: The state of the monitors.
+            idle: Whether every tick leaves it unchanged; None if that is not known yet.
         """
         owed = self.monitors.owed(watched)
         root = WORDS[outcome]
@@ -310,7 +311,7 @@ class PropertyAutomata:
 
 
 def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
-    """Return whether a condition holds; None if that depends on what is not known yet."""
+    """Return whether a condition holds; None if that depends on a value that is not known yet."""
     try:
         return condition(root, idle)
     except IdleUnknownError:
@@ -318,27 +319,27 @@ def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> b
 
 
 _EMPTY_HINT = "write properties: and below it a name, and below that never: LEAF ANSWER"
-# The keys of the events that a property is about, of those that must come, and of those that bound it.
+# The keys of the main events of a property, of the required events, and of the limiting events.
 _KEYS: Mapping[PropertyPattern, tuple[str, str, str]] = {
     PropertyPattern.AFTER: ("after", "eventually", "before"),
     PropertyPattern.NEVER: ("never", "", ""),
     PropertyPattern.AT_MOST_ONCE: ("at_most_once", "", "per"),
-    # Last, because what comes after something may have to come before something else.
+    # Last, because a required event that follows something may also have to precede something else.
     PropertyPattern.BEFORE: ("before", "comes", "since"),
 }
 
 
 @dataclass(frozen=True)
 class EventProperty:
-    """A property that speaks of events, as it is written.
+    """A property over events, as it is written.
 
     Attributes:
-        name: What it is called.
-        form: What it says.
-        main: The events that it is about.
-        other: The events that must come.
-        limit: The events that bound it.
-        condition: While what the first ones count; None for always.
+        name: Its name.
+        form: Its pattern.
+        main: The main events.
+        other: The required events.
+        limit: The limiting events.
+        condition: The condition under which the main events matter; None for always.
     """
 
     name: str
@@ -355,14 +356,15 @@ class PropertyFile:
 
     Attributes:
         document: The file, with its findings.
-        end: When a run is over; None for when the root has succeeded or failed.
-        events: The properties that speak of events.
-        ends: What must hold at the end of a run, by the names of these properties.
-        facts: What it says of facts.
-        answers: What it says of what leaves answer.
+        end: The condition for the end of a run; None if that is the root's success or failure.
+        events: The properties over events.
+        ends: The conditions that must hold at the end of a run, by the names of their properties.
+        facts: The facts that it defines.
+        answers: The outcomes of leaves that it defines.
         parameters: The keys of the root blackboard.
-        controls: What it says of controls and decorators that only a model describes.
-        if_broken: What is done in a run that breaks a property, by its name, where that is more than to tell it: `hold` or `abort`.
+        controls: The semantics of controls and decorators that only a model describes.
+        if_broken: The reaction of a run to a violation, by the property's name, if it is more than a report: `hold`
+            or `abort`.
     """
 
     document: Document
@@ -379,11 +381,11 @@ class PropertyFile:
 def read_property_file(path: str | Path) -> PropertyFile:
     """Read a file of properties.
 
-    What is wrong with it is noted in its document, and raised by `verify` with what only a tree shows.
+    Its errors are stored in its document. `verify` raises them with those that need a tree.
 
     Raises:
-        UnreadableFileError: If it is not there or cannot be read.
-        TreeError: If nothing of it can be used; carries the findings.
+        UnreadableFileError: If it does not exist or cannot be read.
+        TreeError: If no part of it can be used; carries the findings.
     """
     from sar_compiler.documents.yaml_files import read_yaml
 
@@ -420,7 +422,7 @@ def _events(name: str, parts: Mapping[str, Value]) -> EventProperty:
 
 
 NO_END = "none"
-"""What `end` says where runs have no end."""
+"""The value of `end` for runs without an end."""
 
 
 @dataclass(frozen=True)
@@ -428,8 +430,8 @@ class LeftOut:
     """A property that does not apply to a tree.
 
     Attributes:
-        name: What it is called.
-        missing: The leaves that it speaks of and the tree does not have.
+        name: Its name.
+        missing: The leaves that it names and the tree does not have.
     """
 
     name: str
@@ -441,11 +443,11 @@ class Properties:
     """The properties of a tree, as they are checked.
 
     Attributes:
-        rules: The properties, as the exploration uses them.
-        names: What they are called, by the number of the rule.
-        owing: The rules that can be broken by a run that goes on for ever, with what it then owes.
-        left_out: Those that say nothing about the tree.
-        has_end: Whether runs have an end, and so whether they come to it is asked.
+        rules: The properties as automata for the search.
+        names: Their names, by the number of the rule.
+        owing: The rules that an endless run can violate, with the events that are then pending.
+        left_out: Those that do not apply to the tree.
+        has_end: Whether runs have an end, so that it is asked whether they reach it.
         conditions: All conditions in them.
     """
 
@@ -458,11 +460,11 @@ class Properties:
 
     @property
     def asks_for_idle(self) -> bool:
-        """Whether a condition asks whether every tick leaves the tree as it is."""
+        """Whether a condition asks whether every tick leaves the tree unchanged."""
         return any(IDLE in condition.names for condition in self.conditions)
 
     def events(self, number: int) -> set[int]:
-        """Return the numbers of the events that a property speaks of."""
+        """Return the numbers of the events that a property names."""
         monitors, guarded = self.rules.monitors, self.rules.guarded
         heard = set(monitors[number].roles) if number < monitors.count else set()
         beside = {event for event, some in guarded.items() if heard & {each.number for each in some}}
@@ -504,16 +506,16 @@ def without_properties() -> Properties:
 def properties_of(
     file: PropertyFile | None, prepared: Prepared, tags: Collection[str], keys: Scope | None = None
 ) -> Properties:
-    """Return the properties that a file demands of a tree.
+    """Return the properties of a tree that a file defines.
 
     Args:
         file: The file; None for `without_properties`.
         prepared: The tree.
         tags: The tags of leaves that a tree can have.
-        keys: The keys of the main tree, where another one is watched.
+        keys: The keys of the main tree, if another tree is monitored.
 
     Raises:
-        TreeError: If the file says something that makes no sense for the tree; carries the findings.
+        TreeError: If the file contradicts the tree; carries the findings.
     """
     if file is None:
         return without_properties()
@@ -523,8 +525,8 @@ def properties_of(
     has_end = file.end is None or file.end.text != NO_END
     if not has_end:
         for name, value in file.ends.items():
-            message = f"'{name}' is to hold at the end, and end: {NO_END} says that there is none"
-            file.document.report("conflicting-keys", message, value, hint="say when it must hold, with never")
+            message = f"'{name}' must hold at the end, but end: {NO_END} declares that runs have no end"
+            file.document.report("conflicting-keys", message, value, hint="state the condition with never")
     at_end = [reading.condition(value, name, after_a_tick=True) for name, value in file.ends.items()]
     end = reading.condition(file.end, "end", after_a_tick=True) if file.end is not None and has_end else None
     file.document.raise_findings()
@@ -544,7 +546,7 @@ def properties_of(
 
 @dataclass
 class _MeantEvents:
-    """The events that some texts of a property mean.
+    """The events that some texts of a property name.
 
     Attributes:
         numbers: The events.
@@ -561,7 +563,7 @@ class _MeantEvents:
 
 
 class _PropertyParser:
-    """Turns the properties of a file into monitors."""
+    """Converts the properties of a file to monitors."""
 
     def __init__(
         self, document: Document, prepared: Prepared, tags: Collection[str], keys: Scope | None
@@ -600,7 +602,7 @@ class _PropertyParser:
         self.names.append(written.name)
 
     def condition(self, value: Value, owner: str, *, after_a_tick: bool) -> Condition | None:
-        """Return a condition; None if it makes no sense."""
+        """Return a condition; None if it is invalid."""
         own, later = (AFTER_A_TICK, ()) if after_a_tick else ((), AFTER_A_TICK)
         script = self._words.condition(value, own, later)
         if script is None:
@@ -621,7 +623,7 @@ class _PropertyParser:
         return events
 
     def _absent(self, text: str) -> str | None:
-        """Return the leaf that a text speaks of, if it is one that a tree can have and this one does not."""
+        """Return the leaf that a text names, if a tree can have it and this one does not."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]
         if any(self._words.named(head) for head in heads):
@@ -629,7 +631,7 @@ class _PropertyParser:
         return next((head for head in heads if head in self._tags), None)
 
     def _guard(self, numbers: set[int], condition: Condition, *, comes_first: bool) -> int:
-        """Return the number of an event that goes with others while a condition holds."""
+        """Return the number of an event that happens together with others while a condition holds."""
         companion = len(self._alphabet.events) + len(self.monitors)
         for number in numbers:
             self.guarded.setdefault(number, []).append(Guarded(companion, condition.holds, comes_first))

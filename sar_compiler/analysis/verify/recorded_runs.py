@@ -1,6 +1,7 @@
-"""The ticks of a run that was recorded, found again among all runs of its tree.
+"""Location of a recorded run among all runs of its tree.
 
-That leaves out when timers were up and what a leaf has meant by a status, which a record may not say: of a tick there can be several ways that fit.
+A record may omit when timers expired and which outcome of a leaf a status stands for. So several ways may match one
+recorded tick.
 """
 
 from array import array
@@ -16,17 +17,17 @@ from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.variables import unknown_value_of
 
-# Ticks that are tried, times the nodes of the tree: some seconds.
+# The maximum number of explored ticks times the nodes of the tree: some seconds.
 _MOST_TICKED = 5_000_000
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
-# Different ticks of a record that are kept: some ten megabytes.
+# The maximum number of different ticks of a record to keep: some ten megabytes.
 _MOST_KEPT = 10_000
-# The state after a tick that was broken off.
+# The state after a tick that raised.
 _NOWHERE = b""
 
 
 class NotReplayedError(UndecidableError):
-    """A recorded run is not a possible run of the tree, by the answers that its leaves declare."""
+    """A recorded run is not a possible run of the tree with the declared outcomes of its leaves."""
 
 
 class OtherTreeError(UndecidableError):
@@ -34,7 +35,7 @@ class OtherTreeError(UndecidableError):
 
 
 def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
-    """Yield the ticks of a record, with those between in which nothing was noted."""
+    """Yield the ticks of a record, including those between in which nothing was recorded."""
     tick: list[Event] = []
     before: Event | None = None
     for event in record:
@@ -51,8 +52,8 @@ class ObservedPrefix(NamedTuple):
     """The results of nodes in a record up to a tick.
 
     Attributes:
-        statuses: What each has come to last; empty for one at rest.
-        labels: Which answers that were; None where it is not known, so that the status counts.
+        statuses: The last status of each node; empty for one at rest.
+        labels: The labels of the last outcomes; None if unknown, so that only the status is compared.
     """
 
     statuses: dict[int, str]
@@ -79,14 +80,14 @@ class Way(NamedTuple):
     """A tick from a state.
 
     Attributes:
-        answers: What leaves answer in it.
-        root: What the root comes to.
+        answers: The outcomes of leaves in it.
+        root: The root's status.
         state: The state after it.
-        unusual: Which of the answers are other than usual.
-        halted: The leaves that are stopped in it, and at rest at its end.
+        unusual: Which of the outcomes are unusual.
+        halted: The leaves that are halted in it, and at rest at its end.
         running: The numbers of the nodes that run before it.
         statuses: The status of each node at its end, by its number; empty for a node at rest.
-        broken: The rules that it breaks, each with the event that does it.
+        broken: The rules that it violates, each with the violating event.
     """
 
     answers: tuple[Event, ...]
@@ -99,11 +100,11 @@ class Way(NamedTuple):
     broken: tuple[tuple[int, Event], ...] = ()
 
     def common(self, noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-        """Return how many of the answers that were noted in a tick this one has, in order, and how many of its own go with them.
+        """Return how many recorded outcomes of a tick this one has, in order, and how many of its own outcomes match them.
 
         Args:
-            noted: The answers that were noted.
-            before: What was told before that tick.
+            noted: The recorded outcomes.
+            before: The state recorded before that tick.
         """
         told = ObservedPrefix({}, {})
         count = 0
@@ -117,7 +118,7 @@ class Way(NamedTuple):
         return count, len(self.answers)
 
     def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-        """Return the first node with a recorded status that it has not in this tick, with that status; None if all fit.
+        """Return the first node whose recorded status differs from this tick, with that status; None if all match.
 
         Args:
             recorded: The statuses that were recorded in the tick, in their order, each with the node's number.
@@ -137,10 +138,10 @@ class Way(NamedTuple):
         """Return whether this tick matches a recorded one.
 
         Args:
-            noted: The answers that were noted in the tick.
-            halted: The leaves that were stopped in it.
-            before: What was told before it.
-            root: What the root came to.
+            noted: The outcomes recorded in the tick.
+            halted: The leaves that were halted in it.
+            before: The state recorded before it.
+            root: The root's status.
         """
         return (
             self.root == root
@@ -157,12 +158,12 @@ _FoundWays = list[tuple[bytes, Way]]
 
 
 class FoundTick(NamedTuple):
-    """A recorded tick, found among the tree's runs.
+    """A recorded tick, located among the tree's runs.
 
     Attributes:
-        number: Which tick it was, from 1.
-        time_sec: When it was, seconds since the run began.
-        ways: What it can have been, with the states that it can have begun in; ticks with equal ones share the same object.
+        number: Its number in the run, from 1.
+        time_sec: Its time, seconds since the start of the run.
+        ways: Its possible ways, with their possible initial states; ticks with equal ones share the same object.
     """
 
     number: int
@@ -171,7 +172,7 @@ class FoundTick(NamedTuple):
 
 
 class FoundTicks:
-    """Recorded ticks that were found, in order. A run can have a million, so that they are kept in little memory."""
+    """The located ticks of a record, in order, stored compactly, because a run can have a million."""
 
     def __init__(self) -> None:
         self._numbers, self._times = array("q"), array("d")
@@ -190,13 +191,13 @@ class FoundTicks:
         return map(FoundTick, reversed(self._numbers), reversed(self._times), reversed(self._ways))
 
     def append(self, end: Event, ways: "_FoundWays") -> None:
-        """Add a tick, given its end and the ways that fit."""
+        """Add a tick, given its end and its possible ways."""
         self._numbers.append(end.tick)
         self._times.append(end.time_sec or 0.0)
         self._ways.append(ways)
 
     def keep_ways_to(self, states: Collection[bytes], shared: "Callable[[_FoundWays], _FoundWays]") -> None:
-        """Leave out the ways from which none of the last tick's states is reached; *shared* returns the one list of equal ways."""
+        """Remove the ways that reach none of the last tick's states; *shared* returns one list for equal ways."""
         now = frozenset(states)
         known: dict[tuple[int, frozenset[bytes]], tuple[_FoundWays, frozenset[bytes]]] = {}
         for index in range(len(self._ways) - 1, -1, -1):
@@ -212,11 +213,11 @@ class LostTick(NamedTuple):
     """A recorded tick that is impossible after the ticks before it.
 
     Attributes:
-        number: Which tick it was, from 1.
-        time_sec: When it was, seconds since the run began.
-        events: What was recorded; the last event is its end.
-        states: The states that it can have begun in.
-        told: What was told before it.
+        number: Its number in the run, from 1.
+        time_sec: Its time, seconds since the start of the run.
+        events: The recorded events; the last one is its end.
+        states: Its possible initial states.
+        told: The state recorded before it.
         is_last: Whether the record ends with it.
     """
 
@@ -254,13 +255,13 @@ class TreeRuns:
     """All runs of a tree, computed lazily.
 
     Args:
-        simulated: The tree with stub leaves; it is used up.
+        simulated: The tree with stub leaves; not usable afterwards.
         names: The names of the nodes that ran, in pre-order.
-        rules: The properties that are watched; by default none.
-        prepared: The tree, prepared for the search, where it is already.
+        rules: The monitored properties; by default none.
+        prepared: The tree, if it is prepared for the search already.
 
     Raises:
-        UndecidableError: If the tree's runs cannot be gone through.
+        UndecidableError: If the tree's runs cannot be searched.
         OtherTreeError: If the tree has nodes other than those that ran.
 
     Attributes:
@@ -275,17 +276,17 @@ class TreeRuns:
         rules: PropertyAutomata | None = None,
         prepared: Prepared | None = None,
     ) -> None:
-        # Ticks of one state are all told apart, even where they meet again, for what happened in them is asked.
+        # Ticks of a state are distinguished even if they merge again, because their events are needed.
         self.stepper = TreeStepper(
             prepared or Prepared.of(simulated), rules or without_properties().rules, meets=False
         )
         self.names = [node.behaviour.name for node in self.stepper.flat.nodes]
         if self.names != list(names):
-            raise OtherTreeError("the tree has nodes other than those that ran")
+            raise OtherTreeError("the tree's nodes differ from those of the run")
         self.leaves = {leaf.number for leaf in simulated.leaves}
         self._known: dict[bytes, list[Way]] = {}
         self._raising: dict[bytes, list[Way]] = {}
-        # Of the states with a tick that needs a value that is not known: what that raises.
+        # For states with a tick that needs an unknown value: the error.
         self._unknown: dict[bytes, Exception] = {}
         self.renew()
 
@@ -300,11 +301,11 @@ class TreeRuns:
 
     @property
     def is_spent(self) -> bool:
-        """Whether the limit of tried ticks is reached."""
+        """Whether the limit on explored ticks is reached."""
         return not self._left
 
     def ways(self, state: bytes) -> list[Way]:
-        """Return the ticks of a state; none once too many were tried."""
+        """Return the ticks of a state; none after the limit on explored ticks is reached."""
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
@@ -323,11 +324,11 @@ class TreeRuns:
         return known
 
     def beginnings(self, state: bytes) -> list[Way]:
-        """Return the ticks of a state, with those that a node breaks off because it raises."""
+        """Return the ticks of a state, including those in which a node raises."""
         return [*self.ways(state), *self._raising.get(state, ())]
 
     def _way(self, state: bytes) -> Way:
-        """Return the last tick, after which there is a state."""
+        """Return the last tick, which has a state after it."""
         statuses = self._statuses()
         tick, broken = self.stepper.played(), self.stepper.broken()
         answers = tuple(event for event in tick.events if event.answer)
@@ -338,12 +339,12 @@ class TreeRuns:
         )
 
     def _statuses(self) -> tuple[str, ...]:
-        """Return what the cells of nodes hold now, in words; empty for a node at rest."""
+        """Return the statuses of the nodes from their cells; empty for a node at rest."""
         cells = self.stepper.ticker.cells
         return tuple(WORDS[cells[node.at]] if cells[node.at] else "" for node in self.stepper.flat.nodes)
 
     def put_before(self, state: bytes, way: Way, place: int) -> None:
-        """Have facts and keys hold what they held before an answer of a tick, by its place among the tick's answers."""
+        """Restore the facts and keys before an outcome of a tick, by its index among the tick's outcomes."""
         for step in self.stepper.ticks(state):
             if self._way(step.state or _NOWHERE)._replace(running=way.running) == way:
                 self.stepper.before_answer(place)
@@ -353,7 +354,7 @@ class TreeRuns:
         """Return the ticks of a run, found again, up to the first that is none of the tree's.
 
         Raises:
-            UndecidableError: If the tree has too many runs, or a tick depends on a value that is not known.
+            UndecidableError: If the tree has too many runs, or a tick depends on an unknown value.
         """
         found, known = FoundTicks(), dict[tuple[int, ...], _FoundWays]()
 
@@ -413,13 +414,13 @@ class TreeRuns:
         """Return the ticks of a run, found again.
 
         Raises:
-            NotReplayedError: If the run is none of the tree's.
+            NotReplayedError: If the run is not one of the tree's runs.
             UndecidableError: If the tree has too many.
         """
         moments, lost = self.found_again(record)
         if lost is not None:
             raise NotReplayedError(
-                f"the run cannot be found again in the tree from tick {lost.number} on, {lost.time_sec:.1f} s: "
-                "no leaf is known to answer like that there"
+                f"the run is not possible in the tree from tick {lost.number} on, {lost.time_sec:.1f} s: "
+                "no declared outcome of a leaf matches it there"
             )
         return moments

@@ -1,4 +1,4 @@
-"""What scripts do with numbers: which constants a variable is compared with, and what flows from one to another by `y = x + 2`."""
+"""The use of numbers in scripts: the constants to which a variable is compared, and the flow of values by `y = x + 2`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,24 +17,24 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.operators import LONGEST_TEXT
 
 Resolve = Callable[[str], str | None]
-"""Returns the entry that a name means, by its absolute name; None for one that means none."""
+"""Returns the absolute name of the entry to which a name refers; None if it refers to none."""
 
 _MOST_FORMS = 16
 _LONGEST_NUMBER = 330
-"""So many characters a number has at most as a part of a text."""
+"""The maximum number of characters of a number that is part of a string."""
 
 
 @dataclass(frozen=True)
 class FlowValue:
-    """What is known of the value of an expression.
+    """The known properties of the value of an expression.
 
     Attributes:
-        forms: What it may be: an entry with a constant added to it, or without an entry the constant alone; empty if
-            it may be anything else.
-        types: The types that it can have; an entry stands for those of its own.
-        names: The entries that it depends on, unless it only depends on how they compare with constants.
-        is_total: Whether it can be calculated whatever numbers these hold.
-        length: How many characters it has at most, as a text.
+        forms: Its possible forms: an entry with a constant added to it, or without an entry the constant alone; empty
+            if it may be anything else.
+        types: The types that it can have; an entry stands for its own types.
+        names: The entries that it depends on, unless it only depends on their comparison with constants.
+        is_total: Whether it can be calculated for all numbers in these entries.
+        length: The maximum number of characters, as a string.
     """
 
     forms: frozenset[tuple[str | None, float]]
@@ -63,17 +63,17 @@ _TRUTH = FlowValue(frozenset([(None, 0.0), (None, 1.0)]), _REAL)
 
 @dataclass
 class ScriptFlows:
-    """What some scripts do with entries.
+    """The effects of some scripts on entries.
 
     Args:
-        enums: The numbers that names stand for.
+        enums: The numbers of enumerators, by name.
 
     Attributes:
-        fixed: The entries that are used in another way than those below.
+        fixed: The entries that are used in ways other than those below.
         tests: The entries that are compared with constants, with these.
-        flows: The entries that are given the value of another one, with that one and with the constant that is added to it.
-        results: The entries that are given another value, with that value.
-        types: The types of what each entry is given; an entry stands for those of its own.
+        flows: The entries that are assigned the value of another one, with that one and the constant added to it.
+        results: The entries that are assigned another value, with that value.
+        types: The types of the values assigned to each entry; an entry stands for its own types.
     """
 
     enums: Mapping[str, int]
@@ -85,7 +85,7 @@ class ScriptFlows:
 
     @property
     def read(self) -> set[str]:
-        """The entries that are read for whatever purpose."""
+        """The entries that are read for any purpose."""
         results = (name for _, value in self.results for name in value.names)
         return {
             *self.fixed,
@@ -95,11 +95,11 @@ class ScriptFlows:
         }
 
     def take(self, script: Script, resolve: Resolve, *, is_condition: bool) -> None:
-        """Take a script.
+        """Add a script.
 
         Args:
             script: The script.
-            resolve: What its names mean.
+            resolve: Resolves its names.
             is_condition: Whether its value is used, as a truth value.
         """
         reader = _FlowReader(self, resolve)
@@ -120,7 +120,7 @@ class _FlowReader:
         self._found, self._resolve = found, resolve
 
     def value(self, node: Expression) -> FlowValue:
-        """Return what is known of the value of an expression, and note what evaluating it does."""
+        """Return the known properties of an expression's value, and record the effects of its evaluation."""
         if isinstance(node, Literal):
             return _constant(node.value)
         if isinstance(node, Name):
@@ -130,7 +130,7 @@ class _FlowReader:
             self._test(self.value(node.condition), 0.0)
             return _either(self.value(node.then), self.value(node.otherwise))
         if isinstance(node, Assignment):
-            # Its value is what was stored.
+            # Its value is the stored value.
             self.assign(node)
             return self._variable(node.target.name)
         return self._calculated(node)
@@ -149,7 +149,7 @@ class _FlowReader:
         return _TRUTH if isinstance(node, ComparisonChain) else value
 
     def assign(self, node: Assignment) -> None:
-        """Note an assignment."""
+        """Record an assignment."""
         found, value, target = self._found, self.value(node.value), self._resolve(node.target.name)
         if node.operator not in {":=", "="}:
             value = self._combined(node.operator[0], self._variable(node.target.name), value)
@@ -202,7 +202,7 @@ class _FlowReader:
         self._found.fixed |= left.names | right.names
 
     def _test(self, value: FlowValue, constant: float) -> None:
-        """Note that a value is compared with a constant."""
+        """Record that a value is compared with a constant."""
         if not value.forms:
             self._found.fixed |= value.names
         self._found.tests |= {(name, constant - offset) for name, offset in value.forms if name is not None}
@@ -228,5 +228,5 @@ def _either(first: FlowValue, second: FlowValue) -> FlowValue:
 
 
 def _is_number(value: FlowValue) -> bool:
-    """Return whether a value is a number, provided that the entries that it depends on hold numbers."""
+    """Return whether a value is a number if the entries on which it depends hold numbers."""
     return str not in value.types and object not in value.types

@@ -1,26 +1,28 @@
-"""Which values of keys and facts no run can tell apart, so that states with them are one.
+"""Values of keys and facts that no run can distinguish, so that states that differ only in them are merged.
 
-A patrol that counts its rounds (`rounds = rounds + 1`) has a state for each number, although nothing depends on it, or only
-on whether it is below 3. So before a search the scripts of a tree are read, with those of its leaves' answers and of the properties:
+A patrol that counts its rounds (`rounds = rounds + 1`) has a state for each number, although nothing depends on it,
+or only on whether it is below 3. So before a search the scripts of a tree, of its leaves' outcomes and of the
+properties are analysed:
 
-- a key on which nothing depends but keys of the same kind has one value of each type;
-- of a key that is only compared with constants, and changed by constants, all values from some number up are one, and all
-  from another one down.
+- A key on which only keys of the same kind depend keeps one value of each type.
+- For a key that is only compared with constants and changed by constants, all values above some number are merged,
+  and all below another one.
 
-Why that is exact. Two states that differ only in such values are bisimilar: every comparison has the same result in both, every
-script raises in both or in neither, and what an assignment makes of such values are such values again. The last needs care: if `y`
-is given `x - 2`, the values of `x` that are one must be 2 above those of `y`. These inequalities are solved here; a key that
-is lowered *and* compared from above has no solution, and stays as it is. Raising needs more care, because what a key holds
-has a type that decides what it can be given. Only a value is replaced, never its type, nor whether there is one:
+Why that is exact: two states that differ only in such values are bisimilar. Every comparison has the same result in
+both, every script raises in both or in neither, and an assignment of such values results in such values again. The
+last point needs care. If `y` is assigned `x - 2`, the merged values of `x` must be 2 above those of `y`. These
+inequalities are solved here. A key that is decreased *and* compared from above has no solution, and is not merged.
+Errors need more care, because the type of a key's value decides which values can be assigned to it. Only a value is
+replaced, never its type, nor whether there is one:
 
-- a key from which values flow into others is merged only if all of them hold numbers, and then only its whole numbers, unless no
-  whole number can get into any of them;
-- a key that is used in another way is never merged: by a port of a control, as a truth value, in a product.
+- A key from which values flow into others is merged only if all of them hold numbers, and then only its integers,
+  unless no integer can get into any of them.
+- A key that is used in another way is never merged: by a port of a control, as a truth value, in a product.
 
-Whole numbers raise when they are too large to calculate with, and a merged one never gets there. So it may be changed by 1,000 at
-most in a step: an error of this kind is 10^12 additions away. Numbers above 2^50 are not merged.
+Integers raise when they are too large to calculate with, and a merged one never gets there. So it may be changed by
+at most 1,000 in a step: an error of this kind is 10^12 additions away. Numbers above 2^50 are not merged.
 
-A run that is shown was played once more with the values as they are (`state_space`).
+A run that is shown has been played again without merged values (`state_space`).
 """
 
 import math
@@ -47,20 +49,20 @@ _AFTERWARDS = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 
 
 def merge_values(prepared: Prepared, properties: Properties) -> None:
-    """Have searches of a tree merge the values of keys and facts that no run can tell apart.
+    """Make searches of a tree merge the values of keys and facts that no run can distinguish.
 
-    Nothing is merged where a property asks whether the tree idles: that is, whether every value stays as it is.
+    Nothing is merged if a property asks whether the tree idles, that is, whether every value stays unchanged.
 
     Args:
         prepared: The tree, before it is ticked.
-        properties: What is asked of it.
+        properties: The questions about it.
     """
     if not properties.asks_for_idle:
         prepared.merge(_mergeable(prepared.simulated, properties))
 
 
 def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, MergedValues]:
-    """Return what can be merged, by the absolute names of entries."""
+    """Return the values that can be merged, by the absolute names of entries."""
     flows = ScriptFlows(simulated.enums)
     for script, resolve, is_condition in (*_scripts_of_nodes(simulated), *_scripts_of_answers(simulated)):
         flows.take(script, resolve, is_condition=is_condition)
@@ -68,14 +70,14 @@ def _mergeable(simulated: SimulatedTree, properties: Properties) -> dict[str, Me
         flows.take(condition.script, condition.entry_name, is_condition=True)
     if not flows.types or not _take_ports(flows, simulated):
         return {}
-    # A name says on which board it is.
+    # A name includes its board.
     board = simulated.compiled.board
     start = {name: _types_at_start(board, name) for name in {*flows.types, *flows.read}}
     return _Solution(flows, start).merged()
 
 
 _ReadScript = tuple[Script, Resolve, bool]
-"""A script, what its names mean, and whether its value is used."""
+"""A script, the function that resolves its names, and whether its value is used."""
 
 
 def _scripts_of_nodes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
@@ -105,9 +107,9 @@ def _scripts_of_answers(simulated: SimulatedTree) -> Iterator[_ReadScript]:
 
 
 def _take_ports(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
-    """Take what ports read and write; return False if a node may use entries that cannot be known.
+    """Add the reads and writes of ports; return False if a node may use unknown entries.
 
-    Those of leaves that only answer read nothing here, and what they write is in the scripts of their answers.
+    The ports of stub leaves read nothing here, and their writes are in the scripts of their outcomes.
     """
     table = entry_table_of(simulated.compiled.instance)
     uses = [
@@ -131,10 +133,10 @@ def _types_at_start(board: Board, name: str) -> set[object]:
 
 
 class _Solution:
-    """What can be merged.
+    """The solution of the inequalities between the values of entries.
 
     Args:
-        flows: What scripts do.
+        flows: The effects of scripts.
         start: The types that each entry has at the start.
     """
 
@@ -150,7 +152,7 @@ class _Solution:
         self._follow_flows()
 
     def merged(self) -> dict[str, MergedValues]:
-        """Return what can be merged, by the names of entries."""
+        """Return the values that can be merged, by the names of entries."""
         found = {}
         for name in sorted(self._flows.types):
             above, below, is_unread = self._above[name], self._below[name], name not in self._read
@@ -163,7 +165,7 @@ class _Solution:
         return self._types[name] <= NUMBERS
 
     def _all_real(self) -> set[str]:
-        """Return the entries that only hold real numbers, and from which values only flow into others of that kind."""
+        """Return the entries that only hold real numbers, and whose values only flow into entries of that kind."""
         real = {name for name, types in self._types.items() if types == {float}}
         while lost := {
             source for target, source, _ in self._flows.flows if source in real and target not in real
@@ -172,7 +174,7 @@ class _Solution:
         return real
 
     def _fixed(self) -> set[str]:
-        """Return the entries that are read in a way in which all of their values may differ."""
+        """Return the entries that are read in a way that distinguishes all of their values."""
         flows = self._flows
         fixed = {*flows.fixed, *(name for name in self._read if not self._are_numbers(name))}
         for target, source, offset in flows.flows:
@@ -185,13 +187,13 @@ class _Solution:
         return fixed
 
     def _is_irrelevant(self, target: str, value: FlowValue) -> bool:
-        """Return whether it makes no difference which value an assignment gives an entry, since nothing reads that and it has one type."""
+        """Return whether an assigned value makes no difference, because nothing reads the entry and it has one type."""
         types = self._types[target]
         is_taken = len(types) == 1 and types == value.types and types <= {float, str}
         return target not in self._read and value.is_total and is_taken
 
     def _require(self, name: str, above: float, below: float) -> bool:
-        """Require values to be distinguished up to a number, and down to one; return whether that is new."""
+        """Require that values are distinguished up to a number, and down to one; return whether that is new."""
         above = above if above <= _LARGEST_LIMIT else math.inf
         below = below if below >= -_LARGEST_LIMIT else -math.inf
         is_new = above > self._above[name] or below < self._below[name]
@@ -200,9 +202,9 @@ class _Solution:
         return is_new
 
     def _follow_flows(self) -> None:
-        """Require of each entry what those require that its values flow into.
+        """Require of each entry the distinctions of the entries into which its values flow.
 
-        These are longest paths: one that gets longer after as many turns as there are entries goes round for ever.
+        These are longest paths: one that still grows after as many steps as there are entries is a cycle.
         """
         for turn in count():
             is_new = False
@@ -218,7 +220,7 @@ class _Solution:
 
 
 def _distance(offset: float) -> float:
-    """Return by how much a bound moves towards the other values; sums of other than whole numbers are rounded."""
+    """Return by how much a bound moves towards the other values; sums of non-integers are rounded."""
     return max(0.0, offset if offset.is_integer() else math.ceil(offset) + 1.0)
 
 
@@ -226,8 +228,8 @@ def _types_of_all(flows: ScriptFlows, start: Mapping[str, set[object]]) -> dict[
     """Return the types that each entry can hold.
 
     Args:
-        flows: What scripts do.
-        start: The types at the start; what is assigned to an entry may be converted to one of these.
+        flows: The effects of scripts.
+        start: The types at the start; an assigned value may be converted to one of these.
     """
     types = {name: start.get(name, set()) | flows.types.get(name, set()) for name in {*start, *flows.types}}
     sizes = -1

@@ -1,4 +1,4 @@
-"""The state of a tree between two ticks: what it consists of, how it is taken, and how it is restored."""
+"""The state of a tree between two ticks: its parts, and how it is saved and restored."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 
-# How many states are searched for what grows, and how many names are reported.
+# The number of states in which growing values are searched, and the number of reported names.
 _SAMPLE = 5000
 _MOST_GROWING = 3
 
@@ -31,9 +31,9 @@ class Alphabet:
         simulated: The tree.
 
     Attributes:
-        events: What each number means.
-        answers: The leaf of each number, and its answer; None where the event is none.
-        numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
+        events: The event of each number.
+        answers: The leaf of each number, and its outcome; None if the event is not an outcome.
+        numbers: The number of each event, by the identities of the leaf and of the outcome (or of None).
     """
 
     def __init__(self, simulated: SimulatedTree) -> None:
@@ -47,13 +47,13 @@ class Alphabet:
             self._add(leaf, HALTED)
 
     def _add(self, leaf: StubLeaf, what: str, answer: Answer | None = None) -> None:
-        # By identity: two answers of a leaf may say the same.
+        # By identity: two outcomes of a leaf may be equal.
         self.numbers[id(leaf), what, id(answer)] = len(self.events)
         self.events.append(leaf.event(what, answer))
         self.answers.append((leaf, answer))
 
     def meant_by(self, pattern: EventPattern) -> set[int]:
-        """Return the numbers of all events that a text of a file means."""
+        """Return the numbers of all events that a text of a file names."""
         return {number for number, event in enumerate(self.events) if pattern.matches(event)}
 
 
@@ -64,11 +64,11 @@ class Prepared:
     Attributes:
         simulated: The tree.
         alphabet: Its events.
-        entries: What its keys and facts hold.
-        start: The numbers of what they hold at the start.
-        begun: What the cells of each node held at the start, by its behaviour.
-        merged: The keys and facts of which searches do not distinguish all values.
-        plain_start: The numbers of what entries hold at the start of a run in which they do.
+        entries: The values of its keys and facts.
+        start: The numbers of their initial values.
+        begun: The initial values of the cells of each node, by its behaviour.
+        merged: The keys and facts with values that searches do not distinguish.
+        plain_start: The numbers of the initial values for a run in which they are distinguished.
     """
 
     simulated: SimulatedTree
@@ -93,7 +93,7 @@ class Prepared:
         return prepared
 
     def merge(self, values: Mapping[str, MergedValues]) -> None:
-        """Have searches not distinguish some values of entries, by the absolute names of these; before the tree is ticked."""
+        """Make searches merge some values of entries, by the absolute names of these; call it before the tree is ticked."""
         if not values:
             return
         entries, merging = self.entries, Merging(self.entries, values)
@@ -113,8 +113,8 @@ class StateValues:
 
     Attributes:
         simulated: The tree.
-        steps: Has gone through its states.
-        own: Returns what the user's controls and decorators remember in the state that was restored last, by names.
+        steps: The steps that have visited its states.
+        own: Returns the memory of the user's controls and decorators in the state that was restored last, by names.
     """
 
     simulated: SimulatedTree
@@ -122,11 +122,11 @@ class StateValues:
     own: Callable[[], Mapping[str, object]]
 
     def facts(self) -> dict[str, object]:
-        """Return the facts as they are now, by their names."""
+        """Return the current facts, by their names."""
         return dict(sorted(self.simulated.fact_values().items()))
 
     def facts_and_keys(self, state: bytes | None = None) -> tuple[dict[str, object], dict[str, object]]:
-        """Return the facts and the keys of the tree in a state, each by their names; as they are now without one."""
+        """Return the facts and the keys of the tree in a state, each by their names; the current ones without a state."""
         if state is not None:
             self.steps.restore(state)
         return self.facts(), dict(sorted(self.simulated.compiled.board.values().items()))
@@ -137,7 +137,7 @@ class StateValues:
         return {**keys, **facts}
 
     def growing(self, states: StateStore) -> tuple[tuple[str, int], ...]:
-        """Return the keys, facts and cells with the most values in the last of some states, and how many values."""
+        """Return the keys, facts and cells with the most values in the last states, and the numbers of values."""
         values: dict[str, set[str]] = {}
         for state in states.between(max(len(states) - _SAMPLE, 0), len(states)):
             for name, value in {**self.values_in(state), **self.own()}.items():

@@ -1,4 +1,4 @@
-"""The states of a tree and the ticks between them, of which runs are told: played again tick by tick."""
+"""The states of a tree and the ticks between them, with the runs that lead to them, replayed tick by tick."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import Event, TickRecord
 
 IsWanted = Callable[[TickSteps], bool]
-"""Returns whether a tick that was just played is the one that is looked for."""
+"""Returns whether a tick that was just played is the wanted one."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Trace:
 
     Attributes:
         ticks: Its ticks.
-        loop: How many of its last ticks come again and again for ever; 0 for a run that is told to its end.
+        loop: How many of its last ticks repeat forever; 0 for a run that is shown to its end.
     """
 
     ticks: tuple[TickRecord, ...]
@@ -29,7 +29,7 @@ class Trace:
 
     @property
     def events(self) -> Iterator[Event]:
-        """What happens in it, one by one."""
+        """Its events, one by one."""
         return (event for tick in self.ticks for event in tick.events)
 
 
@@ -39,7 +39,7 @@ class PlayedTick(NamedTuple):
     Attributes:
         path: Its choices.
         outcome: Its outcome.
-        broken: The properties that it breaks, as bits.
+        broken: The properties that it violates, as bits.
         raises: Whether it raises.
     """
 
@@ -54,13 +54,13 @@ def played_again(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[Tick
 
     Args:
         stepper: Plays it.
-        ticks: What the search has found.
+        ticks: The ticks that the search has found.
     """
     state, played = stepper.steps.start(), list[TickRecord]()
     for found in ticks:
         step = next(stepper.ticks(state, found.path))
         if PlayedTick(found.path, step.outcome, step.broken, step.error is not None) != found:
-            message = "a run with all values as they are is another one than that of the search"
+            message = "a run without merged values differs from that of the search"
             raise AssertionError(message)
         played.append(stepper.played(len(played) + 1))
         state = step.state or b""
@@ -71,19 +71,20 @@ def played_again(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[Tick
 class StateSpace:
     """The states that were found of a tree, and the ticks between them.
 
-    The search keeps of each tick only the states and middles that it leads to and what it waits for; events and changes of a million
-    ticks would not fit. A run is restored from that: each of its ticks is tried in the order of the search until one
-    leads to the next state. Several may. For a way to a state any will do, because the state is all that later
-    ticks depend on. For a breach it must be the one with the choices that were noted, since the events break the
-    property; and in a round the one that waits for the same, or the run that is shown might not be fair.
+    For each tick, the search stores only the states and intermediate states to which it leads, and its pending
+    obligations. The events and changes of a million ticks would not fit into memory. A run is reconstructed from
+    that: each of its ticks is tried in the order of the search until one leads to the next state. Several may. For a
+    path to a state any of them is right, because later ticks depend on the state alone. For a violation it must be
+    the one with the recorded choices, because the events violate the property. In a loop it must be the one with the
+    same pending obligations, or the run that is shown might not be fair.
 
     Attributes:
-        stepper: What the graph was made with.
+        stepper: The stepper with which the graph was made.
         graph: The states, as numbers in the order in which they were found, and the ticks.
-        rules: What the properties are called, by their numbers in the graph.
-        owing: The numbers of those that can owe something.
-        unknown: The first tick that needs a value that is not known; None if there is none.
-        plain: Plays runs with all values as they are, where the states have some that stand for others; None if none do.
+        rules: The names of the properties, by their numbers in the graph.
+        owing: The numbers of those that can have pending obligations.
+        unknown: The first tick that needs an unknown value; None if there is none.
+        plain: Plays runs without merged values; None if no values are merged.
     """
 
     stepper: TreeStepper
@@ -95,7 +96,7 @@ class StateSpace:
 
     @property
     def raised(self) -> Exception | None:
-        """What the last tick of the last run has raised that was told, if it is told by `plain`."""
+        """The error of the last tick in the last run that was shown, if `plain` has played it."""
         return None if self.plain is None else self.plain.steps.error
 
     def to(self, state: int) -> Trace:
@@ -103,7 +104,7 @@ class StateSpace:
         return self._trace(self._stem(self.graph.stem(state)))
 
     def breach(self, breach: Breach) -> Trace:
-        """Return a shortest run to a breach."""
+        """Return a shortest run to a violation."""
         stem, path = self._stem(self.graph.stem(breach.source)), breach.path
         last = [] if path is None else [(breach.source, lambda step: step.path() == path)]
         return self._trace([*stem, *last])
@@ -118,7 +119,7 @@ class StateSpace:
         return [(source, self._leads_to(target)) for source, target in pairwise(states)]
 
     def _trace(self, steps: Iterable[tuple[int, IsWanted]], loop: int = 0) -> Trace:
-        """Return a run of ticks, each of which is given by the state before it and by what is wanted of it."""
+        """Return a run of ticks, each given by the state before it and by a function that recognizes the wanted tick."""
         if self.plain is None:
             played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
         else:

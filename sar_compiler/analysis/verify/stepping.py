@@ -1,4 +1,4 @@
-"""The ticks of a simulated tree, from any state that it can be in, held to what the user's specs claim."""
+"""The ticks of a simulated tree from any possible state, checked against the declarations of the user's specs."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -36,12 +36,12 @@ from sar_compiler.runtime.variables import UNKNOWN
 def hold_to_records(
     nodes: Iterable[UserNode], compiled: CompiledTree, deny: Callable[[Behaviour, str], None]
 ) -> bool:
-    """Have nodes see whether they do what their records say; return whether any of these says something.
+    """Let nodes check their own behaviour against their declarations; return whether there are any declarations.
 
     Args:
         nodes: The nodes.
         compiled: Their tree.
-        deny: Is told of each behaviour that does something else, and what, in words.
+        deny: Called with each behaviour that deviates, and a description of the deviation.
     """
     possible: PossibleOutcomes | None = None
     for node in nodes:
@@ -65,26 +65,26 @@ class TreeStepper:
 
     Args:
         prepared: The tree with stub leaves.
-        rules: What is watched.
-        flattened: Brings it into flat form, given what builds its leaves; None for the whole tree as it is.
-        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
-        meets: Whether ticks that come to the same place are one from there on.
-        chances: Is told of the choices of leaves whose chances are known; None where everything is possible.
-        merges: Whether values that no run can tell apart are one, as `slicing` has it.
+        rules: The monitored properties.
+        flattened: Converts it to flat form, given a builder of its leaves; None for the whole tree without changes.
+        forgets: Whether states are equal that differ only in the last statuses of nodes, if these make no difference.
+        meets: Whether ticks that reach the same intermediate state are merged from there on.
+        chances: Receives the choices of leaves with known probabilities; None if every outcome is merely possible.
+        merges: Whether values that no run can distinguish are merged, as by `slicing`.
 
     Raises:
-        NotFlatError: If the tree has a node whose rules are not known.
+        NotFlatError: If the tree has a node with unknown rules.
 
     Attributes:
         leaves: The tree's stub leaves.
         writes_unknown_values: Whether one of them writes a key with an unknown value.
         flat: The flat form.
-        ticker: What ticks it.
+        ticker: Ticks it.
         steps: Its steps.
-        states: Tells what is in its states.
+        states: Describes its states.
         ran: The indexes of the leaves that were ticked so far.
-        claims: Whether the records of the user's controls and decorators say anything that could be wrong.
-        wrong: What these have done last that their records exclude, in words.
+        claims: Whether the declarations of the user's controls and decorators say anything that could be wrong.
+        wrong: Their last deviation from the declarations, in words.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class TreeStepper:
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
     def _begin_as_first(self, prepared: Prepared, ticker: Ticker) -> None:
-        """Have nodes begin as those of the first stepper, whose behaviours have been ticked since: some bring along what they remember."""
+        """Start nodes like those of the first stepper: their behaviours have been ticked since, and some have memory."""
         cells, values = ticker.cells, ticker.values
         for node in self.flat.nodes:
             keeps_nothing = node.first_cell == node.last_cell and node.first_value == node.last_value
@@ -144,10 +144,10 @@ class TreeStepper:
     def _deny(self, behaviour: Behaviour, what: str) -> None:
         cls = type(behaviour)
         self._trail.broken |= 1 << self._rule
-        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}: mend its outcomes or semantics, which checks rely on"
+        self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}: correct its outcomes or semantics"
 
     def _remembered(self) -> dict[str, object]:
-        """Return what the user's controls and decorators have in their cells, by the names of the node and of the attribute."""
+        """Return the memory of the user's controls and decorators in their cells, by the names of node and attribute."""
         values = self.ticker.values
         return {
             f"{node.behaviour.name}.{name}": values[at]
@@ -158,7 +158,10 @@ class TreeStepper:
         }
 
     def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
-        """Play the ticks of a state one after the other, or the one with some choices; `played`, `unusual` and `broken` tell of the last one."""
+        """Play the ticks of a state one after the other, or the one with some choices.
+
+        `played`, `unusual` and `broken` describe the last tick.
+        """
         self._watched = self.steps.restore(state)[1]
         self._before = self.states.facts_and_keys()
         self._trail.keeps = True
@@ -170,12 +173,12 @@ class TreeStepper:
             self._trail.keeps = False
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
-        """Play the first tick of a state that is wanted; return it as the tick of that number."""
+        """Play the first wanted tick of a state; return it as the tick of that number."""
         next(step for step in self.ticks(state) if wanted(step))
         return self.played(number)
 
     def played(self, number: int = 0) -> TickRecord:
-        """Return what has happened in the last tick, as the tick of that number."""
+        """Return the events of the last tick, as the tick of that number."""
         now, events = self.ticker.entries.now, []
         happened, after = self._happened(), list(now)
         for (event, past), (_, then) in pairwise([*happened, (0, after)]):
@@ -192,7 +195,7 @@ class TreeStepper:
         )
 
     def unusual(self) -> tuple[bool, ...]:
-        """Return which answers of the last tick were other than usual."""
+        """Return which outcomes of the last tick were unusual."""
         entries, unusual = self.ticker.entries, []
         after = entries.now
         for event, past in self._happened():
@@ -209,7 +212,7 @@ class TreeStepper:
         return self._rules.judge(outcome, watched, idle)
 
     def broken(self) -> tuple[tuple[int, Event], ...]:
-        """Return the properties over events that the last tick has broken, by their numbers, each with the event that does it."""
+        """Return the numbers of the properties over events that the last tick has violated, each with the event."""
         if not self.steps.broken:
             return ()
         watched, found = self._watched, []
@@ -221,7 +224,7 @@ class TreeStepper:
         return tuple(found)
 
     def _own_number(self, place: int) -> int:
-        """Return the number of the event of the last tick at a place; of one that only goes with another, that of this one."""
+        """Return the number of an event of the last tick; for an event that accompanies another, the number of that one."""
         count, numbers = len(self._alphabet.events), self._trail.numbers
         if numbers[place] < count:
             return numbers[place]
@@ -231,13 +234,13 @@ class TreeStepper:
         return next(number for number in others if number < count)
 
     def before_answer(self, place: int) -> None:
-        """Have the entries hold what they held before an answer of the last tick, by its place among its answers."""
+        """Restore the entries before an outcome of the last tick, by its index among its outcomes."""
         answers = [past for event, past in self._happened() if self._alphabet.answers[event][1] is not None]
         self.ticker.entries.restore(vec[i32](answers[place]))
 
     def _happened(self) -> list[tuple[int, list[int]]]:
-        """Return the events of the last tick, each with what entries held before it."""
-        # Numbers above those of the alphabet are those of guarded events, which go with another one.
+        """Return the events of the last tick, each with the values of entries before it."""
+        # Numbers above those of the alphabet are those of guarded events, which accompany another one.
         count, trail = len(self._alphabet.events), self._trail
         return [each for each in zip(trail.numbers, trail.pasts, strict=True) if each[0] < count]
 
@@ -247,6 +250,6 @@ class TreeStepper:
 
 
 def plain_stepper(prepared: Prepared, rules: PropertyAutomata) -> TreeStepper | None:
-    """Return what plays a tree with all values as they are; None if the searches so far have merged none."""
+    """Return a stepper for a tree without merged values; None if the searches so far have merged none."""
     has_merged = any(each.is_used for each in prepared.merged)
     return TreeStepper(prepared, rules, merges=False) if has_merged else None

@@ -1,6 +1,7 @@
-"""Searches of trees in which leaves write unknown values: a tick that needs one is told apart from a tick that raises.
+"""Searches of trees in which leaves write unknown values: a tick that needs one is distinguished from one that raises.
 
-A run is not followed beyond such a tick. So what is shown of the other runs is right, and what is said of all runs is not decided.
+A run is not explored beyond such a tick. So the runs that are shown are possible, and statements about all runs are
+undecided.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +20,7 @@ DecidableResult = TypeVar("DecidableResult")
 def search_decidable(
     properties: Properties, search: Callable[[Properties], DecidableResult]
 ) -> tuple[DecidableResult, dict[str, str]]:
-    """Search without the conditions that need an unknown value, of properties and of the end of a run.
+    """Search without the conditions of properties and of the end of a run that need an unknown value.
 
     Args:
         properties: The properties of the tree.
@@ -49,7 +50,8 @@ def explored(
     """Search the states of a tree; see `explore`.
 
     Returns:
-        The graph, whose error is the first tick that raises for another reason than an unknown value; and the first tick that needs one.
+        The graph, whose error is the first tick that raises for another reason than an unknown value; and the first
+        tick that needs one.
     """
     if not stepper.writes_unknown_values:
         return explore(stepper.steps, max_states, report, names), None
@@ -66,7 +68,8 @@ class _NotedErrors(Stepper):
         steps: The steps.
 
     Attributes:
-        errors: The first tick that needs an unknown value (True), and the first one that raises for another reason (False).
+        errors: The first tick that needs an unknown value (True), and the first one that raises for another reason
+            (False).
     """
 
     def __init__(self, steps: Stepper) -> None:

@@ -1,4 +1,4 @@
-"""The questions that are asked of a tree, their answers from the graph of its states, and what of these is otherwise for another tree."""
+"""The questions about a tree, their answers from the graph of its states, and the comparison of two trees' answers."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -29,10 +29,10 @@ class Verdict:
     """A question and its answer.
 
     Attributes:
-        question: What was asked, as what should be.
-        outcome: What is known of it.
-        reason: Why it does not hold, or is not decided; empty where it is proved.
-        trace: A run in which it does not hold, with as few ticks as can be.
+        question: The statement that should hold.
+        outcome: The status of the proof.
+        reason: The reason for a violation or an undecided result; empty if it is proved.
+        trace: A violating run, with as few ticks as possible.
     """
 
     question: str
@@ -41,7 +41,7 @@ class Verdict:
     trace: Trace | None = None
 
     def __repr__(self) -> str:
-        """Return the question and its answer; a run has many lines of its own."""
+        """Return the question and its answer, without the run, which has many lines."""
         return f"<{self.question}: {self.outcome.value}{f', {self.reason}' if self.reason else ''}>"
 
     def _repr_html_(self) -> str:
@@ -61,20 +61,21 @@ class Verification:
 
     Attributes:
         verdicts: The questions with their answers.
-        states: How many states were found.
-        steps: How many steps there are between them: ticks, and parts of ticks that many ticks have in common.
-        depth: How many ticks it takes to come everywhere; where not every state was gone through, how many ticks
-            every run was followed for.
-        complete: Whether every state was gone through.
-        left_out: The properties that say nothing about this tree.
-        growing: What had most values where not every state was gone through, with their number.
-        leaves: The leaves that the runs speak of.
-        stopped: Whether somebody wanted the search to end before all was gone through.
-        by_semantics: The tags of the nodes that were taken to do what their `semantics` say, each with its class: they have a
-            `tick` of their own, of which nothing is proved.
-        searches: How many searches there were; with more than one, states and steps are those of all.
-        branches: How many parallel branches share nothing, and stood for themselves where the question did not speak of them.
-        merged: The keys and facts of which not all values were distinguished, since no run can tell them apart.
+        states: The number of states found.
+        steps: The number of steps between them: ticks, and parts of ticks that several ticks share.
+        depth: The number of ticks in which all states are reached; if not all states were explored, the number of
+            ticks for which every run was explored.
+        complete: Whether every state was explored.
+        left_out: The properties that do not apply to this tree.
+        growing: The keys, facts and cells with the most values if not every state was explored, with the number of
+            values.
+        leaves: The leaves that the runs name.
+        stopped: Whether the search was stopped early.
+        by_semantics: The tags of the nodes whose `semantics` were assumed, each with its class: they have their own
+            `tick`, about which nothing is proved.
+        searches: The number of searches; with more than one, states and steps are totals.
+        branches: The number of independent parallel branches that were replaced by automata.
+        merged: The keys and facts with merged values, because no run can distinguish them.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -109,7 +110,7 @@ NO_ERROR = "no tick raises an error"
 EVERY_LEAF = "every leaf can run"
 AN_END = "an end can be reached from everywhere"
 NO_LIVELOCK = "every run ends"
-OWN_RECORDS = "classes of your own do what their records say"
+OWN_RECORDS = "your classes behave as they declare"
 
 
 def questions_of(properties: Properties) -> list[str]:
@@ -123,7 +124,7 @@ class Questions:
 
     Args:
         space: Its states and ticks.
-        told: Says in words what a tick raises.
+        told: Describes the error of a tick.
     """
 
     def __init__(self, space: StateSpace, told: Callable[[BaseException], str]) -> None:
@@ -137,7 +138,7 @@ class Questions:
         first = error or unknown
         if first is None:
             return self._unbroken(NO_ERROR)
-        assert first.error is not None  # noqa: S101 - that is what kind of breach it is
+        assert first.error is not None  # noqa: S101 - true for this kind of violation
         outcome = ProofStatus.UNDECIDED if error is None else ProofStatus.BROKEN
         trace = self._space.breach(first)
         return Verdict(NO_ERROR, outcome, self._told(self._space.raised or first.error), trace)
@@ -151,8 +152,8 @@ class Questions:
         if self._space.unknown is not None:
             return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         if self._graph.complete:
-            return _broken(EVERY_LEAF, f"in no run is it the turn of {names}")
-        return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"so far it was not the turn of {names}")
+            return _broken(EVERY_LEAF, f"no run ticks {names}")
+        return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"no explored run ticks {names}")
 
     def endings(self) -> Iterator[Verdict]:
         """Yield the verdicts on whether the runs end."""
@@ -160,26 +161,26 @@ class Questions:
         if found.stuck is None:
             yield self._unbroken(AN_END)
         elif self._space.unknown is not None:
-            # An end may come in a run that was not followed.
+            # An end may follow in a run that was not explored.
             yield Verdict(AN_END, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         else:
-            yield _broken(AN_END, "after this no end comes any more", self._space.to(found.stuck))
+            yield _broken(AN_END, "the run cannot end after this", self._space.to(found.stuck))
         if found.circling is None:
             yield self._unbroken(NO_LIVELOCK)
         else:
-            yield _broken(NO_LIVELOCK, "this run goes on for ever", self._round(found.circling))
+            yield _broken(NO_LIVELOCK, "this run never ends", self._round(found.circling))
 
     def own_records(self, rule: int, wrong: Callable[[], str]) -> Verdict:
-        """Return the verdict on whether the user's controls and decorators do what their records say.
+        """Return the verdict on whether the user's controls and decorators match their declarations.
 
         Args:
             rule: The number of that property.
-            wrong: Returns what was done last that a record excludes, in words.
+            wrong: Returns a description of the last deviation.
         """
         breach = self._graph.breaches.get(rule)
         if breach is None:
             return self._unbroken(OWN_RECORDS)
-        # To tell the run is to play it, its last tick last.
+        # Creating the trace plays the run, ending with its last tick.
         trace = self._space.breach(breach)
         return _broken(OWN_RECORDS, wrong(), trace)
 
@@ -188,18 +189,18 @@ class Questions:
         for rule, name in enumerate(properties.names):
             breach = self._graph.breaches.get(rule)
             if breach is not None:
-                yield _broken(name, "it is broken in the last tick", self._space.breach(breach))
+                yield _broken(name, "it is violated in the last tick", self._space.breach(breach))
                 continue
             circling = owing_for_ever(self._graph, 1 << rule) if rule in properties.owing else None
             if circling is None:
                 yield self._unbroken(name)
             else:
-                yield _broken(name, "what must come never comes in this run", self._round(circling))
+                yield _broken(name, "the required event never happens in this run", self._round(circling))
 
     def _depends_on(self, breach: Breach) -> str:
         value = unknown_value_of(breach.error)
-        assert value is not None  # noqa: S101 - that is what kind of breach it is
-        return f"it depends on what '{value.leaf}' writes to '{value.key}'"
+        assert value is not None  # noqa: S101 - true for this kind of violation
+        return f"it depends on the value that '{value.leaf}' writes to '{value.key}'"
 
     def _round(self, component: list[int]) -> Trace:
         return self._space.lasso(lasso(self._graph, component))
@@ -207,15 +208,15 @@ class Questions:
     def _unbroken(self, question: str) -> Verdict:
         graph = self._graph
         if graph.error is not None:
-            reason = "a run that raises an error was not followed beyond it"
+            reason = "runs were not explored beyond an error"
             return Verdict(question, ProofStatus.UNDECIDED, reason)
         if self._space.unknown is not None:
             return Verdict(question, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         if graph.complete:
             return Verdict(question, ProofStatus.PROVED)
-        seen = {0: "what was seen of the first tick", 1: "the first tick of every run"}
+        seen = {0: "the explored part of the first tick", 1: "the first tick of every run"}
         where = seen.get(graph.depth, f"the first {graph.depth:,} ticks of every run")
-        reason = f"nothing speaks against it in {where}"
+        reason = f"no violation was found in {where}"
         return Verdict(question, ProofStatus.UNDECIDED, reason)
 
 
@@ -224,9 +225,9 @@ def _broken(question: str, reason: str, trace: Trace | None = None) -> Verdict:
 
 
 SAME, WORSE, BETTER, OTHER = "the same", "worse", "better", "different"
-"""The ways in which an answer can have changed."""
+"""The possible changes of an answer."""
 
-# What is not asked of a tree, because it lacks the leaves, is as little known as what is not decided.
+# A question that does not apply to a tree, because it lacks the leaves, ranks like an undecided one.
 _RANKS: Mapping[ProofStatus | None, int] = {
     ProofStatus.BROKEN: 0,
     ProofStatus.UNDECIDED: 1,
@@ -241,8 +242,8 @@ class ComparedAnswer:
 
     Attributes:
         question: The question.
-        before: The answer for the one tree; None if it was left out there.
-        now: The answer for the other tree; None if it was left out there.
+        before: The answer for the first tree; None if it was left out there.
+        now: The answer for the second tree; None if it was left out there.
     """
 
     question: str
@@ -251,7 +252,7 @@ class ComparedAnswer:
 
     @property
     def change(self) -> str:
-        """How the answer has changed: `SAME`, `WORSE`, `BETTER`, or `OTHER` for neither."""
+        """The change of the answer: `SAME`, `WORSE`, `BETTER`, or `OTHER` for neither."""
         before, now = (None if each is None else each.outcome for each in (self.before, self.now))
         if before is now:
             return SAME
@@ -262,11 +263,11 @@ class ComparedAnswer:
 
 @dataclass(frozen=True)
 class VerificationComparison:
-    """The answers about two trees, of which the same was asked.
+    """The answers to the same questions about two trees.
 
     Attributes:
-        before: The result for the one tree.
-        now: The result for the other.
+        before: The result for the first tree.
+        now: The result for the second tree.
     """
 
     before: Verification

@@ -1,4 +1,4 @@
-"""Rules for mistakes in trees whose parts are each valid by themselves; one module per family."""
+"""Rules for errors in trees whose parts are each valid by themselves; one module for each family."""
 
 import bisect
 import functools
@@ -29,10 +29,10 @@ class CheckContext:
     """A forest with the results of its analysis, each computed at most once.
 
     Attributes:
-        forest: The file and what it includes.
+        forest: The file and its includes.
         registry: The registered nodes.
         palettes: Files whose `TreeNodesModel` describes nodes that are not installed.
-        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
+        btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
     """
 
     forest: Forest
@@ -47,12 +47,12 @@ class CheckContext:
 
     @property
     def version(self) -> Version:
-        """The version of BehaviorTree.CPP that the trees are for: the newest one if nothing says another."""
+        """The version of BehaviorTree.CPP that the trees are for; the newest one if none is configured."""
         return self.btcpp or NEWEST
 
     @functools.cached_property
     def is_whole(self) -> bool:
-        """Whether all trees are known: each include was read, and nothing else may have been meant as a tree."""
+        """Whether all trees are known: each include was read, and no other element may be a misspelt tree."""
         roots = (tree_file.root for tree_file in self.forest.files)
         return (
             not self.forest.findings
@@ -66,7 +66,7 @@ class CheckContext:
         return tuple({tree: None for top in self.bound.tops for tree in trees_in(top.tree)})
 
     def parents(self) -> Iterator[BoundNode]:
-        """Yield the nodes with children of these trees of which conclusions can be drawn."""
+        """Yield the nodes with children from which conclusions can be drawn."""
         return (bound for tree in self.trees for bound in tree.parents if bound not in self.broken)
 
     @functools.cached_property
@@ -80,9 +80,9 @@ class CheckContext:
         ]
 
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
-        """Yield the nodes of these trees with what is found of their specs, where it is anything.
+        """Yield the nodes for whose spec `find` returns anything, with its result.
 
-        Most files have none, and need not be gone through.
+        Most files have no such node, and are not traversed.
         """
         found = {id(spec): each for spec in self.bound.specs if (each := find(spec))}
         for bound in (bound for tree in self.trees for bound in tree.nodes if found):
@@ -90,9 +90,9 @@ class CheckContext:
                 yield bound, found[id(bound.spec)]
 
     def is_main(self, tree: BoundTree) -> bool:
-        """Return whether a tree is executed as far as the file says: the main tree, or one that nobody uses.
+        """Return whether a tree is executed as far as the file shows: the main tree, or an unused one.
 
-        Other files of a set are asked where the file itself names no main tree.
+        If the file names no main tree, the other files of its project are searched for uses.
         """
         return id(tree.element) in self._executable
 
@@ -107,12 +107,12 @@ class CheckContext:
 
     @functools.cached_property
     def guesses(self) -> Guesses:
-        """Guesses of what was meant."""
+        """The suggestions for misspelt names."""
         return Guesses()
 
     @functools.cached_property
     def is_foreign(self) -> bool:
-        """Whether a node is only described: another program executes the trees."""
+        """Whether a node is only described by a model, so that another program executes the trees."""
         return any(bound.spec.is_foreign for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property
@@ -122,7 +122,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_telling(self) -> bool:
-        """Whether the nodes' outcomes allow any conclusions."""
+        """Whether the outcomes of the nodes allow any conclusions."""
         return any(is_telling(spec) for spec in self.bound.specs)
 
     @functools.cached_property
@@ -133,7 +133,7 @@ class CheckContext:
 
     @functools.cached_property
     def broken(self) -> frozenset[BoundNode]:
-        """The nodes with a mistake in their tags, attributes or children, from which no conclusions are drawn."""
+        """The nodes with an error in their tag, attributes or children, from which no conclusions are drawn."""
         return frozenset(self._broken()) if self._errors else frozenset()
 
     @functools.cached_property
@@ -147,18 +147,18 @@ class CheckContext:
         for of_file in nodes.values():
             if (
                 of_file and of_file[0].element.source.form is not Form.XML
-            ):  # there a node's children may stand before it
+            ):  # in YAML, a node's children may precede it
                 of_file.sort(key=attrgetter("element.place"))
         for finding in self._errors:
             of_file = nodes.get(finding.source.path, [])
             index = bisect.bisect_right(of_file, finding.span[:2], key=attrgetter("element.place"))
             if index:
                 yield of_file[index - 1]
-        # Where one is missing, those that were bound are not the first, the second and the last of the file.
+        # If a child is missing, the bound children are not the first, second and last of the file.
         for tree in self.bound.trees:
             yield from (each for each in tree.parents if len(each.children) != len(each.element.children))
 
 
 def is_misnamed(tree: Element) -> bool:
-    """Return whether a tree has a name where its ID should be."""
+    """Return whether a tree has a name instead of an ID."""
     return "ID" not in tree.attributes and "name" in tree.attributes

@@ -1,4 +1,7 @@
-"""The accesses of nodes to keys; those to each blackboard entry, with all subtrees expanded, and which of them come first."""
+"""The accesses of nodes to blackboard keys, and to each entry with all subtrees expanded, with their order.
+
+It answers which of two accesses happens first in every run, from the positions of their nodes alone.
+"""
 
 import bisect
 import enum
@@ -51,7 +54,7 @@ class KeyAccess(NamedTuple):
     turn: int = 0
 
     def span(self) -> Span:
-        """Return its place in the file."""
+        """Return its location in the file."""
         element, place = self.bound.element, self.place or self.place_in_braces
         if place is None:
             return element.value_span(self.attribute)
@@ -59,7 +62,7 @@ class KeyAccess(NamedTuple):
 
     @property
     def place_in_braces(self) -> tuple[int, int] | None:
-        """The place of a key within a value that has braces of its own, such as `x: {key}`; None in any other."""
+        """The position of a key within a value with other text in braces, such as `x: {key}`; None in any other value."""
         parameter = self.bound.spec.parameters.get(self.attribute)
         if parameter is None or not parameter.value_type.takes_braces:
             return None
@@ -113,13 +116,13 @@ def _of_node(bound: BoundNode) -> Iterator[KeyAccess]:
         for attribute in CONDITIONS:
             if attribute in bound.conditions:
                 time = AccessTime.AFTER if attribute in _POST else AccessTime.BEFORE
-                # The scripts after a node belong to one answer each, and may never be run.
+                # Each script after a node belongs to one outcome, and may never run.
                 yield from _of_script(bound, attribute, bound.conditions[attribute], time)
     for name, key in bound.keys.items():
         parameter = bound.spec.parameters.get(name)
         if parameter is not None:
             role = _role(bound, parameter)
-            # A key that holds the name of the one that is meant is only read.
+            # A key that holds the name of another key is only read.
             kind = AccessKind.READ if role.indirect else role.kind
             yield from _accesses(
                 bound, name, [entry_of(key) if parameter.value_type.names_key else key], kind
@@ -127,7 +130,7 @@ def _of_node(bound: BoundNode) -> Iterator[KeyAccess]:
     for name, value in bound.values.items():
         if isinstance(value, Script):
             yield from _of_script(bound, name, value, AccessTime.BEFORE)
-        elif value is not None:  # as it is after a finding
+        elif value is not None:  # after a finding it is None
             kind = _role(bound, bound.spec.parameters[name]).kind
             yield from _accesses(bound, name, _keys_in(bound, name, value), kind)
 
@@ -183,54 +186,57 @@ def is_of_root(key: str) -> bool:
     return key.startswith(ROOT_SIGN)
 
 
-# Why the order of two accesses is read off the tree, and how.
+# Why the order of two accesses is derived from the tree, and how.
 #
-# Findings such as "this key is read before anything has written it" rest on one question: has access A certainly happened when
-# access B happens for the first time? A walk through all runs would answer it exactly, as `verify` walks. `validate` cannot:
-# it must answer while somebody types, for trees with thousands of nodes and leaves of which nothing is known but ports. So the
-# answer comes from the places of the two nodes alone, and errs to one side: True only if it holds in every run, whatever leaves
-# answer. A wrong True is a finding about a correct tree; a wrong False is silence.
+# Findings such as "this key is read before it is written" depend on one question: has access A certainly happened
+# when access B happens for the first time? Exploring all runs, as `verify` does, would answer it exactly. `validate`
+# cannot do that: it must respond while the user types, for trees with thousands of nodes and leaves of which only the
+# ports are known. So the answer is derived from the positions of the two nodes alone, and errs on one side: True only
+# if it holds in every run, whatever the leaves return. A wrong True is a finding about a correct tree, while a wrong
+# False only misses one.
 #
-# "For the first time" makes memory irrelevant: in the tick in which B happens first, a control with memory and a reactive one
-# have gone the same way to it. What counts is which children must have been through before the one with B is reached:
+# "For the first time" makes memory irrelevant: up to the tick in which B first happens, a control with memory and a
+# reactive one have taken the same path to it. The answer depends on which children must have ended before the child
+# with B is reached:
 #
-#   Sequence     a later child starts only when the earlier ones have succeeded. Whatever is certain to happen in a child that
-#                succeeds has happened.
-#   Selector     a later child starts when the earlier ones have *failed*, at any of their own children. Certain is only what
-#                every tick of the first child begins with, hence `_is_first` and `is_first`: the way down to A must be the
-#                first child of the first child.
-#   together     (Parallel) all children are ticked in the same tick, in order, and the next one does not wait for the end of the
-#                one before: again only the beginning of the first child.
-#   otherwise    (IfThenElse, switches, a class of the user's) nothing is certain of one child when another one is reached.
+#   Sequence     A later child starts only after the earlier ones have succeeded. Everything that is certain to happen in a
+#                child that succeeds has happened.
+#   Selector     A later child starts after the earlier ones have *failed*, at any of their children. Only the access with
+#                which every tick of the first child begins is certain (`_is_first` and `is_first`): the path down to A must
+#                be the first child of the first child.
+#   Parallel     All children are ticked in the same tick, in order, without waiting for the end of the previous one. Again
+#                only the beginning of the first child is certain.
+#   others       (IfThenElse, switches, a user's class) Nothing is certain about one child when another one is reached.
 #
-# Between A and the node where the ways to A and B part there may be more nodes. Each of them must not advance before A has
-# happened ("straight"): a sequence, a decorator that ends only with its child, a selector in whose first child A lies. A
-# node with a precondition may be skipped, so that nothing in it is certain, except the first script that it asks: that one is run
-# whenever the node is reached (`_asks`). A node with `oneshot` may answer without a tick.
+# There may be further nodes between A and the node in which the paths to A and B part. Each of them must not advance
+# before A has happened ("straight"): a sequence, a decorator that ends only with its child, a selector whose first
+# child contains A. A node with a precondition may be skipped, so nothing in it is certain except the first script
+# that it evaluates, which runs whenever the node is reached (`_asks`). A node with `oneshot` may return a status
+# without ticking its child.
 #
-# A node itself has accesses before its children are ticked (inputs, preconditions) and after (outputs by `_onSuccess` and the like).
-# So ancestors are not simply "earlier": an ancestor's access counts as first for what is in it only if it is BEFORE, and
-# comes after what is in it only if it is AFTER; scripts after a node belong to one answer each, and may never run.
+# A node itself has accesses before its children are ticked (inputs, preconditions) and after (outputs by `_onSuccess`
+# and similar). So an ancestor does not simply come earlier. Its access precedes those of its descendants only if it
+# is BEFORE, and follows them only if it is AFTER. Each script after a node belongs to one outcome, and may never run.
 #
-# The second corner is size. An entry may have as many uses as the tree has nodes (a flag that every branch looks at), and to compare all
-# pairs grows with its square. Places are therefore numbered parents first, so that the inside of a node is an interval
-# from `number` to `last`; uses are sorted by them; and `all_after` climbs from A to the root once, asking at each node by
-# bisection whether any use lies left of the way (then it may come first), or right of it (then this node must keep
-# the order).
+# The second difficulty is size. An entry may have as many uses as the tree has nodes (a flag that every branch
+# reads), and comparing all pairs takes quadratic time. Places are therefore numbered parents first, so that the
+# inside of a node is an interval from `number` to `last`, and uses are sorted by these numbers. `all_after` climbs
+# from A to the root once. At each node it finds by bisection whether any use is left of the path (then it may come
+# first), or right of it (then this node must keep the order).
 #
-# Subtrees are expanded before any of this: one element of the file has a place for each use of its tree, and a key belongs
-# to the scope that its remapping leads to. A question about elements would mix the instances.
+# All subtrees are expanded first: one element of the file has a place for each use of its tree, and a key belongs to
+# the scope to which its remapping leads. A comparison of elements would mix the instances.
 
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
 
 @dataclass(eq=False, slots=True)
 class Place:
-    """The place of a node in a tree with its subtrees expanded.
+    """The position of a node in a tree with its subtrees expanded.
 
     Attributes:
         bound: The node.
-        around: The place of the node around it; None for the root.
+        around: The place of its parent; None for the root.
         index: Its number among its siblings, from 0.
         number: Its number among all nodes, parents before their children.
         last: The number of the last node in it.
@@ -247,7 +253,7 @@ class Place:
         return self.number <= other.number <= self.last
 
     def child(self, inner: "Place") -> "Place":
-        """Return the child that holds a place within this one."""
+        """Return the child that contains a place within this one."""
         while inner.around is not None and inner.around is not self:
             inner = inner.around
         return inner
@@ -309,7 +315,7 @@ class EntryAccess:
 
 
 class OrderedAccesses:
-    """Accesses by the order of their places, to be asked for those in a part of the tree.
+    """Accesses in the order of their places, for queries about parts of the tree.
 
     Attributes:
         uses: The accesses in their order.
@@ -321,7 +327,7 @@ class OrderedAccesses:
         self.uses = [uses[index] for _, index in numbered]
 
     def any_in(self, first: int, last: int) -> bool:
-        """Return whether one is at the places with the numbers from *first* to *last*."""
+        """Return whether an access is at a place with a number from *first* to *last*."""
         index = bisect.bisect_left(self._numbers, first)
         return index < len(self._numbers) and self._numbers[index] <= last
 
@@ -330,14 +336,14 @@ class OrderedAccesses:
         return self.uses[start : bisect.bisect_right(self._numbers, place.number, start)]
 
     def all_after(self, first: EntryAccess) -> bool:
-        """Return whether another access comes first for each of them, as `comes_first` decides for two."""
+        """Return whether another access precedes each of them, as `comes_first` decides for two."""
         place: Place = first.place
         if self.uses and self._numbers[0] < place.number and not self.uses[0].place.holds(place):
-            return False  # most often
+            return False  # the most frequent case
         is_before = first.access.is_certain and first.access.time is AccessTime.BEFORE
         if self.any_in(place.number + 1, place.last) and not is_before:
             return False
-        # In a script the last access is the first to contradict.
+        # Check a script's last access first: it is most likely to violate the order.
         if not all(comes_first(first, use) for use in reversed(self._at(place)) if use is not first):
             return False
         inner = place
@@ -348,7 +354,7 @@ class OrderedAccesses:
         return True
 
     def _are_after(self, first: EntryAccess, inner: Place, around: Place) -> bool:
-        """Return whether another access, in a child of a node, comes before those elsewhere in the node."""
+        """Return whether another access, in a child of a node, precedes the accesses elsewhere in the node."""
         return (
             not self.any_in(around.number + 1, inner.number - 1)
             and (not self.any_in(inner.last + 1, around.last) or _precedes(first, around))
@@ -361,9 +367,9 @@ class EntryAccesses:
     """All accesses to an entry, in the order of the tree.
 
     Attributes:
-        scope: The scope that its key belongs to.
-        key: The key there.
-        uses: The nodes' accesses to it.
+        scope: The scope to which its key belongs.
+        key: The key in that scope.
+        uses: The accesses of the nodes.
         given: The `SubTree` nodes that pass a constant for it.
         is_parameter: Whether it is read as a parameter of the mission.
     """
@@ -378,10 +384,10 @@ class EntryAccesses:
         """Return the uses of given kinds."""
         return [use for use in self.uses if use.access.kind in kinds]
 
-    # An entry may have as many uses as its tree has nodes, so these are put together once, when all uses are there.
+    # Computed once, after all uses have been added: an entry may have as many uses as its tree has nodes.
     @functools.cached_property
     def writers(self) -> list[EntryAccess]:
-        """The uses that may write it first; a script's `=` may do so if a port has the key."""
+        """The uses that may write it first; the `=` of a script may if a port has the key."""
         has_port = any(use.access.place is None for use in self.uses)
         return self.of(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
@@ -436,7 +442,7 @@ class EntryTable:
 
     @functools.cached_property
     def written_keys(self) -> frozenset[str]:
-        """The same keys, whatever their scopes."""
+        """The keys of all scopes that something may write."""
         return frozenset(itertools.chain.from_iterable(self.written.values()))
 
     @functools.cached_property
@@ -453,7 +459,7 @@ class EntryTable:
 
     @functools.cached_property
     def unused_arguments(self) -> frozenset[tuple[Scope, str]]:
-        """The entries that a subtree is passed by a key that it does not use."""
+        """The entries that a subtree is passed under keys that it does not use."""
         return frozenset(
             instance.scope.owner(key)
             for instance in self.top.iterate()
@@ -464,7 +470,7 @@ class EntryTable:
 
     @functools.cached_property
     def unclosed(self) -> Mapping[BoundTree, frozenset[str | None]]:
-        """The keys of each tree that are written with one brace only, with both of them."""
+        """The keys of each tree that are written with only one brace, with their intended form."""
         return {
             tree: frozenset(
                 close_key(text) for bound in tree.nodes for text in bound.element.attributes.values()
@@ -474,7 +480,7 @@ class EntryTable:
 
 
 def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
-    """Collect the accesses to each entry; those of each tree by itself may be known already."""
+    """Return the accesses to each entry; those of each tree by itself may be passed if they are known."""
     if accesses is None:
         trees = dict.fromkeys(instance.tree for instance in top.iterate())
         accesses = {tree: key_accesses_of(tree) for tree in trees}
@@ -508,7 +514,7 @@ def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: s
 def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
     """Return the outermost `SubTree` that passes an entry to the tree of a use, and its attribute for this.
 
-    None if the use is in the tree that the entry belongs to, or no attribute is written for it.
+    None if the use is in the tree to which the entry belongs, or the entry is passed without an attribute.
     """
     found = None
     instance, key = use.instance, use.access.key
@@ -521,14 +527,14 @@ def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str]
 
 
 def common_place(first: Place, second: Place) -> Place:
-    """Return the innermost place that holds two others."""
+    """Return the innermost place that contains two others."""
     while first.around is not None and not first.holds(second):
         first = first.around
     return first
 
 
 def parted_in(first: EntryAccess, second: EntryAccess) -> Place | None:
-    """Return the place in which two uses are in different children; None if one node is in the other."""
+    """Return the place in which two uses are in different children; None if one node contains the other."""
     place, other = first.place, second.place
     return None if place.holds(other) or other.holds(place) else common_place(place, other)
 
@@ -555,7 +561,7 @@ def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
 
 
 def _precedes(first: EntryAccess, around: Place) -> bool:
-    """Return whether a use comes before those in later children of a node around it."""
+    """Return whether a use precedes those in later children of an ancestor."""
     if not first.access.is_certain or not _is_straight(first, around):
         return False
     means = around.bound.spec.semantics
@@ -570,9 +576,9 @@ def _is_straight(use: EntryAccess, around: Place | None) -> bool:
 
 
 def straight_around(use: EntryAccess) -> Iterator[Place | None]:
-    """Yield the places around a use, as far as the nodes between continue only after it has happened.
+    """Yield the places around a use, as long as the nodes between continue only after it has happened.
 
-    None behind the root.
+    Yields None after the root.
     """
     here: Place = use.place
     place: Place | None = here
@@ -597,7 +603,7 @@ def _asks(use: EntryAccess) -> bool:
 
 
 def _is_first(place: Place, around: Place) -> bool:
-    """Return whether a node is the first in all the nodes around it, up to a child of another one."""
+    """Return whether a node is the first in all its ancestors, up to a child of a given one."""
     while place.around is not None and place.around is not around:
         if place.index:
             return False

@@ -1,4 +1,4 @@
-"""Work that controls repeat or interrupt: those that look at every child again in each tick, and parallels."""
+"""Rules about work that controls repeat or interrupt: reactive controls, which re-evaluate every child, and parallels."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 
 def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that are repeated, or interrupted, in every tick because of a control without memory."""
+    """Yield nodes that a control without memory repeats or interrupts in every tick."""
     if not context.is_telling:
         return
     outcomes = context.outcomes
@@ -35,7 +35,7 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
 def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for child, later in _with_later(bound, outcomes):
         if not outcomes.may_return(child) & S:
-            return  # the nodes after it are never reached
+            return  # the later nodes are never reached
         found = outcomes.begun_again(child, outcomes.works)
         if found is not None and outcomes.known_to_return(child) & S:
             yield _restart(found, later, bound, f"while {name_beside(later, found.leaf)} runs")
@@ -44,13 +44,13 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
         if found is not None:
             message = (
                 f"{found.name_beside(later)} {consequence(found.leaf)} while {name_beside(later, found.leaf)} runs: "
-                f"'{bound.name}' looks at every child again"
+                f"'{bound.name}' re-evaluates every child in each tick"
             )
             yield found.place.element.finding("repeated-effect", message, hint=_remember(bound))
 
 
 def _with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
-    """Yield each child that has one after it which takes time, with the first of these."""
+    """Yield each child that precedes a child which takes time, with the first of these."""
     later: BoundNode | None = None
     pairs: list[tuple[BoundNode, BoundNode]] = []
     for child in reversed(bound.children):
@@ -87,9 +87,9 @@ def _beginning(bound: BoundNode) -> BoundNode:
 
 def _restart(found: Found, later: BoundNode, bound: BoundNode, when: str) -> Diagnostic:
     message = (
-        f"{found.name_beside(later)} is started again in the next tick {when}, and interrupts "
-        f"{name_beside(later, found.leaf)} before it can end: "
-        f"'{bound.name}' looks at every child again"
+        f"{found.name_beside(later)} is restarted in the next tick {when}, and interrupts "
+        f"{name_beside(later, found.leaf)} before that ends: "
+        f"'{bound.name}' re-evaluates every child in each tick"
     )
     return found.place.element.finding("endless-restart", message, hint=_remember(bound))
 
@@ -105,10 +105,10 @@ def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Dia
         steps = [found for step in child.children if (found := outcomes.begun_again(step, outcomes.is_work))]
         if len(steps) > 1:
             message = (
-                f"'{child.name}' begins again with {steps[0].name} whenever '{interrupting.name}' has interrupted it: "
-                "memory lasts only while it runs"
+                f"'{child.name}' restarts with {steps[0].name} whenever '{interrupting.name}' has interrupted it: "
+                "its memory lasts only while it runs"
             )
-            hint = 'what must not be done twice takes oneshot="ON_SUCCESSFUL_COMPLETION"'
+            hint = 'if a node must not be done twice, add oneshot="ON_SUCCESSFUL_COMPLETION" to it'
             yield child.element.finding("lost-progress", message, hint=hint)
 
 
@@ -119,7 +119,7 @@ def _starts_over(bound: BoundNode) -> bool:
 
 
 def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield work below the root that is restarted once it is done, since nothing before it has changed."""
+    """Yield work below the root that is restarted after it is done, because nothing before it has changed."""
     waiting = [root]
     while waiting:
         bound = waiting.pop()
@@ -136,18 +136,18 @@ def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
 
 def _done_again(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        # A question before it may be whether it is done; a plan that gives up at once is none.
+        # A condition before it may ask whether it is done; one after which the branch gives up does not.
         if index and not _gives_up(bound.children[index - 1], outcomes):
             return
-        # A branch that begins with a condition checks by itself whether there is anything to do.
+        # A branch that begins with a condition checks by itself whether there is work left.
         if not index or not outcomes.known_to_return(child) & S or is_question(_beginning(child)):
             continue
         found = outcomes.begun_again(child, acts)
         if found is not None:
             what = "it" if found.place is child else f"'{child.name}'"
             message = (
-                f"{found.name} {consequence(found.leaf)}: once {what} has succeeded, '{bound.name}' looks at every "
-                f"child again and comes back to {what}"
+                f"{found.name} {consequence(found.leaf)}: after {what} has succeeded, '{bound.name}' re-evaluates every "
+                f"child in each tick and restarts {what}"
             )
             yield found.place.element.finding("repeated-effect", message, hint=_once(child, found))
 
@@ -158,7 +158,7 @@ def _once(child: BoundNode, found: Found) -> str:
 
 
 def _gives_up(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
-    """Return whether a node has an effect, and is known to fail in its first tick by a condition at its beginning."""
+    """Return whether a node has an effect, and is known to fail in its first tick because of its first condition."""
     first = _beginning(bound)
     asks = is_question(first) and outcomes.known_to_return(first) & F and first is not bound
     return bool(asks) and outcomes.anywhere(bound, acts) is not None
@@ -169,7 +169,7 @@ def _remember(bound: BoundNode) -> str:
         return f"write memory=\"true\" in '{bound.name}'"
     other = bound.spec.semantics.with_memory
     return (
-        f"write <{other}> instead of <{bound.spec.tag}>" if other else "take a node that goes on where it was"
+        f"write <{other}> instead of <{bound.spec.tag}>" if other else "use a node that resumes where it was"
     )
 
 
@@ -188,8 +188,8 @@ def _cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnos
     work = [found for child in bound.children if (found := outcomes.anywhere(child, outcomes.is_work))]
     if len(work) > 1:
         message = (
-            f"in '{bound.name}' the first success interrupts the others: {work[1].name} stops half done when "
-            f"{work[0].name} succeeds, and the other way round"
+            f"in '{bound.name}' the first success interrupts the others: {work[1].name} is interrupted when "
+            f"{work[0].name} succeeds, and vice versa"
         )
         attribute = "policy" if "policy" in bound.element.attributes else "success_count"
         hint = "require all to succeed, or move the watching branch out of this Parallel"
@@ -204,8 +204,8 @@ def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
         others = [other for other in running if other is not child]
         if others and (child in running or outcomes.anywhere(child, acts)):
             message = (
-                f"'{child.name}' is started again whenever it has succeeded and '{others[0].name}' still runs: "
-                f"'{bound.name}' succeeds only in a tick in which all its children do"
+                f"'{child.name}' is restarted whenever it has succeeded and '{others[0].name}' still runs: "
+                f"'{bound.name}' succeeds only in a tick in which all its children succeed"
             )
             yield bound.element.finding("out-of-step", message, value="synchronise", suggestion="true")
             return
@@ -224,10 +224,10 @@ def _shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
             other = first.get(action.name)
             if other is not None:
                 message = (
-                    f"{action.found.name} sends its goals to '{action.name}' while {other.found.name} does: a new goal "
-                    "takes the place of the one under way"
+                    f"{action.found.name} sends goals to '{action.name}' at the same time as {other.found.name}: a new goal "
+                    "preempts the active one"
                 )
-                hint = f"put one after the other, in a <Sequence> instead of '{bound.name}'"
+                hint = f"run one after the other: replace '{bound.name}' by a <Sequence>"
                 yield action.found.place.element.finding("shared-action", message, hint=hint)
                 return
         for action in actions:

@@ -1,4 +1,4 @@
-"""Blackboard keys that are read but never written, read too early, or written but never read."""
+"""Rules about blackboard keys that are read but never written, read too early, or written but never read."""
 
 import itertools
 from collections.abc import Collection, Iterable, Iterator
@@ -29,21 +29,21 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""The similarity of two keys from which one may be, and from which it must be, a misspelling of the other."""
+"""The similarities of two keys above which one may be, and above which it must be, a misspelling of the other."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about keys whose reads and writes do not fit each other."""
+    """Yield findings about keys whose reads and writes do not match."""
     if not context.sound:
-        return  # a mistake elsewhere may be the reason why a key is not written
+        return  # another error may be the reason why a key is not written
     reported: set[tuple[str, int, int]] = set()
-    with gc_paused():  # what is found of keys grows with the file, and is kept
+    with gc_paused():  # the results for keys grow with the file, and are kept
         for top in context.bound.tops:
             board = entry_table_of(top, context.key_accesses)
             model = context.bound.models.subtrees.get(top.tree.name)
             ports = model.ports if model is not None else {}
             for entry in board.entries if ports else ():
-                # Users of the tree pass it the keys that its model declares.
+                # Users of the tree pass the keys that its model declares.
                 entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
             for finding in _of_board(board, context):
                 place = (finding.source.path, finding.span.line, finding.span.column)
@@ -53,7 +53,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the findings about the types of keys alone."""
+    """Yield only the findings about the types of keys."""
     for top in context.bound.tops:
         board = entry_table_of(top, context.key_accesses)
         rules = KeyTypeRules(board, context.bound.key_types[top], context.btcpp, context.bound.models.enums)
@@ -109,23 +109,24 @@ def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -
     elif not board.is_foreign:
         yield _unwritten_finding(use, entry, None)
     else:
-        # What only other programs' nodes read, those programs may well write, unless it is like a key of the tree.
+        # Keys that only other programs' nodes read are probably written there, unless they resemble a key of the
+        # tree.
         own = next((each for each in readers if not each.bound.spec.is_foreign), use if near else None)
         if own is not None:
             yield from _doubt([_unwritten_finding(own, entry, near)])
 
 
 def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enums: Collection[str]) -> bool:
-    """Return whether a name that is read is a declared enumeration, or is reported by another rule."""
+    """Return whether a name that is read is a declared enumerator, or is reported by another rule."""
     if enums and _may_be_enumeration(use, entry, enums):
         return True
-    # `check_scripts` asks whether == is meant, and `check_subtrees` finds the attribute that means nothing.
+    # `check_scripts` reports = instead of ==, and `check_subtrees` an unused attribute.
     is_assignment = use.access.kind is AccessKind.CHANGE and is_condition(use.bound, use.access.attribute)
     return is_assignment or _is_given_another(use, board)
 
 
 def _doubt(findings: Iterable[Diagnostic], unless: str = "unless C++ code does") -> Iterator[Diagnostic]:
-    """Yield findings one level milder: beside nodes of other programs, something that no file shows may write a key."""
+    """Yield findings one severity lower: nodes of other programs may write a key without the file showing it."""
     for finding in findings:
         yield replace(finding, message=f"{finding.message}, {unless}", severity=Severity.INFO)
 
@@ -139,22 +140,20 @@ def _unwritten_finding(use: EntryAccess, entry: EntryAccesses, near: str | None)
     if near is not None and key == entry.key:
         suggestion = near if access.place else f"{{{near}}}" if access.attribute in use.bound.keys else near
     if access.kind is AccessKind.CHANGE:
-        message = f"{access.attribute}: nothing makes '{key}', and = and its like need a variable that exists"
-        hint = f"write {key} := ... where it is to be made"
+        message = f"{access.attribute}: '{key}' is never created, and = and similar operators need an existing variable"
+        hint = f"to create it, write {key} := ..."
     elif key.startswith("{") and key.endswith("}"):
-        message = f"{access.attribute}: braces within the braces are part of the name, and nothing ever writes '{key}'"
+        message = f"{access.attribute}: the inner braces are part of the name, and '{key}' is never written"
         suggestion = key
     else:
-        message = f"{access.attribute}: '{key}' is read here, and nothing ever writes it"
+        message = f"{access.attribute}: '{key}' is read here, but never written"
     advice = Advice(suggestion=suggestion, hint=hint)
     return use.bound.element.finding("unwritten-key", message, use.access.span(), **advice)
 
 
 def _unknown_enumeration(use: EntryAccess, meant: str) -> Diagnostic:
     access = use.access
-    message = (
-        f"{access.attribute}: '{access.key}' is no enumeration that is declared, and nothing ever writes it"
-    )
+    message = f"{access.attribute}: '{access.key}' is not a declared enumerator, and is never written"
     return use.bound.element.finding("unwritten-key", message, access.span(), suggestion=meant)
 
 
@@ -162,23 +161,23 @@ def _unwritten_argument(
     place: BoundNode, attribute: str, entry: EntryAccesses, near: str | None
 ) -> Diagnostic:
     """Return the finding about an unwritten key at the `SubTree` that passes it to the reading tree."""
-    message = f"{attribute}: '{entry.key}' is read in '{place.name}', and nothing ever writes it"
+    message = f"{attribute}: '{entry.key}' is read in '{place.name}', but never written"
     suggestion = f"{{{near}}}" if near is not None else None
-    hint = f"let a node before it write it; a parameter of the mission is {{@{entry.key}}}"
+    hint = f"write it in an earlier node, or read the mission parameter {{@{entry.key}}}"
     return place.element.finding("unwritten-key", message, value=attribute, suggestion=suggestion, hint=hint)
 
 
 def _how_to_give(use: EntryAccess, key: str) -> str:
     if _is_name_of_key(use):
-        return f'{use.access.attribute} takes the name itself: write {use.access.attribute}="{key}"'
+        return f'{use.access.attribute} takes the name without braces: write {use.access.attribute}="{key}"'
     if use.instance.around is not None:
-        return f'give it to the subtree, <SubTree ID="{use.instance.tree.name}" {key}="..."/>, or let a node write it'
+        return f'pass it to the subtree, <SubTree ID="{use.instance.tree.name}" {key}="..."/>, or write it in a node'
     shown = f"@{key}" if use.access.place else f"{{@{key}}}"
-    return f"let a node before it write it; a parameter of the mission is {shown}"
+    return f"write it in an earlier node, or read the mission parameter {shown}"
 
 
 def _is_typo(entry: EntryAccesses, near: str) -> bool:
-    """Return whether a key must be a misspelling of another one: blanks apart it is that, or it is used once and very similar."""
+    """Return whether a key must be a misspelling: it differs only in blanks, or is used once and very similar."""
     if entry.key.strip() == near.strip():
         return True
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
@@ -211,7 +210,7 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
 
 
 def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collection[str]) -> bool:
-    """Return whether a name that scripts only read may be an enumeration's: one that is declared, or any in capitals if none is."""
+    """Return whether a name that scripts only read may be an enumerator: a declared one, else any in capitals."""
     if use.access.place is None or use.access.kind is not AccessKind.READ or entry.of(AccessKind.CHANGE):
         return False
     return use.access.key in enums if enums else use.access.key[0].isupper()
@@ -222,11 +221,11 @@ def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
         if entry.ordered_writers.all_after(use):
             writer = entry.writers[0]
             message = (
-                f"{use.access.attribute}: '{use.access.key}' is read here before it can have been written: "
+                f"{use.access.attribute}: '{use.access.key}' is read here before it is written: "
                 f"'{writer.bound.name}' (line {writer.bound.element.line}"
-                f"{file_of(writer.bound.element, use.bound.element)}), which writes it, comes later"
+                f"{file_of(writer.bound.element, use.bound.element)}), which writes it, is ticked later"
             )
-            hint = "write it before, or read it later"
+            hint = "write it earlier, or read it later"
             yield use.bound.element.finding("read-before-write", message, use.access.span(), hint=hint)
             return
 
@@ -245,10 +244,10 @@ def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagno
             context.outcomes.may_return(node) & ~K == S for node in between(first, second)
         ):
             message = (
-                f"{second.access.attribute}: '{second.access.key}' is written again here, before anybody can have "
-                f"read what '{first.bound.name}' (line {first.bound.element.line}) wrote"
+                f"{second.access.attribute}: '{second.access.key}' is overwritten here before any node can "
+                f"read the value from '{first.bound.name}' (line {first.bound.element.line})"
             )
-            hint = "use two keys, or delete one of the two"
+            hint = "use two keys, or delete one of the writes"
             yield second.bound.element.finding("overwritten-key", message, second.access.span(), hint=hint)
 
 
@@ -261,8 +260,8 @@ def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
         if not entry.ordered_readers.any_in(around.number, around.last):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.bound.name}' "
-                f"(line {first.bound.element.line}), side by side in '{around.bound.name}': which one stays is left to "
-                "their timing"
+                f"(line {first.bound.element.line}), in parallel in '{around.bound.name}': the remaining value depends on "
+                "timing"
             )
             hint = "use two keys"
             yield second.bound.element.finding("shared-key", message, second.access.span(), hint=hint)
@@ -296,15 +295,15 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
     if entry.readers or entry.of(AccessKind.CHANGE):
         return
     if _nearest(entry.key, board.unwritten.get(entry.scope, ()), context.guesses) is not None:
-        return  # the one that is misspelt is reported where it is read
+        return  # the misspelt key is reported where it is read
     if (entry.scope, entry.key) in board.unused_arguments:
-        return  # `check_subtrees` finds the attribute that means nothing
+        return  # `check_subtrees` reports the unused attribute
     for use in entry.writers:
         if f"{{{use.access.key}}}" in board.unclosed[use.instance.tree]:
-            return  # `check_texts` finds the brace that is missing
+            return  # `check_texts` reports the missing brace
         only_writes = use.bound.spec.kind.is_leaf and use.bound.spec.effects == WRITES
         if only_writes and use.access.attribute not in use.bound.conditions:
-            message = f"{use.access.attribute}: '{use.access.key}' is written here, and nothing ever reads it"
-            hint = "delete it, unless somebody looks at the blackboard from outside"
+            message = f"{use.access.attribute}: '{use.access.key}' is written here, but never read"
+            hint = "delete it, unless another program reads the blackboard"
             yield use.bound.element.finding("unread-key", message, use.access.span(), hint=hint)
             return

@@ -1,4 +1,4 @@
-"""Nodes that no tick reaches, that never end, or that have no effect, or not the intended one."""
+"""Rules about nodes that no tick reaches, that never end, or that have no effect or an unintended one."""
 
 import itertools
 import math
@@ -23,7 +23,7 @@ def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
     for bound in outcomes.blocked:
         if bound not in context.broken:
             yield from _after_the_last(bound, outcomes)
-    # At the very top, what begins again after each success is how a robot is told never to stop.
+    # At the top of the tree, endless repetition is the way to keep a robot running.
     tops = {top.tree.root for top in context.bound.tops}
     for bound in context.parents():
         if bound.spec.semantics.order is not Order.IN_ORDER:
@@ -38,7 +38,7 @@ def _endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
     child = bound.children[0]
     ends = bound.spec.semantics.ends_by(bound) & ~K if len(bound.children) == 1 else 0
     why = f"'{child.name}' never {_VERBS[ends]}" if ends in _VERBS else "nothing in it can end it"
-    hint = f"let '{child.name}' be able to end it, or take <{bound.spec.tag}> away"
+    hint = f"make it possible for '{child.name}' to end it, or remove <{bound.spec.tag}>"
     yield bound.element.finding("never-ends", f"'{bound.name}' never ends: {why}", hint=hint)
 
 
@@ -57,36 +57,36 @@ def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
     """Return why a child is never ticked, if it is ticked only after certain results of others."""
     verb = _VERBS[gate.answers & ~K]
     if len(gate.children) > 1:
-        return f"what is tried before it never {verb}"
+        return f"no earlier child ever {verb}"
     return f"'{children[gate.children[0]].name}' never {verb}"
 
 
 def _after_the_last(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield the first child after one whose results never let a tick continue to the next."""
+    """Yield the first child that follows one whose results never let a tick continue to the next."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
         answers = outcomes.may_return(before)
         if not answers & (goes_on | K):
-            # `_endless` reports nodes that never end by mistake.
+            # `_endless` reports the nodes that unintentionally never end.
             if answers != R or not before.children:
-                yield _unreachable(child, f"'{before.name}' before it never {_VERBS[goes_on]}")
+                yield _unreachable(child, f"the previous child '{before.name}' never {_VERBS[goes_on]}")
             return
 
 
 def _unreachable(bound: BoundNode, why: str) -> Diagnostic:
     message = f"'{bound.name}' is never ticked: {why}"
-    return bound.element.finding("unreachable-node", message, hint="put it elsewhere, or delete it")
+    return bound.element.finding("unreachable-node", message, hint="move it, or delete it")
 
 
 DEFAULT_PERIOD = 0.5
 """Seconds between two ticks, if the mission does not define them."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
-"""Texts for a child that never has the result that its decorator acts on."""
+"""Texts for a child that never has the result to which its decorator reacts."""
 
 
 def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that could be left out, or that defeat the nodes in them."""
-    # Of trees that are run by another program, or with mistakes still in them, nothing is said in passing.
+    """Yield nodes that are not needed, or that prevent their children from working."""
+    # Notes are given neither for trees that another program runs nor for trees with errors.
     is_own = context.sound and not context.is_foreign
     for bound in context.parents():
         if len(bound.children) == len(bound.element.children) == 1:
@@ -102,7 +102,7 @@ def _of_one(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> I
     never = _NEVER.get(means.changes & ~K)
     if never is not None and not outcomes.may_return(child) & means.changes:
         message = f"'{bound.name}' has no effect: '{child.name}' {never}"
-        hint = f"delete <{bound.element.tag}>, or put it elsewhere"
+        hint = f"delete <{bound.element.tag}>, or move it"
         yield bound.element.finding("without-effect", message, hint=hint)
     elif means.limit_sec is not None:
         yield from _timeout(bound)
@@ -115,18 +115,18 @@ def _of_one(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> I
 def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
     means, hint = bound.spec.semantics, f"delete <{bound.element.tag}>"
     if means.order in (Order.IN_ORDER, Order.TOGETHER):
-        why = f"there is only '{child.name}' in it"
+        why = f"its only child is '{child.name}'"
     elif _takes_back(bound, child) and not child.conditions:
-        why, hint = f"it takes back what '{child.name}' does", "delete both"
+        why, hint = f"it reverses the effect of '{child.name}'", "delete both"
     elif means.rounds is not None and means.rounds(bound) == 1:
-        why = "a single time is what a node is ticked without it"
+        why = "a node is executed once without it, too"
     else:
         return None
     return bound.element.finding("needless-node", f"'{bound.name}' is not needed: {why}", hint=hint)
 
 
 def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
-    """Return whether a decorator turns back every answer that the one in it has turned."""
+    """Return whether a decorator reverses every status that the decorator in it has changed."""
     once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
     if once is None or twice is None or {bound.spec.kind, child.spec.kind} != {Kind.DECORATOR}:
         return False
@@ -138,10 +138,10 @@ def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes
     found = outcomes.anywhere(child, outcomes.is_work)
     if found is not None:
         message = (
-            f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends, and what ends is "
-            "started anew in the next tick"
+            f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends, and "
+            "restarts it in the next tick"
         )
-        hint = "let it run; a <Timeout> around it limits how long"
+        hint = "let it run, and limit its time with a <Timeout>"
         yield bound.element.finding("interrupted-action", message, hint=hint)
 
 
@@ -153,7 +153,7 @@ def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> It
         return
     if retries and (once.oneshot or once.values.get("policy")) == "ON_SUCCESSFUL_COMPLETION":
         return
-    message = f"'{bound.name}' has no effect: '{once.name}' is done once in the whole run, and then only repeats its answer"
+    message = f"'{bound.name}' has no effect: '{once.name}' runs only once, and then repeats its result"
     hint = f"move <{bound.element.tag}> below the node that runs once"
     yield bound.element.finding("without-effect", message, hint=hint)
 
@@ -170,21 +170,21 @@ def _timeout(bound: BoundNode) -> Iterator[Diagnostic]:
     seconds = _limit_sec(bound)
     if seconds == math.inf:
         message = f"'{bound.name}' has no effect: msec=\"0\" is no limit"
-        hint = "write how long it may take, or delete it"
+        hint = "write a time limit, or delete it"
         yield bound.element.finding("without-effect", message, hint=hint)
     elif seconds is not None and seconds <= DEFAULT_PERIOD:
         message = (
-            f"'{bound.name}' gives its child hardly more than one tick: {seconds:g} s, where the tree is ticked every "
-            f"{DEFAULT_PERIOD:g} s unless tick_rate_hz says otherwise"
+            f"'{bound.name}' gives its child little more than one tick: {seconds:g} s, and the tree is ticked every "
+            f"{DEFAULT_PERIOD:g} s by default (tick_rate_hz)"
         )
         yield bound.element.finding("short-timeout", message, hint="write a longer time")
     elif seconds is not None and (found := _too_long_within(bound.children[0], seconds)) is not None:
         wait, spent = found
         own = wait.spec.semantics.wait_sec
         own_sec = own and own(wait)
-        before = f" after the {spent:g} s before it" if spent else ""
+        before = f" after {spent:g} s in earlier nodes" if spent else ""
         message = (
-            f"'{bound.name}' always ends before '{wait.name}': '{wait.name}' waits {own_sec:g} s{before}, and the "
+            f"'{bound.name}' always ends before '{wait.name}': '{wait.name}' waits {own_sec:g} s{before}, but the "
             f"limit is {seconds:g} s"
         )
         hint = f"write a limit above {spent + (own_sec or 0):g} s, or a shorter wait"
@@ -217,7 +217,7 @@ def _too_long_within(
 
 
 def _least_sec(bound: BoundNode) -> float:
-    """Return the seconds that a node takes at least until it succeeds."""
+    """Return the minimum number of seconds that a node takes to succeed."""
     if bound.conditions or bound.oneshot is not None:
         return 0
     means = bound.spec.semantics
@@ -229,7 +229,7 @@ def _least_sec(bound: BoundNode) -> float:
 
 
 def _runs_through(bound: BoundNode) -> bool:
-    """Return whether a node starts with its first child, and ticks each one to its success before the next."""
+    """Return whether a node starts with its first child, and ticks each child until it succeeds before the next one."""
     means = bound.spec.semantics
     return means.is_sequence and not bound.is_reactive and not means.resumes
 
@@ -241,7 +241,7 @@ def _longer_inside(bound: BoundNode, seconds: float | None) -> Iterator[Diagnost
         limit = _limit_sec(inner)
         if limit is not None and seconds is not None and seconds <= limit < math.inf:
             message = (
-                f"'{inner.name}' has no effect: its {limit:g} s are never over before the {seconds:g} s of "
+                f"'{inner.name}' has no effect: its limit of {limit:g} s never expires before the {seconds:g} s of "
                 f"'{bound.name}' around it"
             )
             yield inner.element.finding("without-effect", message, hint="write a shorter time, or delete it")

@@ -1,4 +1,4 @@
-"""Leaves that come before the ones they depend on, by the facts that their registrations declare."""
+"""Rules about leaves that precede the leaves on which they depend, by the facts that their registrations declare."""
 
 import bisect
 import functools
@@ -33,7 +33,7 @@ _DOING_AND_UNDOING = 2
 
 
 def check_order(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield leaves that can only fail at their place, and those that depend on an effect undone before them."""
+    """Yield leaves that can only fail at their position, and leaves that depend on an effect undone before them."""
     if not context.sound:
         return
     reported: set[BoundNode] = set()
@@ -60,13 +60,13 @@ class _Words:
         self.writes = frozenset(map(filled, spec.writes))
         self.conditions = [filled(answer.when) for answer in spec.answers if answer.status != "FAILURE"]
         if any(not script or _holds(script, _variables(self.facts)) for script in self.conditions):
-            self.conditions = []  # it may do something from the start
+            self.conditions = []  # it may act from the start
         self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parse(script)))
         uses = (use for script in self.results for use in name_uses(_parse(script)))
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
     def enables(self, other: "_Words") -> bool:
-        """Return whether an effect of this leaf, on the initial facts, allows another leaf a result other than failure."""
+        """Return whether an effect of this leaf, on the initial facts, lets another leaf do more than fail."""
         for script in self.results:
             facts = _variables({**self.facts, **other.facts})
             if _run(script, facts) and any(_holds(condition, facts) for condition in other.conditions):
@@ -109,7 +109,7 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
-    """Return the replacements of a leaf's whole numbers, by their attributes' names."""
+    """Return the replacements of a leaf's integer attributes, by name."""
     numbers = (parameter for parameter in bound.spec.plain if parameter.is_whole_number)
     return {
         # The value of a key is unknown here: it becomes a name that no script can evaluate.
@@ -164,7 +164,7 @@ class _Effects:
         self._untouched: dict[tuple[_Leaf, _Leaf, frozenset[str]], bool] = {}
 
     def enabling(self, words: _Words) -> Sequence[OrderedAccesses]:
-        """Return the leaves with an effect that allows leaves of some words a result, those of equal words together."""
+        """Return the leaves that enable a result of leaves with given declarations, grouped by declarations."""
         if words not in self._enabling:
             others = {each: None for fact in sorted(words.needs) for each in self._changing.get(fact, ())}
             self._enabling[words] = [
@@ -176,7 +176,7 @@ class _Effects:
 
     @functools.cached_property
     def _leading(self) -> dict[tuple[str, Place], list[_Leaf]]:
-        """The leaves that change a fact which is read, by the sequences in which others come after them."""
+        """The leaves that change a fact which is read, by the sequences in which other leaves follow them."""
         read = {fact for leaf in self._readers for fact in leaf.words.reads}
         changing = {words: words.changes & read for words in self._alike if words.changes & read}
         leading: dict[tuple[str, Place], list[_Leaf]] = {}
@@ -188,7 +188,7 @@ class _Effects:
         return leading
 
     def last_two_before(self, leaf: _Leaf) -> list[_Leaf]:
-        """Return the last two leaves in a sequence with another one, and before it, that change what it reads."""
+        """Return the last two leaves that precede a leaf in a sequence and change a fact that it reads."""
         found: dict[_Leaf, None] = {}
         inner, around = leaf.use.place, leaf.use.place.around
         while around is not None and len(found) < _DOING_AND_UNDOING:
@@ -226,10 +226,10 @@ def _too_early(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
     uses = [next(use for use in each.uses if use is not leaf.use) for each in givers]
     giver = min(uses, key=lambda use: use.place.number).bound
     message = (
-        f"'{leaf.use.bound.name}' can only fail here: it needs what '{giver.name}' (line {giver.element.line}) does, "
-        "which comes after it"
+        f"'{leaf.use.bound.name}' can only fail here: it needs the effect of '{giver.name}' (line {giver.element.line}), "
+        "which follows it"
     )
-    return leaf.use.bound.element.finding("wrong-order", message, hint=f"put it behind '{giver.name}'")
+    return leaf.use.bound.element.finding("wrong-order", message, hint=f"move it after '{giver.name}'")
 
 
 def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
@@ -243,10 +243,10 @@ def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
         return None
     name, other = leaf.use.bound.name, undoing.use.bound
     message = (
-        f"'{name}' works with what '{doing.use.bound.name}' did, and '{other.name}' (line {other.element.line}), which "
-        "comes between them, undoes it"
+        f"'{name}' needs the effect of '{doing.use.bound.name}', but '{other.name}' (line {other.element.line}), which "
+        "is between them, undoes it"
     )
-    return leaf.use.bound.element.finding("wrong-order", message, hint=f"put it before '{other.name}'")
+    return leaf.use.bound.element.finding("wrong-order", message, hint=f"move it before '{other.name}'")
 
 
 def _leads_to(first: _Leaf, second: _Leaf) -> bool:

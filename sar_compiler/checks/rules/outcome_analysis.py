@@ -1,8 +1,8 @@
-"""The possible results of each bound node, whether it can take time, and what a restart repeats.
+"""The possible results of each bound node, whether it can take time, and which leaves a restart repeats.
 
-Computed once for all rules, from the inside out: from the declarations of leaves and the semantics of controls and
-decorators (`nodes.semantics`). A node that only a model describes, or that declares nothing, allows no conclusions: it
-may return anything, and no result of it is known to occur.
+They are computed once for all rules, from the leaves to the root, from the declarations of leaves and the semantics
+of controls and decorators (`nodes.semantics`). A node that only a model describes, or that declares nothing, allows
+no conclusions: it may return anything, and none of its results is known to occur.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -18,10 +18,10 @@ _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FA
 _SHIFT = 4
 _UNKNOWN = ALL
 _CONDITIONS = {"_failureIf": (True, F), "_successIf": (True, S), "_skipIf": (True, K), "_while": (False, K)}
-"""The conditions in the order in which they are evaluated: the truth that decides, and the result then."""
+"""The conditions in the order of their evaluation: the truth value that decides, and the result in that case."""
 
 OutcomeSets = int
-"""The results that a node may have, in the lower bits, and those known to occur in some run, above them."""
+"""The possible results of a node in the lower bits, and those known to occur in some run in the bits above."""
 
 
 class Found(NamedTuple):
@@ -29,7 +29,7 @@ class Found(NamedTuple):
 
     Attributes:
         leaf: The leaf.
-        place: Its place in the searched tree: the leaf itself, or the `SubTree` that contains it.
+        place: Its node in the searched tree: the leaf itself, or the `SubTree` that contains it.
     """
 
     leaf: BoundNode
@@ -37,7 +37,7 @@ class Found(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its name in messages: the leaf's, with that of the subtree if it is in another tree."""
+        """Its name in messages: the leaf's name, with the name of the subtree if it is in another tree."""
         inside = (
             "" if self.leaf is self.place else f" in the tree '{self.place.element.attributes.get('ID')}'"
         )
@@ -49,7 +49,7 @@ class Found(NamedTuple):
 
 
 def name_beside(bound: BoundNode, other: BoundNode) -> str:
-    """Return a node's name in a message that names another one; with its line if both have the same name."""
+    """Return a node's name in a message that names another one, with its line if both have the same name."""
     if bound.name != other.name:
         return f"'{bound.name}'"
     return f"'{bound.name}' (line {bound.element.line}{file_of(bound.element, other.element)})"
@@ -63,7 +63,7 @@ class PossibleOutcomes:
         broken: Nodes from which no conclusions are drawn.
 
     Attributes:
-        blocked: The sequences and selectors whose end is reached by no tick.
+        blocked: The sequences and selectors whose end no tick reaches.
         running: Those with a node that is known to take time.
     """
 
@@ -140,7 +140,7 @@ class PossibleOutcomes:
         for use in tree.uses:
             root = use.subtree.root if use.subtree is not None else None
             self._known[use] = self._conditioned(use, _UNKNOWN if root is None else self._of(root))
-        # Inlined: a large tree has little else that costs time here.
+        # Inlined, because this loop dominates the time for a large tree.
         known, leaves, leaf = self._known.get, self._leaves.get, self._leaf
         for parent in tree.parents:
             children = tuple(
@@ -158,8 +158,8 @@ class PossibleOutcomes:
             self._known[parent] = outcome_sets
 
     def _ordered(self, bound: BoundNode, children: tuple[OutcomeSets, ...]) -> OutcomeSets:
-        """Return the outcome sets of a sequence or selector, which depend on its children alone."""
-        # Of a reactive one it matters which children are leaves.
+        """Return the outcome sets of a sequence or selector, which depend only on its children."""
+        # For a reactive control the result depends on which children are leaves.
         leaves = bound.is_reactive and tuple(child.spec.kind.is_leaf for child in bound.children)
         key = (id(bound.spec), children, leaves)
         known = self._alike.get(key)
@@ -178,7 +178,7 @@ class PossibleOutcomes:
         return outcome_sets
 
     def _leaf(self, bound: BoundNode) -> OutcomeSets:
-        """Return the outcome sets of a leaf without conditions; nodes without the children that they need are unknown."""
+        """Return the outcome sets of a leaf without conditions; a node that lacks its required children is unknown."""
         spec = bound.spec
         if not spec.kind.is_leaf:
             return _UNKNOWN
@@ -203,7 +203,7 @@ class PossibleOutcomes:
 
 
 def is_telling(spec: NodeSpec) -> bool:
-    """Return whether a node allows conclusions: one that returns at once, or whose outcomes are unknown, does not."""
+    """Return whether a node allows conclusions: not if it returns at once or its outcomes are unknown."""
     if not spec.kind.is_leaf:
         return spec.semantics.order is not Order.IN_ORDER
     outcomes = spec.outcomes if not spec.is_only_described else frozenset()
@@ -229,7 +229,7 @@ def consequence(leaf: BoundNode) -> str:
         return "would be sent a new goal in every tick"
     verb, _, rest = leaf.spec.effects.partition(" ")
     if not verb.endswith("s") or not rest:
-        return "would be started again in every tick"
+        return "would be restarted in every tick"
     return f"would {_infinitive(verb)} {rest} in every tick"
 
 
@@ -248,7 +248,7 @@ def _made_of(bound: BoundNode, children: Sequence[OutcomeSets]) -> OutcomeSets:
     """Return the outcome sets of a node without conditions."""
     spec, possible = bound.spec, bound.spec.semantics.possible
     if possible is None:
-        # A custom node: it may do anything with its children.
+        # A custom node may tick its children in any way.
         known = bits(spec.outcomes)
         return known | known << _SHIFT if known and not spec.is_only_described else _UNKNOWN
     least, most = spec.child_count

@@ -1,4 +1,4 @@
-"""Valid scripts that differ from what was meant, and those that can never be run."""
+"""Rules about valid scripts that differ from the probable intent, and about scripts that can never run."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -28,26 +28,28 @@ from sar_compiler.runtime.variables import RefusedValueError, ScriptValue
 from sar_compiler.tree.diagnostic import Diagnostic, Severity
 
 _NO_OPERATORS = frozenset({"if", "then", "else"})
-_ALWAYS = "every tick that comes here raises this: calculate with numbers, join texts with .."
-_IN_BRANCH = "every tick that takes this branch raises this: calculate with numbers, join texts with .."
+_ALWAYS = "every tick of this node raises this error. Calculate with numbers, and join strings with .."
+_IN_BRANCH = (
+    "every tick that takes this branch raises this error. Calculate with numbers, and join strings with .."
+)
 _NEVER_TICKED = frozenset({("_failureIf", True), ("_successIf", True), ("_skipIf", True), ("_while", False)})
-"""Conditions and the truths with which the node is never ticked."""
+"""Conditions with the truth value for which the node is never ticked."""
 _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
 def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield conditions that assign a variable instead of comparing it, and what does nothing or raises always."""
+    """Yield conditions that assign a variable instead of comparing it, and statements that do nothing or always raise."""
     for bound, attribute, script in context.scripts:
         asked = is_condition(bound, attribute)
         if asked:
             yield from _constant(bound, attribute, script)
         if script.plain_form is (ComparisonChain if asked else Assignment):
-            continue  # nothing can be wrong with it
+            continue  # it cannot be wrong
         if asked:
             yield from _assigning(bound, attribute, script)
         yield from _idle(bound, attribute, script, is_condition=asked)
         yield from _raising(bound, attribute, script, is_condition=asked)
-        # What an older version refuses, `check_versions` tells.
+        # `check_versions` reports syntax that an older version refuses.
         if context.version >= STATEMENTS:
             yield from _touching(bound, attribute, script, is_condition=asked)
 
@@ -59,7 +61,7 @@ def is_condition(bound: BoundNode, attribute: str) -> bool:
 
 
 def is_statement(bound: BoundNode, attribute: str, start: int) -> bool:
-    """Return whether the name that a script reads at a place is a statement of its own, which `check_scripts` tells of."""
+    """Return whether the name that a script reads at a position is a whole statement, which `check_scripts` reports."""
     script = dict(bound.scripts()).get(attribute)
     statement = script.by_start.get(start) if script is not None else None
     if not isinstance(statement, Name) or script is None:
@@ -74,7 +76,7 @@ def _assigning(bound: BoundNode, attribute: str, script: Script) -> Iterator[Dia
     operator, target = assignment.operator, assignment.target
     start = script.text.index(operator, target.end)
     span = bound.element.within_value(attribute, start, start + len(operator))
-    message = f"{attribute}: '{operator}' gives '{target.name}' a value, where a condition is wanted"
+    message = f"{attribute}: '{operator}' assigns to '{target.name}' in a condition"
     suggestion = "==" if operator == "=" else None
     hint = "compare with ==, and change variables in _onSuccess, _onFailure or a <Script>"
     yield bound.element.finding("assignment-as-condition", message, span, suggestion=suggestion, hint=hint)
@@ -92,22 +94,22 @@ def _constant(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diag
         hint = "delete the condition, or compare a variable in it"
         if variables:
             others = "them" if len(set(variables)) > 1 else f"'{variables[0]}'"
-            hint = f"no value of {others} changes the result: correct a comparison, or exchange && and ||"
-        # Some write `true` to switch a node off for a while.
+            hint = f"no value of {others} changes the result. Correct a comparison, or swap && and ||"
+        # A condition `true` or `false` may switch a node off on purpose.
         severity = Severity.WARNING if variables else Severity.INFO
         span = bound.element.within_value(attribute, start, end)
         yield bound.element.finding("constant-condition", message, span, hint=hint, severity=severity)
 
 
 def _idle(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:
-    """Yield statements whose value nobody gets, those that follow each other as one."""
+    """Yield statements whose value is not used, consecutive ones as one."""
     without_value = script.statements[:-1] if is_condition else script.statements
     for is_idle, group in itertools.groupby(without_value, _is_idle):
         statements = list(group)
         if is_idle:
             start, end = statements[0].start, statements[-1].end
             span = bound.element.within_value(attribute, start, end)
-            message = f"{attribute}: '{excerpt(script.text[start:end])}' does nothing: its value goes nowhere"
+            message = f"{attribute}: '{excerpt(script.text[start:end])}' has no effect: its value is not used"
             yield bound.element.finding("idle-statement", message, span, hint=_meant_by(statements))
 
 
@@ -117,16 +119,16 @@ def _is_idle(statement: Expression) -> bool:
 
 def _meant_by(statements: list[Expression]) -> str:
     if all(isinstance(each, Literal) for each in statements):
-        return "; ends a statement: write a list as a text, in '...'"
+        return "; ends a statement. Write a list as a string, in '...'"
     if isinstance(statements[0], ComparisonChain):
-        return "it only compares: = and := give a variable a value"
+        return "it only compares. Assign with = or :="
     if isinstance(statements[0], Name) and statements[0].name in _NO_OPERATORS:
         return "write a choice as 'condition ? value : other value'"
-    return "leave it out, or give a variable its value, as in x := ..."
+    return "delete it, or assign it to a variable, as in x := ..."
 
 
 def _raising(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:
-    """Yield what raises whatever the variables hold."""
+    """Yield the operations that raise for all values of the variables."""
     always, in_branches = raised_always(script, is_condition=is_condition)
     for error in (*always, *in_branches):
         span = bound.element.within_value(attribute, error.start, error.end)
@@ -140,20 +142,18 @@ def _raising(bound: BoundNode, attribute: str, script: Script, *, is_condition: 
 def _touching(
     bound: BoundNode, attribute: str, script: Script, *, is_condition: bool
 ) -> Iterator[Diagnostic]:
-    """Yield the first statement that stands in one line with the one before, with nothing between them."""
+    """Yield the first statement on one line with the previous statement, without a separator between them."""
     for before, statement in itertools.pairwise(script.statements):
         is_value = is_condition and statement is script.statements[-1]
         if _is_idle(before) or (_is_idle(statement) and not is_value):
-            continue  # that it does nothing is said already
+            continue  # its lack of effect is reported already
         between = script.text[before.end : statement.start]
         span = bound.element.within_value(attribute, statement.start, statement.end)
         end = bound.element.within_value(attribute, before.end - 1, before.end)
         if span.line == end.line and not between.strip(" )("):
             written = excerpt(script.text[statement.start : statement.end])
-            message = (
-                f"{attribute}: '{written}' is a statement of its own: nothing joins it to the one before"
-            )
-            hint = "write ; between the two, or the operator that is missing"
+            message = f"{attribute}: '{written}' is a separate statement, not joined to the previous one"
+            hint = "write ; between the two, or the missing operator"
             yield bound.element.finding("touching-statements", message, span, hint=hint)
             return
 
@@ -162,7 +162,8 @@ class _Samples(NamedTuple):
     """The possible values of an expression.
 
     Attributes:
-        values: The value, if it is known; else, for each possible type, a value that every operator takes that takes any of the type.
+        values: The value, if it is known; else, for each possible type, a value that every operator for this type
+            accepts.
         is_known: Whether it is known.
     """
 
@@ -176,7 +177,7 @@ _NUMBER, _ANY = _Samples((1.0,)), _Samples((1.0, "1"))
 def raised_always(
     script: Script, *, is_condition: bool
 ) -> tuple[list[EvaluationError], list[EvaluationError]]:
-    """Return the errors that a script raises always, and those of branches of `? :` that may never be taken."""
+    """Return the errors that a script always raises, and those of branches of `? :` that may never be taken."""
     folding = _Folding(script.text)
     values = [folding.values_of(statement) for statement in script.statements]
     if is_condition and values:
@@ -192,7 +193,7 @@ class _Folding:
         self._text = text
 
     def values_of(self, node: Expression) -> _Samples:
-        """Return the possible values of an expression; of one that raises always, any."""
+        """Return the possible values of an expression; any value if it always raises."""
         if isinstance(node, Literal):
             return _Samples((node.value,), is_known=True)
         if isinstance(node, Prefix):
@@ -202,7 +203,7 @@ class _Folding:
         if isinstance(node, Operation):
             return self._operation(node)
         if isinstance(node, ComparisonChain):
-            # What can be compared, a program's enumerations decide: they make numbers of texts.
+            # A program's enumerations decide which values can be compared, because they turn strings into numbers.
             for operand in (node.first, *(step.operand for step in node.steps)):
                 self.values_of(operand)
             return _NUMBER
@@ -260,7 +261,7 @@ class _Folding:
         return self._either(node.then, node.otherwise)
 
     def _either(self, then: Expression, otherwise: Expression) -> _Samples:
-        """Return the possible values of a choice; it raises always only if both of its branches do."""
+        """Return the possible values of a choice; it always raises only if both of its branches do."""
         before = len(self.errors)
         self.values_of(then)
         middle = len(self.errors)

@@ -1,4 +1,4 @@
-"""What single nodes say: their classes, their names, and values that were hardly meant."""
+"""Rules about single nodes: their classes, their names, and attribute values that are probably unintended."""
 
 import math
 import re
@@ -20,7 +20,7 @@ def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
     for bound in (node for tree in context.bound.trees for node in tree.nodes if abstract):
         spec = abstract.pop(bound.spec.tag, None)
         if spec is not None:
-            message, hint = f"<{spec.tag}> cannot be made: {_missing_in(spec)}", "write it in the class"
+            message, hint = f"<{spec.tag}> cannot be created: {_missing_in(spec)}", "define it in the class"
             yield bound.element.finding("constructor-failed", message, hint=hint)
 
 
@@ -30,7 +30,7 @@ def _missing_in(spec: NodeSpec) -> str:
 
 
 def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield texts that begin or end like a key."""
+    """Yield strings that begin or end like a key."""
     for bound, names in context.nodes_with(_texts):
         if bound.values:
             yield from _unclosed(bound, names)
@@ -41,7 +41,7 @@ def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _texts(spec: NodeSpec) -> list[str]:
-    """Return the attributes of a node that take any text."""
+    """Return the attributes of a node that accept any string."""
     attributes = (each for each in spec.parameters.values() if each.role is ParameterRole.ATTRIBUTE)
     return [each.name for each in attributes if each.value_type.python in (str, None)]
 
@@ -50,24 +50,24 @@ def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
     element = bound.element
     for name in names:
         written = element.attributes.get(name, "")
-        suggestion, message = close_key(written), "a key of the blackboard is written between two braces"
+        suggestion, message = close_key(written), "a blackboard key is written in braces"
         if suggestion is None and (former := re.fullmatch(_FORMER_KEY, written)):
-            suggestion, message = former[1], "$ before a key is of BehaviorTree.CPP 3"
+            suggestion, message = former[1], "$ before a key is the syntax of BehaviorTree.CPP 3"
         if suggestion is not None:
-            message = f"{name}: '{written}' is a text; {message}"
+            message = f"{name}: '{written}' is read as a string, but {message}"
             yield element.finding("unclosed-key", message, value=name, suggestion=suggestion)
 
 
 def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield numbers that make no sense to a node, though it takes them."""
+    """Yield numbers that a node accepts, but that make no sense to it."""
     for bound, bounds_of in context.nodes_with(_bounds):
         for name, bounds in bounds_of.items():
             number = bound.values.get(name)
             if number is not None and number not in bounds:
                 written = bound.element.attributes[name]
-                message = f"{name}: <{bound.spec.tag}> takes {written}, and can do nothing sensible with it"
+                message = f"{name}: {written} makes no sense for <{bound.spec.tag}>"
                 yield bound.element.finding(
-                    "out-of-range", message, value=name, hint=f"write a number, {bounds}"
+                    "out-of-range", message, value=name, hint=f"write a number {bounds}"
                 )
 
 
@@ -76,7 +76,7 @@ def _bounds(spec: NodeSpec) -> dict[str, SensibleNumbers]:
 
 
 def check_units(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield numbers that are unusual in the unit of their attribute; negative ones mean many things, and are not looked at."""
+    """Yield numbers that are unusual in the unit of their attribute. Negative ones are ignored: they have many meanings."""
     for bound, units in context.nodes_with(_units):
         for name, unit in units.items():
             number = bound.values.get(name)
@@ -84,7 +84,7 @@ def check_units(context: CheckContext) -> Iterator[Diagnostic]:
                 continue
             if find_oddity(abs(number), unit) is not None:
                 written = bound.element.attributes[name]
-                usual = f"{UNITS[unit].words} are {UNITS[unit].usual} as a rule"
+                usual = f"{UNITS[unit].words} are usually {UNITS[unit].usual}"
                 message = f"{name}: {written} is unusual, because {usual}"
                 hint = convert_mistaken(written, unit) or None
                 yield bound.element.finding("out-of-range", message, value=name, hint=hint)
@@ -97,16 +97,16 @@ def _units(spec: NodeSpec) -> dict[str, str]:
     return {name: unit for name, unit in units.items() if unit}
 
 
-# One with a blank beside it is punctuation.
+# A separator next to a blank is punctuation.
 _SEPARATOR = re.compile(r"(?<=\S)[/.](?=\S)")
 _SEPARATES = {
-    "/": "separates the names of a path: scenarios, properties and py_trees' blackboard take it for two names",
-    ".": "separates a key from its attributes on py_trees' blackboard, whose tools take it for two names",
+    "/": "separates the names of a path: scenarios, properties and py_trees' blackboard read two names",
+    ".": "separates a key from its attributes on py_trees' blackboard, whose tools read two names",
 }
 
 
 def check_names(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield siblings that were explicitly given the same name, and names that read as a path."""
+    """Yield siblings that were explicitly given the same name, and names that look like a path."""
     for tree in context.trees if context.sound and not context.is_foreign else ():
         yield from _separators(tree.nodes)
         for bound in tree.parents:
@@ -134,8 +134,8 @@ def _same(children: Sequence[BoundNode]) -> Iterator[Diagnostic]:
         other = first.setdefault(child.name, child)
         if other is not child:
             message = (
-                f"'{child.name}' is also the name of the node in line {other.element.line} beside it: drawings, logs "
-                "and references cannot tell the two apart"
+                f"'{child.name}' is also the name of its sibling in line {other.element.line}: drawings, logs "
+                "and references cannot distinguish them"
             )
-            hint = "give each a name of its own"
+            hint = "give each node a different name"
             yield child.element.finding("same-name", message, value="name", hint=hint)

@@ -1,4 +1,4 @@
-"""Unused trees, and keys that are passed to subtrees but not used there."""
+"""Rules about unused trees, and about keys that are passed to subtrees but not used there."""
 
 import functools
 import itertools
@@ -19,12 +19,12 @@ _KeysOf = Callable[[BoundTree], frozenset[str] | None]
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees that are used by no other, and attributes of `SubTree` that the tree does not use, or not as meant."""
+    """Yield trees that no other tree uses, and attributes of `SubTree` that the tree does not use, or not as intended."""
     compared = functools.cache(_compared)
     for tree in context.trees:
         yield from _keys_as_texts(tree, context, compared)
     if not context.sound:
-        return  # a mistake in a tree may be the reason why it does not use a key, or another tree
+        return  # an error in a tree may be the reason why it does not use a key, or another tree
     yield from _unused_trees(context)
     keys_of = _keys_of_trees(context.key_accesses)
     for tree in context.trees:
@@ -37,7 +37,7 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
 def _unused_ports(
     tree: BoundTree, context: CheckContext, keys: frozenset[str] | None
 ) -> Iterator[Diagnostic]:
-    """Yield the ports of a tree's model that the tree does nothing with: who passes it a key believes the model."""
+    """Yield the ports in a tree's model that the tree does not use; users of the tree rely on the model."""
     model = context.bound.models.subtrees.get(tree.name)
     if model is None or keys is None or context.forest.trees.get(tree.name) is not tree.element:
         return
@@ -45,7 +45,7 @@ def _unused_ports(
         if port.name not in keys:
             free = sorted(key for key in keys if key not in model.ports and not key.startswith("@"))
             near = context.guesses.nearest(port.name, free)
-            message = f"the tree '{tree.name}' does nothing with the port '{port.name}'"
+            message = f"the tree '{tree.name}' does not use the port '{port.name}'"
             hint = f"it uses {join_words(free)}" if free else "delete it"
             yield port.element.finding("model-mismatch", message, value="name", suggestion=near, hint=hint)
 
@@ -56,7 +56,7 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
     if not mains or context.forest.main.main_tree_name is None:
         return
     used = set(trees_in(mains[0]))
-    # Unused trees may use each other: only the outermost one is reported.
+    # Unused trees may use each other: report only the outermost one.
     inner = {node.subtree for tree in context.bound.trees for node in tree.subtrees()}
     for tree in context.bound.trees:
         element = tree.element
@@ -69,16 +69,16 @@ def _unused_trees(context: CheckContext) -> Iterator[Diagnostic]:
             and not context.forest.is_used_elsewhere(tree.name)
         ):
             message = (
-                f"the tree '{tree.name}' is never ticked: it is neither in '{mains[0].name}' nor in any other"
+                f"the tree '{tree.name}' is never ticked: neither '{mains[0].name}' nor another tree uses it"
             )
-            hint = f'put it somewhere, <SubTree ID="{tree.name}"/>, or delete it'
+            hint = f'use it, <SubTree ID="{tree.name}"/>, or delete it'
             yield element.finding("unused-tree", message, value="ID", hint=hint)
 
 
 def _keys_as_texts(
     tree: BoundTree, context: CheckContext, compared: Callable[[BoundTree], frozenset[tuple[str, object]]]
 ) -> Iterator[Diagnostic]:
-    """Yield texts for a subtree that are names of keys of the tree around it: so version 3 passed a key."""
+    """Yield strings for a subtree that are names of keys in the outer tree: version 3 passed keys without braces."""
     given = [(use, name, text) for use in tree.uses for name, text in use.remapping.constants.items()]
     if not given:
         return
@@ -92,15 +92,15 @@ def _keys_as_texts(
         if use.subtree is None or (
             name in context.key_accesses[use.subtree].keys and (name, text) not in compared(use.subtree)
         ):
-            message = f"{name}: '{text}' is a text, and '{tree.name}' has a key of that name"
-            hint = f'write {name}="{{{text}}}", unless the text is meant'
-            cause = Cause("subtrees are given texts that are names of keys around them", text)
+            message = f"{name}: '{text}' is a string, but '{tree.name}' has a key of this name"
+            hint = f'write {name}="{{{text}}}", unless you mean the string'
+            cause = Cause("subtrees are passed strings that are names of keys in the outer tree", text)
             advice = Advice(suggestion=f"{{{text}}}", hint=hint, common_cause=cause)
             yield use.element.finding("key-as-text", message, value=name, **advice)
 
 
 def _compared(tree: BoundTree) -> frozenset[tuple[str, object]]:
-    """Return the keys that a script of a tree compares with texts, each with such a text: it is one that the tree is given."""
+    """Return the pairs of key and string that scripts of a tree compare: such a string is a valid argument for the key."""
     scripts = (script for node in tree.scripted for _, script in node.scripts())
     statements = (each for script in scripts for each in script.statements)
     return frozenset(
@@ -114,7 +114,7 @@ def _compared(tree: BoundTree) -> frozenset[tuple[str, object]]:
 
 
 def _keys_of_trees(accesses: Mapping[BoundTree, KeyAccesses]) -> _KeysOf:
-    """Return what returns the keys that a tree uses; None if a node may access any key."""
+    """Return a function that returns the keys that a tree uses; None if a node may access any key."""
 
     @functools.cache
     def keys_of(tree: BoundTree) -> frozenset[str] | None:
@@ -134,7 +134,7 @@ def _keys_of_trees(accesses: Mapping[BoundTree, KeyAccesses]) -> _KeysOf:
 
 
 def _texts_of_outputs(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield texts in place of the keys that a tree writes to, as its model says."""
+    """Yield strings in place of the keys to which a tree writes according to its model."""
     model = context.bound.models.subtrees.get(use.element.attributes.get("ID", ""))
     for port in model.ports.values() if model is not None else ():
         text = use.element.attributes.get(port.name)
@@ -161,22 +161,22 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
     missing = sorted(key for key in keys if key not in given and not key.startswith("@"))
     hint = f"it uses {join_words(missing)}" if missing else "delete it"
     for name in unused:
-        message = f"{name}: the tree '{tree.name}' does nothing with this key"
+        message = f"{name}: the tree '{tree.name}' does not use this key"
         near = "_autoremap" if name == "autoremap" else condition_meant(name)
         near = near or context.guesses.nearest(name, missing)
-        cause = None if near else Cause(f"the tree '{tree.name}' does nothing with these keys", name)
+        cause = None if near else Cause(f"the tree '{tree.name}' does not use these keys", name)
         advice = Advice(suggestion=near, hint=hint, common_cause=cause)
         yield use.element.finding("unused-argument", message, name=name, **advice)
 
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield keys passed to a tree that only a model describes, and that the model does not have."""
+    """Yield keys that are passed to a tree known only by its model, and that the model does not declare."""
     model = context.bound.models.subtrees.get(use.spec.tag)
-    if model is None or not model.ports:  # one without ports may just say that there is such a tree
+    if model is None or not model.ports:  # a model without ports may only declare that the tree exists
         return
     for name in [*use.remapping.keys, *use.remapping.constants]:
         if name not in model.ports:
-            message = f"{name}: the model of the tree '{model.tag}' has no such port"
+            message = f"{name}: the model of the tree '{model.tag}' has no port of this name"
             near = context.guesses.nearest(name, model.ports)
             hint = f"it has {join_words(model.ports)}"
             yield use.element.finding("unused-argument", message, name=name, suggestion=near, hint=hint)

@@ -1,10 +1,11 @@
-"""Keys that are read after a leaf has ended in a way in which it does not write them.
+"""Keys that are read after a leaf has ended with an outcome for which it does not write them.
 
-Only leaves whose answers say what they write are looked at (`Answer.writes`). The question is whether a run is possible in which
-the key is read first after such an end. It is asked of the places of the two nodes: from the writer upwards it is followed
-what the nodes around can return when the writer has ended so, up to the node in which writer and reader part; the reader is
-reached if that node goes on to its branch then. Where something on the way may depend on the same end (a condition, a
-script before a node, a branch that is chosen), nothing is said: a wrong finding is worse than none.
+Only leaves whose outcomes declare the keys that they write are checked (`Answer.writes`). A read is reported if a run
+is possible in which it is the first access after such an end. This is decided from the positions of the two nodes.
+From the writer upwards, the rule computes what the nodes around it can return after such an end, up to the node in
+which writer and reader are in different children. The reader is reached if that node then continues to the reader's
+branch. If anything on the way may depend on the same end (a condition, a script before a node, a branch that is
+chosen), nothing is reported: a wrong finding is worse than none.
 """
 
 from collections.abc import Iterator
@@ -21,7 +22,7 @@ from sar_compiler.tree.diagnostic import Diagnostic
 
 
 def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield the first read of an entry that can come after its writers have ended without writing it."""
+    """Yield the first read of an entry that can follow an end of its writers without a write."""
     if not entry.writers or any(_silent_answers(writer) is None for writer in entry.writers):
         return
     for use in entry.of(AccessKind.READ):
@@ -40,12 +41,12 @@ def _finding(writer: EntryAccess, use: EntryAccess) -> Diagnostic:
         f"{use.access.attribute}: '{key}' may not be written yet: '{writer.bound.name}' (line {writer.bound.element.line}"
         f"{file_of(writer.bound.element, element)}) does not write it when it {when}"
     )
-    hint = f'give it a value before that node: <Script code="{key} := ..."/>'
+    hint = f'assign it in an earlier node: <Script code="{key} := ..."/>'
     return element.finding("maybe-unwritten-key", message, use.access.span(), hint=hint)
 
 
 def _silent_answers(writer: EntryAccess) -> list[Answer] | None:
-    """Return the answers of a leaf with which it does not write a key; None if that is not known."""
+    """Return the outcomes of a leaf with which it does not write a key; None if that is not known."""
     answers = writer.bound.spec.answers
     if not answers or any(answer.writes is None for answer in answers):
         return None
@@ -53,7 +54,7 @@ def _silent_answers(writer: EntryAccess) -> list[Answer] | None:
 
 
 def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes) -> bool:
-    """Return whether a read can be the first thing that happens to a key after its writer has not written it."""
+    """Return whether a read can be the first access to a key after its writer has ended without writing it."""
     around = common_place(writer.place, use.place)
     if around in (writer.place, use.place):
         return False
@@ -69,7 +70,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
 
 
 def _ends_of(writer: EntryAccess, top: Place, outcomes: PossibleOutcomes) -> int:
-    """Return what a node can return when a leaf in it has not written a key: an outcome set, empty if nothing is known."""
+    """Return the outcome set of a node after a leaf in it has not written a key; empty if unknown."""
     ended = 0
     for answer in _silent_answers(writer) or ():
         ended |= BITS[answer.status]
@@ -78,7 +79,7 @@ def _ends_of(writer: EntryAccess, top: Place, outcomes: PossibleOutcomes) -> int
         if place is top:
             return ended
         parent = place.around
-        assert parent is not None  # noqa: S101 - the top is around it
+        assert parent is not None  # noqa: S101 - the top contains it
         if parent.bound.subtree is None:
             possible = parent.bound.spec.semantics.possible
             if possible is None:
@@ -93,13 +94,13 @@ def _ends_of(writer: EntryAccess, top: Place, outcomes: PossibleOutcomes) -> int
 
 
 def _is_guarded(use: EntryAccess, top: Place) -> bool:
-    """Return whether something before a read, in its branch, may keep it from happening."""
+    """Return whether a node before a read, in its branch, may prevent the read."""
     place = use.place
     if _has_scripts(place.bound) and use.access.attribute != next(iter(place.bound.conditions), None):
         return True
     while place is not top:
         parent = place.around
-        assert parent is not None  # noqa: S101 - the top is around it
+        assert parent is not None  # noqa: S101 - the top contains it
         before = parent.bound.children[: place.index]
         is_chosen = bool(parent.bound.children[1:]) and parent.bound.spec.semantics.order is Order.CHOSEN
         if is_chosen or _has_scripts(parent.bound) or any(map(_has_condition, before)):
@@ -113,7 +114,7 @@ def _has_scripts(bound: BoundNode) -> bool:
 
 
 def _has_condition(bound: BoundNode) -> bool:
-    """Return whether a node asks something, or has a node that does."""
+    """Return whether a node has a condition, or contains a node that has one."""
     if bound.spec.kind is Kind.CONDITION or _has_scripts(bound):
         return True
     inner = [bound.subtree.root] if bound.subtree is not None and bound.subtree.root is not None else []

@@ -1,4 +1,4 @@
-"""What depends on the version of BehaviorTree.CPP that trees are for, and that binding has not found."""
+"""Differences between versions of BehaviorTree.CPP that affect trees, and that binding does not report."""
 
 import itertools
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
 
 def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield names and texts of scripts that newer versions refuse, and what older ones do not have, or do otherwise."""
+    """Yield names and syntax that newer versions refuse, and constructs that older ones lack or evaluate differently."""
     collector = FindingCollector(context.btcpp)
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
         fault = fault_of(tree.attributes.get("ID", ""))
@@ -53,7 +53,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield literals that a port can read here, and BehaviorTree.CPP cannot."""
+    """Yield literals that a port accepts here, but that BehaviorTree.CPP cannot read."""
     for bound, types in context.nodes_with(_readable_types):
         for name, cpp in types.items():
             text = bound.element.attributes.get(name)
@@ -67,7 +67,7 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
                     yield unknown_conversion(bound.element, name, span, cpp, meant)
                 continue
             kind = "items" if is_loop_queue(cpp) else cpp
-            message = f"{name}: '{text}' is read here, and BehaviorTree.CPP cannot read it as {kind}"
+            message = f"{name}: BehaviorTree.CPP cannot read '{text}' as {kind}, although it is read here"
             plain = text.replace("+", "")
             is_meant = plain and can_be_converted(plain, cpp, context.version)
             yield bound.element.finding(
@@ -81,7 +81,7 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _readable_types(spec: NodeSpec) -> dict[str, str]:
-    """Return the C++ types of the ports that a node reads, or the names of its queues' types."""
+    """Return the C++ types of the ports that a node reads, or the names of its queue types."""
     found = {}
     for port in spec.ports:
         kind = port.value_type
@@ -95,7 +95,7 @@ def _report_tags(context: CheckContext, collector: FindingCollector) -> None:
     for bound, part in context.nodes_with(lambda spec: refused_in(spec.tag)):
         element = bound.element
         if element.tag == bound.spec.tag:
-            message, hint = f"the name '{element.tag}' of a node has {part} in it", f"leave {part} out"
+            message, hint = f"the node name '{element.tag}' contains {part}", f"remove {part}"
             collector.refused_since(NAMES, element, message, hint=hint)
 
 
@@ -107,8 +107,8 @@ def _report_ports(context: CheckContext, collector: FindingCollector) -> None:
             given = (*bound.remapping.keys, *bound.remapping.constants, *bound.spec.parameters)
             part = refused_in(name) if name in given else None
             if part:
-                message, hint = f"the name '{name}' of a port has {part} in it", f"leave {part} out"
-                advice = Advice(hint=hint, common_cause=Cause(f"names of ports have {part} in them", name))
+                message, hint = f"the port name '{name}' contains {part}", f"remove {part}"
+                advice = Advice(hint=hint, common_cause=Cause(f"port names contain {part}", name))
                 collector.refused_since(NAMES, bound.element, message, name=name, **advice)
 
 
@@ -116,8 +116,8 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
     for literal in itertools.chain.from_iterable(map(parts, script.statements)):
         if isinstance(literal, Literal) and script.text[literal.start] == '"':
             inside = script.text[literal.start + 1 : literal.end - 1]
-            message = f"{attribute}: a text is written in double quotation marks"
-            hint = "write '...'; the text itself cannot contain a single quotation mark"
+            message = f"{attribute}: a string is in double quotation marks"
+            hint = "write '...'. The string itself cannot contain a single quotation mark"
             span = bound.element.within_value(attribute, literal.start, literal.end)
             advice = Advice(suggestion=None if "'" in inside else f"'{inside}'", hint=hint)
             collector.refused_since(QUOTES, bound.element, message, span, **advice)
@@ -126,13 +126,13 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
 def _newer_nodes(context: CheckContext) -> Iterator[Diagnostic]:
     for bound, since in context.nodes_with(lambda spec: spec.semantics.counterpart.since):
         if VERSIONS[since] > context.version:
-            message = f"BehaviorTree.CPP has <{bound.spec.tag}> since {since}, and these trees are for {context.version}"
-            hint = "do without it, or have them run by a newer one"
+            message = f"<{bound.spec.tag}> needs BehaviorTree.CPP {since}, but these trees are for {context.version}"
+            hint = "replace it, or run the trees with a newer version"
             yield bound.element.finding("btcpp-version", message, hint=hint)
 
 
 def _explicit(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes in explicit form where BehaviorTree.CPP does not find them."""
+    """Yield nodes in explicit form in positions in which BehaviorTree.CPP does not find them."""
     for control, _ in context.nodes_with(lambda spec: spec.tag == DROPS_EXPLICIT):
         for bound in control.children:
             tag = bound.element.tag
@@ -149,19 +149,19 @@ _GROUPS = {
     "..": "texts",
 }
 _ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
-_BOTH_LATER = ("works this out from the left, as (a || b) && c", "write a || (b && c)")
-_IN_PARENTHESES = "put one of them with its operands in parentheses"
+_BOTH_LATER = ("evaluates this from the left, as (a || b) && c", "write a || (b && c)")
+_IN_PARENTHESES = "put one of the operators and its operands in parentheses"
 _FROM_THE_RIGHT = {"-": "+-", "/": "*/", "|": "^", "^": "|"}
 
 
 class OlderReading(NamedTuple):
-    """A place of a script that an older version refuses, or reads otherwise.
+    """A part of a script that an older version refuses or evaluates differently.
 
     Attributes:
-        start: Where it begins, in characters of the script's text.
-        end: Where it ends.
-        what: What the version does there, as in "BehaviorTree.CPP 4.8 ...".
-        hint: What all versions read as it is meant.
+        start: Its start, in characters of the script's text.
+        end: Its end.
+        what: The behaviour of the version, to follow "BehaviorTree.CPP 4.8 ...".
+        hint: An equivalent that all versions read alike.
     """
 
     start: int
@@ -171,7 +171,7 @@ class OlderReading(NamedTuple):
 
 
 def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
-    """Yield the places of a script of 4.9 that an older version refuses or evaluates otherwise."""
+    """Yield the parts of a script of 4.9 that an older version refuses or evaluates differently."""
     if version < ORDER:
         yield from _from_the_right(script)
     if version < STATEMENTS:
@@ -185,7 +185,7 @@ def _from_the_right(script: Script) -> Iterator[OlderReading]:
         for step, following in itertools.pairwise(each.steps if isinstance(each, Operation) else ()):
             first, second = step.operator, following.operator
             if second in _FROM_THE_RIGHT.get(first, ()):
-                what = f"works this out from the right, as a {first} (b {second} c)"
+                what = f"evaluates this from the right, as a {first} (b {second} c)"
                 yield OlderReading(step.start, step.end, what, f"write (a {first} b) {second} c")
                 break
 
@@ -198,14 +198,14 @@ def _without_semicolon(script: Script) -> Iterator[OlderReading]:
 
 
 class _FlatPart:
-    """What was read of an expression outside of parentheses."""
+    """The operators read so far of an expression outside of parentheses."""
 
     def __init__(self) -> None:
         self._first = ""
         self._is_either = self._is_chosen = self._is_assigned = False
 
     def take(self, sign: str) -> tuple[str, str] | None:
-        """Take the next sign; return what is wrong with it, and the hint."""
+        """Read the next operator; return the error and the hint, or None."""
         if sign == "?" or sign in _ASSIGNMENTS:
             return self._take_single(sign)
         if sign in {"||", "&&"}:
@@ -216,7 +216,7 @@ class _FlatPart:
         other = _GROUPS.get(self._first)
         if not group or group == other:
             return None
-        what = f"refuses {sign} beside {self._first} without parentheses: one is of {group}, one of {other}"
+        what = f"refuses {sign} beside {self._first} without parentheses: they belong to {group} and {other}"
         return what, _IN_PARENTHESES
 
     def _take_single(self, sign: str) -> tuple[str, str] | None:

@@ -1,4 +1,4 @@
-"""Values that the ports of a key cannot read, or that BehaviorTree.CPP cannot write to it."""
+"""Rules about values that the ports of a key cannot read, or that BehaviorTree.CPP cannot write to it."""
 
 import itertools
 from collections.abc import Collection, Iterator
@@ -89,7 +89,7 @@ class _TypedPort(NamedTuple):
 
     @property
     def is_of_user(self) -> bool:
-        """Whether it reads texts only if the C++ code defines how, as far as its model shows."""
+        """Whether it reads strings only if the C++ code defines the conversion, as far as its model shows."""
         return needs_converter(self.cpp) and self.bound.spec.provenance is Provenance.DESCRIBED
 
     @property
@@ -99,13 +99,13 @@ class _TypedPort(NamedTuple):
 
 
 class _WrittenValue(NamedTuple):
-    """A value that something writes to an entry.
+    """A value that is written to an entry.
 
     Attributes:
         cpp: Its C++ type, normalized.
-        value: The value itself, where the file shows it.
+        value: The value itself, if the file shows it.
         is_shown: Whether the file shows it.
-        text: The text of a number that is a text in BehaviorTree.CPP; None for any other value.
+        text: The string for a number that is a string in BehaviorTree.CPP; None for any other value.
     """
 
     cpp: str
@@ -118,17 +118,17 @@ _PossibleValues: TypeAlias = tuple[_WrittenValue, ...] | None
 
 
 class _KeyWrite(NamedTuple):
-    """A place that writes an entry.
+    """A location that writes an entry.
 
     Attributes:
         element: The element.
         attribute: The attribute.
         key: The key, by its name there.
         place: The attribute and the part of its value that is written; None for all of it.
-        values: What may be written; None if that is not known.
+        values: The possible values; None if they are not known.
         port: The port that writes; None for a script, a constant, a copy or an item.
-        is_copy: Whether a node copies it with its type.
-        is_constant: Whether a subtree is given it.
+        is_copy: Whether a node copies the value with its type.
+        is_constant: Whether it is an argument of a subtree.
         is_item: Whether it is an item of a loop.
     """
 
@@ -144,7 +144,7 @@ class _KeyWrite(NamedTuple):
 
     @property
     def span(self) -> Span:
-        """The place of the value in the file."""
+        """The location of the value in the file."""
         attribute, part = self.place
         if part is None:
             return self.element.value_span(attribute)
@@ -157,7 +157,7 @@ class KeyTypeRules:
     Args:
         board: The entries.
         types: The types that ports and constants give them.
-        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
+        btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
         enums: The names of enumerations.
     """
 
@@ -170,9 +170,9 @@ class KeyTypeRules:
         self._version = btcpp or NEWEST
         self._severity = severity_there(btcpp)
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
-        # Kinds of ports that have one type, and need no comparison where they alone use an entry.
+        # Kinds of ports that have the same type: an entry that only they use needs no comparison.
         self._of_one_type: set[tuple[int, ...]] = set()
-        # What may be in the entries that were asked for; a copy of a copy is asked for often.
+        # Cache of the possible values of entries, because a copy of a copy is requested often.
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
     def misfits(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
@@ -188,7 +188,7 @@ class KeyTypeRules:
         if not others_write and not scripts and len({port.cpp for port in ports}) <= 1:
             self._of_one_type.add(tuple(kinds))
             return
-        # Most entries without a type are passed over: whatever is written to them, each port takes it.
+        # Most entries have no type and are skipped: each port accepts any value written to them.
         if not first.cpp and not any(port.cpp or port.parameter.value_type.python for port in ports):
             return
         writes = [*self._constants(entry), *self._writes(entry)]
@@ -198,7 +198,7 @@ class KeyTypeRules:
             if found and write.is_item:
                 break
         if not entry.is_parameter:
-            # Of an entry with a type, all ports have been compared with that.
+            # If an entry has a type, all ports have been compared with it.
             is_open = is_untyped(first.cpp) or first.cpp == TEXT
             readers = [port for port in ports if is_open or is_loop_queue(port.cpp)]
             yield from self._unreadable(writes, readers)
@@ -225,7 +225,7 @@ class KeyTypeRules:
             if text is None:
                 continue
             element, value = place.element, self._constant(text)
-            # `check_subtrees` reports a key without its braces.
+            # `check_subtrees` reports a key without braces.
             is_shown = not (isinstance(value.value, str) and text in self._board.written_keys)
             written = (entry.key if entry.key in element.attributes else "ID", None)
             values = (value._replace(is_shown=is_shown),)
@@ -257,7 +257,7 @@ class KeyTypeRules:
     def _values_written(
         self, use: EntryAccess, port: _TypedPort | None, expression: Expression | None, depth: int = 0
     ) -> _PossibleValues:
-        """Return what a use writes: the values of a script's expression, of the key or the text that a node copies, or of a port."""
+        """Return the values that a use writes: those of a script's expression, of a copied key or string, or of a port."""
         bound, scope = use.bound, use.instance.scope
         source = bound.spec.semantics.copies
         if use.access.place is not None:
@@ -287,13 +287,13 @@ class KeyTypeRules:
                 found = {}
                 break
             found.update(dict.fromkeys(values))
-        # A chain that was too long from elsewhere may be short enough from an entry further on.
+        # A chain that was too long from another entry may be short enough from this one.
         if found or not depth:
             self._values[owner] = tuple(found) or None
         return tuple(found) or None
 
     def _values_of(self, expression: Expression, scope: Scope, depth: int) -> _PossibleValues:
-        """Return what an expression may be; None if that is not known."""
+        """Return the possible values of an expression; None if they are not known."""
         if isinstance(expression, Literal):
             value = expression.value
             cpp = TEXT if isinstance(value, str) else LONG if isinstance(value, int) else REAL
@@ -307,7 +307,7 @@ class KeyTypeRules:
         return None
 
     def _misfit(self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType) -> Iterator[Diagnostic]:
-        """Yield the first port that does not go with what a place writes."""
+        """Yield the first port that does not match the values that a location writes."""
         values, element = write.values, write.element
         if write.port is not None and not is_untyped(write.port.cpp):
             if first.cpp == TEXT and write.port.cpp != TEXT:
@@ -335,7 +335,7 @@ class KeyTypeRules:
             yield self._refused(f"{write.attribute}: {what}", element, write.span, None)
             return
         refused = filter(None, (self._refused_by(port, write, values, first) for port in ports))
-        # Only C++ code says whether a text can be read as a type of the user's.
+        # Only the C++ code decides whether a string can be read as a user's type.
         is_text = set(types) == {TEXT} and not all(value.value in self._enums for value in values)
         open_ = (
             port for port in ports if is_text and port.is_of_user and (port.reads or not write.is_constant)
@@ -344,16 +344,16 @@ class KeyTypeRules:
         yield from itertools.islice(itertools.chain(refused, notes), 1)
 
     def _is_read_as(self, value: _WrittenValue, cpp: str) -> bool:
-        """Return whether a value that the file shows is no text, or one that says a number of a type."""
+        """Return whether a value that the file shows is no string, or a string that can be read as a number type."""
         return not isinstance(value.value, str) or can_be_converted(value.value, cpp, self._version)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
     ) -> Diagnostic | None:
-        """Return the finding about values over which BehaviorTree.CPP raises an error because of a port; None for none."""
+        """Return the finding about values for which BehaviorTree.CPP raises an error because of a port; None if none."""
         types = [value.cpp for value in values]
         shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
-        # The types of constants, items and ports are compared where the tree is bound.
+        # The types of constants, items and ports are compared when the tree is bound.
         is_compared = (is_given or write.is_item) and not is_loop_queue(port.cpp)
         if not is_compared and (
             (first.cpp == ANY and types == [TEXT] and not is_given)
@@ -371,7 +371,7 @@ class KeyTypeRules:
         return self._refused(what, write.element, write.span, port, is_new=is_new)
 
     def _is_text_lost(self, port: _TypedPort, write: _KeyWrite, types: list[str], first: EntryType) -> bool:
-        """Return whether a loop finds an entry empty to which `SetBlackboard` has copied a text: its port there has no type."""
+        """Return whether a loop finds an entry empty after `SetBlackboard` copied a string, because that port has no type."""
         is_named_first = first.parameter is not None and not first.cpp
         is_loop = is_loop_queue(port.cpp) and self._version >= LISTS.since
         return is_loop and is_named_first and write.is_copy and types == [TEXT]
@@ -382,7 +382,7 @@ class KeyTypeRules:
         if not value.is_shown or (not port.reads and (write.is_constant or write.is_item)):
             return True
         if port.cpp == STATUS and isinstance(written, str) and not (write.is_constant or write.is_item):
-            # A script takes a status that is there for a number, and knows no words for one.
+            # A script reads an existing status as a number, and knows no words for it.
             is_number_there = written in ("true", "false") or _begins_as_number(written)
             return not write.is_copy and not port.reads and is_number_there
         return can_be_converted(written, port.cpp, self._version)
@@ -399,7 +399,7 @@ class KeyTypeRules:
             name, element = port.parameter.name, port.bound.element
             if not any(can_be_read(each, port.cpp, self._version) for each in types):
                 line = f"line {writer.element.line}{file_of(writer.element, element)}"
-                what = f"'{port.bound.keys[name]}' is {port.shown} here, and {types[0]} is written to it ({line})"
+                what = f"'{port.bound.keys[name]}' is {port.shown} here, but {types[0]} is written to it ({line})"
                 yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
                 return
             if port.is_of_user and set(types) == {TEXT}:
@@ -407,7 +407,7 @@ class KeyTypeRules:
                 return
 
     def _replaced(self, uses: list[EntryAccess]) -> Iterator[Diagnostic]:
-        """Yield the first port that cannot write over what another one has written."""
+        """Yield the first port that cannot overwrite the value of another one."""
         ports = [(use, port) for use in uses if (port := self._port(use)) is not None and port.writes]
         for (earlier, held), (later, port) in itertools.combinations(ports, 2):
             if can_replace(port.cpp, held.cpp) or is_loop_queue(held.cpp) or is_loop_queue(port.cpp):
@@ -416,7 +416,7 @@ class KeyTypeRules:
                 name, element = port.parameter.name, port.bound.element
                 line = f"line {held.bound.element.line}{file_of(held.bound.element, element)}"
                 what = (
-                    f"'{port.bound.keys[name]}' is {port.cpp} here, and {held.cpp} is written to it ({line})"
+                    f"'{port.bound.keys[name]}' is {port.cpp} here, but {held.cpp} is written to it ({line})"
                 )
                 yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
                 return
@@ -424,7 +424,7 @@ class KeyTypeRules:
     def _late_scripts(
         self, write: _KeyWrite, ports: list[_TypedPort], first: EntryType
     ) -> Iterator[Diagnostic]:
-        """Yield scripts in an entry that a node writes: BehaviorTree.CPP reads them when it creates the tree."""
+        """Yield scripts in an entry that a node writes: BehaviorTree.CPP reads scripts when it creates the tree."""
         for port in ports:
             spec, name, element = port.bound.spec, port.parameter.name, port.bound.element
             if not spec.semantics.counterpart.built_in:
@@ -437,13 +437,13 @@ class KeyTypeRules:
                     f"{name}: BehaviorTree.CPP refuses the tree, because it needs the script in '{port.bound.keys[name]}' "
                     f"before <{write.element.tag}> writes it ({line}), although the tree runs here"
                 )
-                hint = f'write the script in {name}="…", or give it to a subtree: <SubTree ID="…" {port.bound.keys[name]}="…"/>'
+                hint = f'write the script in {name}="…", or pass it to a subtree: <SubTree ID="…" {port.bound.keys[name]}="…"/>'
                 yield element.finding(
                     "cpp-type-mismatch", message, value=name, hint=hint, severity=self._severity
                 )
 
     def _failing_scripts(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
-        """Yield scripts that a subtree is given, and that raise an error in every tick."""
+        """Yield scripts passed to a subtree that raise an error in every tick."""
         for place, use in itertools.product(entry.given, entry.uses):
             constants, element = place.remapping.constants, place.element
             port = self._port(use)
@@ -462,10 +462,10 @@ class KeyTypeRules:
             for each in name_uses(script):
                 is_known = each.name in made_there or is_of_root(each.name)
                 if not is_known and not self._is_written(use.instance.scope, each.name):
-                    hint = f"write a text in quotes, '{each.name}', or a key that is written before"
+                    hint = f"write a quoted string, '{each.name}', or a key that is written earlier"
                     if each.name[0].isupper():
-                        hint = f"{hint}; [language.enums] in sar.toml declares an enumeration"
-                    message = f"{what} reads '{each.name}', which nothing writes"
+                        hint = f"{hint}, or declare an enumeration in [language.enums] of sar.toml"
+                    message = f"{what} reads '{each.name}', which is never written"
                     severity = Severity.WARNING
                     yield element.finding("unwritten-key", message, span, hint=hint, severity=severity)
                     break
@@ -478,8 +478,8 @@ class KeyTypeRules:
     def _refused(
         self, message: str, element: Element, span: Span, port: _TypedPort | None, *, is_new: bool = False
     ) -> Diagnostic:
-        """Return the finding about a value over which BehaviorTree.CPP raises an error in a tick."""
-        message = f"{message}, over which BehaviorTree.CPP raises an error"
+        """Return the finding about a value for which BehaviorTree.CPP raises an error in a tick."""
+        message = f"{message}, for which BehaviorTree.CPP raises an error"
         code = "cpp-type-mismatch"
         if is_new:
             code, message = "btcpp-version", f"{message} since {NUMBERS.release}"
@@ -489,7 +489,7 @@ class KeyTypeRules:
 
 
 def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
-    """Return whether a node has written when a later one does: the two are in one sequence, which a failure ends."""
+    """Return whether a node has certainly written before a later one: both are in one sequence, which a failure ends."""
     around = earlier.place.around
     if around is None or around is not later.place.around:
         return False
@@ -497,7 +497,7 @@ def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
 
 
 def _script_in(text: str, port: _TypedPort) -> Script | None:
-    """Return the script that a text is; None if it is none, which is reported as a value that the port cannot read."""
+    """Return the script in a string; None if it is not a script, which is reported as a value that the port cannot read."""
     try:
         script = port.parameter.value_type.convert(text)
     except ConversionError:
@@ -508,7 +508,8 @@ def _script_in(text: str, port: _TypedPort) -> Script | None:
 def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:
     """Return a use of an entry for each kind of port, and whether anything but a port with a type writes it.
 
-    Of an entry with many uses, each port of a kind of node is compared once; one that counts children, once for each number of them.
+    For an entry with many uses, each port of a kind of node is compared once. A port that counts children is compared
+    once for each number of children.
     """
     kinds: dict[int, EntryAccess] = {}
     others_write = bool(entry.given)
@@ -527,7 +528,7 @@ def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]
 
 
 def _is_lost(value: _WrittenValue, cpp: str) -> bool:
-    """Return whether a number cannot be written over what a port has written."""
+    """Return whether a number cannot overwrite the value of a port."""
     if cpp == TEXT:
         return is_number(value.cpp)
     number = value.value
@@ -537,13 +538,13 @@ def _is_lost(value: _WrittenValue, cpp: str) -> bool:
 
 
 def _is_taken(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
-    """Return whether a value goes with a port here: one that only writes has to go with what scripts write as texts."""
+    """Return whether a port here accepts a value: one that only writes must accept the strings that scripts write."""
     written = value.value
     if not value.is_shown or fits(port.parameter.value_type, written):
         return True
     if port.reads or write.is_constant or not isinstance(written, str):
         return not port.reads
-    # BehaviorTree.CPP converts a script's text to the type of the entry, and reads a number at its front.
+    # BehaviorTree.CPP converts a script's string to the type of the entry, and reads a number at its start.
     return port.parameter.value_type.python is not bool and _begins_as_number(written)
 
 
@@ -572,7 +573,7 @@ def _exceeds_children(value: _WrittenValue, port: _TypedPort) -> bool:
 def _out_of_reach(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:
     there = len(port.bound.children)
     whose = port_label(port.parameter.name, port.bound, write.element)
-    message = f"{write.attribute}: '{write.key}' is {value.value} here, for {whose}, and of {there} children that can never be"
+    message = f"{write.attribute}: '{write.key}' is {value.value} here, for {whose}, which has only {there} children"
     return write.element.finding("out-of-reach", message, write.span, hint=f"write {there} or fewer")
 
 
@@ -585,7 +586,7 @@ def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Di
 
 
 def _assigned(use: EntryAccess) -> Expression | None:
-    """Return the expression that a script assigns to a key as it is; None for any other use."""
+    """Return the expression that a script assigns to a key unchanged; None for any other use."""
     if use.access.place is None:
         return None
     for name, script in use.bound.scripts():

@@ -102,7 +102,7 @@ class OwnTurn(Control):
 
 @register("OwnInverter", kind=Kind.DECORATOR)
 class OwnInverter(Decorator):
-    """Turns its child's success into a failure, and the other way round."""
+    """Turns its child's success into a failure, and vice versa."""
 
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)

@@ -217,7 +217,7 @@ def test_a_notebook_has_the_questions_with_their_answers_as_a_table():
     table = found._repr_html_()
     assert "<caption>Verification: 3 proved, 1 does not hold; 3 states</caption>" in table
     assert table.count("<tr>") == len(found.verdicts) == 4
-    row = "<tr><td>every leaf can run</td><td>does not hold</td><td>in no run is it the turn of &#x27;B&#x27;</td></tr>"
+    row = "<tr><td>every leaf can run</td><td>does not hold</td><td>no run ticks &#x27;B&#x27;</td></tr>"
     assert row in table
     broken = next(each for each in found.verdicts if each.reason)
     assert broken._repr_html_() == f"<table><caption></caption>{row}</table>"
@@ -230,7 +230,7 @@ def test_a_notebook_has_the_questions_with_their_answers_as_a_table():
             "<OwnLiar><A/><B/></OwnLiar>",
             (
                 "'OwnLiar' (tests.analysis.verify.own_controls.OwnLiar) ticked 'B' although 'A' had returned FAILURE; its record "
-                "has it go on only after SUCCESS: mend its outcomes or semantics"
+                "has it go on only after SUCCESS: correct its outcomes or semantics"
             ),
             1,
         ),

@@ -178,7 +178,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
         ("properties:\n  p: {before: A starts}", "2:3", "missing-key", "'before' needs 'comes'"),
         ("properties:\n  p: {never: A starts, since: B starts}", "2:24", "conflicting-keys", "has while"),
         ("properties:\n  p: {never: A strats}", "2:16", "unknown-answer", "did you mean 'starts'?"),
-        ("properties:\n  p: {never: E starts}", "2:14", "unknown-leaf", "there is A, B"),
+        ("properties:\n  p: {never: E starts}", "2:14", "unknown-leaf", "known: A, B"),
         ("properties:\n  p: {never: A}", "2:14", "wrong-value", "write A SUCCESS"),
         (
             "properties:\n  p: {never: [[A]]}",
@@ -249,7 +249,7 @@ def test_nothing_can_hold_at_an_end_that_there_is_not():
     (finding,) = caught.value.findings
     assert (finding.code, finding.message) == (
         "conflicting-keys",
-        "'p' is to hold at the end, and end: none says that there is none",
+        "'p' must hold at the end, but end: none declares that runs have no end",
     )
 
 
