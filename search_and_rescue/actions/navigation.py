@@ -304,7 +304,7 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
 
     Args:
         status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
-        result: The result of `nav2_msgs/action/NavigateToPose`, which cannot represent error code in older versions.
+        result: The result of `nav2_msgs/action/NavigateToPose`, which has no error code in older versions.
         said: Log output of Nav2's nodes during the drive.
 
     Returns:

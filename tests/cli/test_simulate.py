@@ -385,7 +385,7 @@ def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
     [
         ("/**: {ros__parameters: {x: [1, a]}}", "params.yaml:1:32: 'x' mixes an integer with text"),
         ("/**: {ros__parameters: {patience: long}}", "params.yaml:1:25: parameter zone_order: is missing"),
-        (PARAMS.replace("b]", "c]"), "params.yaml:3:21: parameter zone_order: names 'c', which cannot represent pose"),
+        (PARAMS.replace("b]", "c]"), "params.yaml:3:21: parameter zone_order: names 'c', which has no pose"),
         (PARAMS.replace("y: 0", "z: 0"), "\n  {path}:6:17: zones.a.y: is missing"),
         ("/robot1/search_and_rescue: {ros__parameters: {x: 1}}", "this node is /search_and_rescue"),
         (None, "No such file or directory"),

@@ -69,7 +69,7 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
     ("text", "message", "advice"),
     [
         ("leaves: {A: {after: 1s}}", "what a leaf answers needs 'answer'", "for example answer: SUCCESS"),
-        ("leaves: {A: }", "'A' is a mapping, a list or a text, and this is nothing", ""),
+        ("leaves: {A: }", "'A' is a mapping, a list or a string, and this is nothing", ""),
         (
             "ticks: '5'",
             "'ticks' is an integer from 1 on, and 5 in quotes is a string",

@@ -211,7 +211,7 @@ class TestMistakes:
 
     def test_a_zone_without_a_pose_with_the_nearest_name(self) -> None:
         [text] = mistakes(mission(zone_order=["zone_a", "zone_B"])).values()
-        assert "names 'zone_B', which cannot represent pose: add zones.zone_B.x" in text
+        assert "names 'zone_B', which has no pose: add zones.zone_B.x" in text
         assert "did you mean 'zone_b'?" in text
 
     @pytest.mark.parametrize("name", ["x", "y", "yaw"])
