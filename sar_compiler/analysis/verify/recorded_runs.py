@@ -403,7 +403,7 @@ class TreeRuns:
 
     def _lost_tick(self, position: "_RecordPosition", tick: Sequence[Event], *, is_last: bool) -> LostTick:
         if self.is_spent:
-            raise UndecidableError("the tree has too many runs to find this one again among them")
+            raise UndecidableError("the tree has too many runs to locate this one among them")
         end, states = tick[-1], sorted(position.states)
         unknown = next(filter(None, map(self._unknown.get, states)), None)
         if unknown is not None:
