@@ -1,4 +1,4 @@
-"""Draw the badges of the README: `python docs/pictures/badges.py` in the project's folder writes `badges.svg`.
+"""Draw the badges of the README: `python docs/pictures/badges.py` in the project's folder writes `badge_….svg`.
 
 They state what the project's files say, and need no account and no network.
 """
@@ -9,8 +9,8 @@ from pathlib import Path
 from sar_compiler.style import COLOURS
 
 ROOT = Path(__file__).parents[2]
-HEIGHT, CHARACTER, PADDING, GAP = 20, 6.6, 7, 6
-"""Pixels: of a badge, of a character at 11 px, beside a text, and between two badges."""
+HEIGHT, CHARACTER, PADDING = 20, 6.6, 7
+"""Pixels: of a badge, of a character at 11 px, and beside a text."""
 
 
 def badges() -> list[tuple[str, str]]:
@@ -32,27 +32,32 @@ def badges() -> list[tuple[str, str]]:
     ]
 
 
-def picture() -> str:
-    """Return all badges as one picture."""
+def pictures() -> dict[Path, str]:
+    """Return each badge as a picture, by its path: narrow screens show them in several rows."""
+    return {
+        Path(__file__).with_name(f"badge_{label.split()[0].lower()}.svg"): _picture(label, value)
+        for label, value in badges()
+    }
+
+
+def _picture(label: str, value: str) -> str:
     parts, left = list[str](), 0.0
-    for label, value in badges():
-        for text, fill, colour in ((label, "halted", "on"), (value, "success", "on")):
-            width = len(text) * CHARACTER + 2 * PADDING
-            parts.append(
-                f'<rect x="{left:.1f}" width="{width:.1f}" height="{HEIGHT}" fill="{COLOURS[fill].light}"/>'
-            )
-            parts.append(
-                f'<text x="{left + width / 2:.1f}" y="14" textLength="{len(text) * CHARACTER:.1f}" '
-                f'fill="{COLOURS[colour].light}">{text}</text>'
-            )
-            left += width
-        left += GAP
+    for text, fill in ((label, "halted"), (value, "success")):
+        length = len(text) * CHARACTER
+        width = length + 2 * PADDING
+        parts.append(
+            f'<rect x="{left:.1f}" width="{width:.1f}" height="{HEIGHT}" fill="{COLOURS[fill].light}"/>'
+        )
+        parts.append(f'<text x="{left + width / 2:.1f}" y="14" textLength="{length:.1f}">{text}</text>')
+        left += width
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left - GAP:.0f}" height="{HEIGHT}">\n'
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{left:.0f}" height="{HEIGHT}">\n'
         "<!-- Made by docs/pictures/badges.py; do not edit. -->\n"
-        f'<g font-family="Verdana,sans-serif" font-size="11" text-anchor="middle">\n{chr(10).join(parts)}\n</g>\n</svg>\n'
+        f'<g font-family="Verdana,sans-serif" font-size="11" text-anchor="middle" fill="{COLOURS["on"].light}">\n'
+        f"{chr(10).join(parts)}\n</g>\n</svg>\n"
     )
 
 
 if __name__ == "__main__":
-    Path(__file__).with_suffix(".svg").write_text(picture(), encoding="utf-8")
+    for path, drawn in pictures().items():
+        path.write_text(drawn, encoding="utf-8")

@@ -54,7 +54,10 @@ def test_the_pictures_of_the_readme_show_what_the_project_says_today():
     assert drawn.partition('<g class="scene2">')[0] == shown.partition('<g class="scene2">')[0], (
         "make pictures"
     )
-    assert Path("docs/pictures/badges.svg").read_text(encoding="utf-8") == badges["picture"]()
+    readme = Path("README.md").read_text(encoding="utf-8")
+    for path, badge in badges["pictures"]().items():
+        assert path.read_text(encoding="utf-8") == badge, "make pictures"
+        assert f"](docs/pictures/{path.name})" in readme
 
 
 def test_the_figures_of_the_readme_are_those_of_the_benchmarks():

@@ -118,7 +118,9 @@ def results(browser, question):
         return settled
 
     browser.wait(is_there, f"results for '{question}'")
-    return list(dict.fromkeys(re.sub(r"[?#].*", "", each) for each in seen[0]))
+    return list(
+        dict.fromkeys(re.sub(r"[?#].*", "", each).replace("/index.html", "/README.html") for each in seen[0])
+    )
 
 
 @pytest.mark.parametrize("way", ["served", "folder"])

@@ -38,8 +38,20 @@ QUESTIONS = {
     "runtime monitoring": ("how-to/watch-a-run",),
     "emergency stop": ("operate/operators-manual",),
     "retry node": ("reference/nodes/decorators",),
+    "what is a leaf": ("concepts/behaviour-trees",),
+    "service client": ("how-to/write-a-leaf", "how-to/leaves-by-attributes", "reference/nodes/ros"),
+    "nav2 recovery node": ("reference/nodes/nav2", "how-to/nav2-trees"),
+    "rate controller": ("reference/nodes/nav2",),
+    "exit status": ("reference/commands",),
+    "glossary": ("glossary",),
+    "unit test a tree": ("reference/scenarios",),
+    "how to pause the robot": ("operate/operators-manual",),
+    "load a tree in Python": ("how-to/use-from-python",),
+    "ignore a warning": ("reference/configuration",),
+    "visualise a tree": ("how-to/draw-a-tree",),
+    "start a mission from another node": ("how-to/serve-missions",),
 }
-FOUND = 22
+FOUND = 32
 _HEADING = re.compile(r"^#{1,4} (.*)$", re.MULTILINE)
 
 
