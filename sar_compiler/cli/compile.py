@@ -69,8 +69,8 @@ _COMMANDS = {
     "completion": "Print the code for completion of these commands with the Tab key.",
 }
 _STATUSES = (
-    "Exit status: 0 without findings; 1 with findings; 2 for wrong usage, or a missing or unreadable file; "
-    "3 if one of the project's own rules failed (the other findings are reported)."
+    "Exit status: 0 without findings; 1 with findings; 2 wrong usage, or a missing or unreadable file; "
+    "3 a rule of this project failed (the other findings are reported)."
 )
 # Prefixes of paths that options take as arguments.
 _GIVEN = ("--", "command line")

@@ -56,7 +56,7 @@ def _parser() -> Parser:
     report.set_defaults(run=_report)
     text = "Explain why a mission failed: from the root down to the outcomes that caused it, and which outcomes would have made it succeed."
     add_why(commands.add_parser("why", help=text, description=text))
-    text = "Check that journals were not altered, by the hashes of each entry and all entries before it."
+    text = "Check that journals were not altered, by the chained hashes of their entries."
     add_check(commands.add_parser("check", help=text, description=text))
     text = "Count the outcomes of the leaves in all runs of journals: frequencies, durations and intervals."
     add_stats(commands.add_parser("stats", help=text, description=text))

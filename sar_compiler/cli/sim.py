@@ -89,7 +89,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     text = (
         "inject a fault: navigate_to_pose:abort=PLACE, :code=NUMBER[@PLACE][,after=SECONDS], "
         ":late=SECONDS[@PLACE][,drives=SECONDS], :starved[@PLACE], :succeed[@PLACE], :delay=SECONDS, :reject=COUNT, :die[@PLACE][,back=SECONDS], amcl:die[@PLACE][,back=SECONDS]; may be repeated. "
-        "Each of several robots has the fault, with counts of its own"
+        "With several robots, each has the fault, with separate counts"
     )
     add("--fault", type=_FAULT, action="append", default=[], metavar="SPEC", help=text)
     text = (

@@ -15,7 +15,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=more)
     add_project_options(parser)
     add_mission(parser)
-    add("--strict", action="store_true", help="count warnings as errors in the exit status")
+    add("--strict", action="store_true", help="exit with 1 for warnings, too")
     trial = parser.add_mutually_exclusive_group()
     text = "try the runs of each file for SEC seconds, to find errors raised in ticks (default: a fixed amount of work)"
     trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)

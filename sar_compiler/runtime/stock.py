@@ -19,7 +19,7 @@ class _InOrder(OwnControl):
     """Children in order: one that comes to `hands_over` is followed by the next, the other end decides.
 
     Attributes:
-        memory: Whether to go on with the child that was running (true), or to look at every child again (false).
+        memory: Start with the running child (true) or with the first child (false) in the next tick.
     """
 
     node_class = ordering.ResumingNode
@@ -33,14 +33,14 @@ class _InOrder(OwnControl):
 
 
 class Sequence(_InOrder, composites.Sequence):
-    """A sequence that passes over children that are skipped; it is skipped itself if all of them are.
+    """A sequence that ignores skipped children, and is skipped if all of them are.
 
     Stock py_trees stops at a skipped child, as if it had been interrupted.
     """
 
 
 class Fallback(_InOrder, composites.Selector):
-    """A fallback that passes over children that are skipped; it is skipped itself if all of them are.
+    """A fallback that ignores skipped children, and is skipped if all of them are.
 
     Stock py_trees takes a skipped child for one that failed.
     """
@@ -61,7 +61,7 @@ class AsyncFallback(Fallback):
 
 
 class SequenceWithMemory(AsyncSequence):
-    """An AsyncSequence that goes on with the child that failed or was halted when it is started again."""
+    """An AsyncSequence that starts with the failed or halted child when it is started again."""
 
     keeps_place = True
 

@@ -18,7 +18,7 @@ PAGES = sorted(
 
 _FENCE = re.compile(r"^\s*```(\w*)\s*$")
 # The line above a fenced block that says which file it is: `rover/drive.py`: or: Save this leaf as `rover/drive.py`:
-_NAMED = re.compile(r"(?:^|\bSave (?:.* )?as )`([\w./-]+\.\w+)`.*:$")
+_NAMED = re.compile(r"(?:^|\b[Ss]ave (?:.* )?as )`([\w./-]+\.\w+)`.*:$")
 _LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
 # A row of a list of definitions: - **name**: what it is
 _DEFINITION = re.compile(r"^- \*\*(.+?)\*\*: (.+)$")

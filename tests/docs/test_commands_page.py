@@ -77,15 +77,15 @@ MORE = {
 }
 HEAD = """# Commands
 
-All commands and their options, as `--help` has them. Every command has `--help` and `--version`, which also shows whether what ticks
-trees is compiled. Options are not abbreviated. [Completion](../start/install.md#completion-in-the-shell) in the shell knows them all.
-`…` behind an argument: it may be repeated.
+This page lists all commands and their options, with the texts of `--help`. Every command also has `--version`, which shows whether the
+kernel is compiled. You cannot abbreviate options, but your shell can [complete them](../start/install.md#completion-in-the-shell).
+You can repeat an argument that is followed by `…`.
 
 <!-- Made of the parsers by `make schemas`. -->
 """
 SHARED = """## For every command that reads trees
 
-[A project's configuration](configuration.md) says the same once for all its trees.
+You can also set these options for all trees of a project in its [configuration](configuration.md).
 
 """
 

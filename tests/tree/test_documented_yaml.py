@@ -15,7 +15,7 @@ def test_the_example_is_a_tree_in_canonical_form():
 
 
 def test_what_is_said_to_be_a_text_is_read_as_this_text():
-    texts = re.findall(r"^\| `(name: [^`]+)` \|[^|]*\| the text `([^`]+)` \|$", PAGE, re.MULTILINE)
+    texts = re.findall(r"^\| `(name: [^`]+)` \|[^|]*\| the string `([^`]+)` \|$", PAGE, re.MULTILINE)
     assert len(texts) == 3
     for written, text in texts:
         assert parse_yaml(f"root: {{{written}}}").root.attributes == {"name": text}

@@ -14,11 +14,11 @@ from sar_compiler.nodes.outcome_sets import F, K, S
 from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport
 
-_SEQUENCE = "Ticks its children in order until one does not succeed; succeeds when all have."
-_SELECTOR = "Ticks its children in order until one does not fail; fails when all have."
-_REACTIVE = "Looks at every child again in every tick."
-_PAUSES = "Lets the rest of the robot have a turn after every child."
-_MEMORY = "Whether to go on with the child that was running (true), or to look at every child again (false)."
+_SEQUENCE = "Ticks its children in order until one does not succeed. Succeeds when all have succeeded."
+_SELECTOR = "Ticks its children in order until one does not fail. Fails when all have failed."
+_REACTIVE = "Starts with the first child in every tick."
+_PAUSES = "Returns RUNNING after each child, so that other branches are ticked in between."
+_MEMORY = "Start with the running child (true) or with the first child (false) in the next tick."
 
 _own = partial(own, Kind.CONTROL, skipping=FROM_CHILD)
 
@@ -73,12 +73,12 @@ def _switch(cases: int) -> NodeSpec:
     return _own(
         f"Switch{cases}",
         "kernel.branching:SwitchNode",
-        "Ticks the child whose case is equal to a variable, and the last one if none is.",
+        "Ticks the child whose case is equal to a variable, or the last child if no case is.",
         input_port(
             "variable",
             str,
-            "What to compare with the cases: as text, as a whole number or a name of an enumeration, or as a real "
-            "number. Without a value, none of them is equal.",
+            "The value to compare with the cases: as a string, an integer, a name of an enumeration, or a real number. "
+            "Without a value, no case is equal.",
         ),
         ENUMS,
         *(
@@ -124,23 +124,23 @@ SPECS = [
     _own(
         "SequenceWithMemory",
         "stock:SequenceWithMemory",
-        "A sequence that goes on with the child that failed or was halted when it is started again.",
+        "A sequence that starts with the failed or halted child when it is started again.",
         semantics=Semantics.sequence(pauses=True, keeps_place=True),
         former_tags=("SequenceStar",),
     ),
     _own(
         "Parallel",
         "kernel.counting:ParallelNode",
-        "Succeeds after success_count successes; fails after failure_count failures or when success is out of reach.",
+        "Succeeds after success_count successes. Fails after failure_count failures, or when it can no longer succeed.",
         input_port(
             "success_count",
             int,
-            "How many successes make a success; negative: counted from the end, -1 is all, and then a skipped child "
-            "counts as one that succeeded.",
+            "Required number of successes. A negative number counts from the end: -1 means all children, and a skipped "
+            "child is then a success.",
             -1,
         ),
         input_port(
-            "failure_count", int, "How many failures make a failure; negative: counted from the end.", 1
+            "failure_count", int, "Number of failures to fail. A negative number counts from the end.", 1
         ),
         semantics=Semantics.parallel(outcome_sets.counting, ("success_count", "failure_count"))._replace(
             counterpart=Counterpart(rewrite=rewrites.parallel)
@@ -155,21 +155,21 @@ SPECS = [
     stock(
         Kind.CONTROL,
         "Parallel",
-        "Ticks all its children in every tick; fails as soon as one of them does.",
+        "Ticks all its children in every tick. Fails when one of them fails.",
         attribute(
-            "policy", PolicyName, "Which children have to succeed; those still running then are interrupted."
+            "policy", PolicyName, "The children that must succeed. Children that are still running then are halted."
         ),
         attribute(
             "synchronise",
             bool,
-            "Whether a child that has succeeded waits for the others, instead of being started again; not for "
-            "`SuccessOnOne`. Where it is not written, it does.",
+            "True if a child that has succeeded waits for the others, false if it is started again. Not allowed with "
+            "`SuccessOnOne`. By default it waits.",
             None,
         ),
         attribute(
             "selected",
             NAMES,
-            "The names of the children that have to succeed, for `SuccessOnSelected`: `left;right`.",
+            "The names of the children that must succeed, for `SuccessOnSelected`: `left;right`.",
             None,
         ),
         made_by="parallel",
@@ -185,7 +185,7 @@ SPECS = [
         input_port(
             "max_failures",
             int,
-            "With how many failures it fails; negative: counted from the end, 0: always.",
+            "Number of failures to fail. A negative number counts from the end. With 0 it always fails.",
             1,
         ),
         semantics=Semantics.parallel(outcome_sets.counting_all, ("max_failures",)),
@@ -193,7 +193,7 @@ SPECS = [
     ),
     _branching(
         "IfThenElse",
-        "Ticks its second child if the first one succeeds, else the third; asks the first one only once.",
+        "Ticks its second child if the first one succeeds, else the third. The first child is ticked only until it completes.",
     ),
     _branching(
         "WhileDoElse",
@@ -203,11 +203,11 @@ SPECS = [
     _own(
         "TryCatch",
         "kernel.branching:TryCatchNode",
-        "Ticks its children in order but for the last one, which is ticked when one of them has failed.",
+        "Ticks all children except the last one in order. If one of them fails, ticks the last child.",
         input_port(
             "catch_on_halt",
             bool,
-            "Whether to tick the last child, once, also when the node is halted.",
+            "Tick the last child once when the node is halted, too.",
             default=False,
         ),
         semantics=Semantics(

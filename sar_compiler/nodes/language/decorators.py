@@ -121,11 +121,11 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
         input_port(
             "queue",
             queue_of(tag, kind),
-            f"The {items}s: `{example}`, or an entry with such a text, a list, or a `collections.deque`, of which the items "
-            "are taken away.",
+            f"The {items}s: `{example}`, or an entry with such a string, a list, or a `collections.deque`. Items are removed "
+            "from a deque.",
         ),
-        output_port("value", type_of(kind), f"Where each {items} is written.", None),
-        input_port("if_empty", _OUTCOME, "What to answer when none is left.", Outcome.SUCCESS),
+        output_port("value", type_of(kind), f"The key to which each {items} is written.", None),
+        input_port("if_empty", _OUTCOME, "The status to return when none is left.", Outcome.SUCCESS),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),
         skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("if_empty", Outcome.SKIPPED)),
@@ -143,7 +143,7 @@ BEHAVIORTREE_CPP = [
     _stock_unless_skipping(
         "KeepRunningUntilFailure",
         "SuccessIsRunning",
-        "Starts its child again after every success, until it fails.",
+        "Restarts its child after every success, until the child fails.",
         {S: R, K: R},
         SkipPossibility.NEVER,
         repeats=S,
@@ -151,22 +151,22 @@ BEHAVIORTREE_CPP = [
     _own(
         "Repeat",
         "kernel.repeating:RepeatNode",
-        "Repeats its child until it has succeeded num_cycles times; a failure ends it.",
+        "Repeats its child until it has succeeded num_cycles times. Fails when the child fails.",
         input_port(
             "num_cycles",
             int,
-            "How many successes; -1: without an end, 0: none, and the node succeeds at once.",
+            "Number of successes. -1 repeats without end, 0 succeeds at once.",
         ),
         semantics=_with_rewrite(Semantics.repeating(S, "num_cycles"), rewrites.repeat),
     ),
     _own(
         "RetryUntilSuccessful",
         "kernel.repeating:RetryNode",
-        "Retries its child until it has failed num_attempts times; a success ends it.",
+        "Retries its child until it has failed num_attempts times. Succeeds when the child succeeds.",
         input_port(
             "num_attempts",
             int,
-            "How many failures; -1: without an end, 0: none, and the node fails at once. Read again after each failure, "
+            "Number of failures. -1 retries without end, 0 fails at once. The number is read again after each failure, "
             "because the child may have changed it.",
         ),
         semantics=Semantics.repeating(F, "num_attempts"),
@@ -174,11 +174,11 @@ BEHAVIORTREE_CPP = [
     _own(
         "RunOnce",
         "kernel.turning:RunOnceNode",
-        "Lets its child end once; from then on it is skipped, or answers what the child did.",
+        "Ticks its child until it has completed once. Afterwards the node is skipped, or returns the same status again.",
         input_port(
             "then_skip",
             bool,
-            "Whether to be skipped afterwards (true), or to answer the same again (false).",
+            "Skip the node afterwards (true), or return the same status again (false).",
             default=True,
         ),
         semantics=Semantics(outcome_sets.run_once, once=True),
@@ -187,8 +187,8 @@ BEHAVIORTREE_CPP = [
     _own(
         "Delay",
         "kernel.timing:DelayNode",
-        "Waits before it ticks its child for the first time.",
-        input_port("delay_msec", MILLISECONDS, "How long to wait, in milliseconds."),
+        "Waits for a time, then ticks its child.",
+        input_port("delay_msec", MILLISECONDS, "Duration of the wait, in milliseconds."),
         CLOCK,
         semantics=Semantics(
             partial(outcome_sets.adding, R),
@@ -199,9 +199,9 @@ BEHAVIORTREE_CPP = [
     _own(
         "Timeout",
         "kernel.timing:TimeoutNode",
-        "Fails if its child is still running after a time; the child is halted without another tick.",
+        "Fails if its child is still running after a time. The child is halted without another tick.",
         input_port(
-            "msec", MILLISECONDS, "How long the child may run, in milliseconds; 0: as long as it likes."
+            "msec", MILLISECONDS, "Time limit of the child, in milliseconds; 0 for no limit."
         ),
         CLOCK,
         semantics=_with_rewrite(Semantics.limiting(_within), rewrites.timeout),
@@ -209,11 +209,11 @@ BEHAVIORTREE_CPP = [
     _own(
         "Precondition",
         "kernel.turning:PreconditionNode",
-        "Ticks its child if a condition is true when it starts; while the child runs, it does not ask again.",
+        "Ticks its child if a condition is true when the node starts. The condition is not evaluated again while the child runs.",
         input_port("if_", CONDITION, "The condition, a script."),
         SCOPE,
         ENUMS,
-        input_port("else_", _OUTCOME, "What to answer if it is false.", Outcome.FAILURE),
+        input_port("else_", _OUTCOME, "The status to return if the condition is false.", Outcome.FAILURE),
         semantics=Semantics(partial(outcome_sets.guard, "if")),
         skipping=SkipSupport(SkipPossibility.ALWAYS, only_if=("else", Outcome.SKIPPED)),
         former_tags=tuple(f"BlackboardCheck{kind}" for kind in ("Bool", "Double", "Int", "String")),
@@ -221,25 +221,25 @@ BEHAVIORTREE_CPP = [
     _unless_written(
         "SkipUnlessUpdated",
         K,
-        "Ticks its child if an entry was written since this node last looked, and is skipped if not.",
+        "Ticks its child if an entry was written since the last check, and is skipped if not.",
         SkipSupport(SkipPossibility.ALWAYS),
     ),
     _unless_written(
         "WaitValueUpdate",
         R,
-        "Ticks its child once an entry was written since this node last looked, and waits until then.",
+        "Waits until an entry was written since the last check, then ticks its child.",
     ),
-    _loop("LoopInt", int, "whole number", "number", "1;2;3"),
+    _loop("LoopInt", int, "integer", "number", "1;2;3"),
     _loop("LoopDouble", float, "real number", "number", "1.5;2;3"),
-    _loop("LoopBool", bool, "truth value", "value", "true;false"),
-    _loop("LoopString", str, "text", "text", "red;green"),
+    _loop("LoopBool", bool, "Boolean", "value", "true;false"),
+    _loop("LoopString", str, "string", "string", "red;green"),
 ]
 
 PY_TREES = [
     _stock(
         "OneShot",
-        "Lets its child finish once; from then on answers what the child answered, without ticking it.",
-        attribute("policy", ONESHOT_TYPE, "What counts as finished: any end, or only success."),
+        "Ticks its child until it has completed once. Afterwards returns the same status without ticking it.",
+        attribute("policy", ONESHOT_TYPE, "The completion: any result, or only a success."),
         semantics=Semantics(
             outcome_sets.passing,
             once=True,
@@ -252,7 +252,7 @@ PY_TREES = [
         "Timeout",
         "sar_compiler.runtime.stock:Timeout",
         "Fails if its child is still running after a time, measured on the mission's clock.",
-        attribute("duration", SECONDS, "How long the child may run, in seconds."),
+        attribute("duration", SECONDS, "Time limit of the child, in seconds."),
         CLOCK,
         semantics=_with_rewrite(Semantics.limiting("duration"), rewrites.timeout),
         skipping=SkipSupport(advice='msec="..."'),
@@ -260,15 +260,15 @@ PY_TREES = [
     ),
     _stock(
         "Retry",
-        "Ticks its child again after a failure, until it has failed too often.",
-        attribute("num_failures", int, "With how many failures to fail; 1 or less: with the first one."),
+        "Ticks its child again after a failure, until it has failed num_failures times.",
+        attribute("num_failures", int, "Number of failures to fail. With 1 or less, it fails with the first one."),
         semantics=_with_rewrite(Semantics.repeating(F, _failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
     ),
     _stock(
         "Repeat",
-        "Ticks its child again after a success, until it has succeeded often enough.",
-        attribute("num_success", int, "With how many successes to succeed; 0 or less: never."),
+        "Ticks its child again after a success, until it has succeeded num_success times.",
+        attribute("num_success", int, "Number of successes to succeed. With 0 or less, it never succeeds."),
         semantics=_with_rewrite(Semantics.repeating(S, _successes), rewrites.repeat),
         instead='num_cycles="..."',
         variant=True,
@@ -282,14 +282,14 @@ PY_TREES = [
     ),
     _stock(
         "Count",
-        "Answers what its child answers, and counts how often it was ticked and how it ended.",
+        "Returns the status of its child, and counts ticks and results.",
         semantics=Semantics.passing(),
     ),
     _stock(
         "EternalGuard",
-        "Ticks its child as long as a condition is true; when it is not, interrupts the child and fails.",
+        "Ticks its child while a condition is true. When the condition is false, halts the child and fails.",
         input_port(
-            "condition", CONDITION, "The condition, a script; it is evaluated before every tick of the child."
+            "condition", CONDITION, "The condition, a script that is evaluated before every tick of the child."
         ),
         SCOPE,
         ENUMS,
@@ -300,14 +300,14 @@ PY_TREES = [
             ),
         ),
     ),
-    _stock("PassThrough", "Answers what its child answers.", semantics=Semantics.passing()),
+    _stock("PassThrough", "Returns the status of its child.", semantics=Semantics.passing()),
     _stock(
         "StatusToBlackboard",
         "Writes its child's status to the blackboard in every tick, and returns it.",
         inout_port(
             "variable_name",
             VARIABLE,
-            "The key to write, or `key.attribute` of an object that is there already.",
+            "The key to write, or `key.attribute` of an existing object.",
         ),
         SCOPE,
         semantics=Semantics.passing()._replace(keys={"variable_name": _WRITTEN}),
@@ -315,7 +315,7 @@ PY_TREES = [
     ),
     _stock(
         "ForEach",
-        "Ticks its child for each item of a list in turn, until the child fails; needs py_trees 2.4.",
+        "Ticks its child for each item of a list in turn, until the child fails. Needs py_trees 2.4.",
         input_port("source_key", KEY, "The key of the list."),
         inout_port("target_key", KEY, "The key to which each item is written."),
         SCOPE,
@@ -330,7 +330,7 @@ PY_TREES = [
     _turning("RunningIsFailure", R, F),
 ]
 
-_SUBTREE_DOC = "Another tree of the file. Its other attributes say which keys around it its keys stand for."
+_SUBTREE_DOC = "Runs another tree. The other attributes map keys of that tree to keys of the calling tree."
 SUBTREE = _own(
     SUBTREE_TAG,
     "py_trees.decorators:PassThrough",

@@ -58,14 +58,14 @@ def _question(
 
 
 _KEY = input_port("variable_name", VARIABLE, "The key, or `key.attribute`.")
-_COMPARE = "How to compare: equal, not equal, less, less or equal, greater, greater or equal."
-_CONSTANT = "a number, `true`, `false`, any other text, a list or an object after `json:`, or the value of another `{key}` at the time of the tick."
+_COMPARE = "The comparison: equal, not equal, less, less or equal, greater, greater or equal."
+_CONSTANT = "a number, `true`, `false`, any other string, a list or an object after `json:`, or the value of another `{key}` at the time of the tick."
 _COMPARISON = (
     input_port("variable", VARIABLE, "The key, or `key.attribute`."),
     attribute(
         "operator",
         Comparison,
-        f"{_COMPARE} A text is never equal to a number, and none can be less than the other.",
+        f"{_COMPARE} A string is never equal to a number, and the two have no order.",
     ),
     input_port("value", object, f"The value to compare with: {_CONSTANT}"),
 )
@@ -89,7 +89,7 @@ BEHAVIORTREE_CPP = [
         "language_nodes:ScriptCondition",
         "Runs a script, and succeeds if its value is true.",
         # BehaviorTree.CPP gives this port no type, so that a subtree may be given `1` for it.
-        input_port("code", CONDITION._replace(cpp=""), "The script; its value is true or false, 1 or 0."),
+        input_port("code", CONDITION._replace(cpp=""), "The script. Its value must be true or false, 1 or 0."),
         SCOPE,
         ENUMS,
         outcomes=_SUCCESS | _FAILURE,
@@ -98,12 +98,12 @@ BEHAVIORTREE_CPP = [
     _own(
         "SetBlackboard",
         "language_nodes:SetBlackboard",
-        "Writes an entry: another entry's value, with its type, or a text; fails if the other entry is empty.",
-        input_port("value", AS_WRITTEN, "What to write."),
+        "Writes another entry's value with its type, or a string. Fails if the other entry is empty.",
+        input_port("value", AS_WRITTEN, "The value to write."),
         input_port(
             "output_key",
             AS_WRITTEN,
-            "The entry's key, without braces; or a key with them, of an entry that has it.",
+            "The entry's key without braces, or in braces the key of an entry that contains it.",
         ),
         SCOPE,
         ENUMS,
@@ -116,7 +116,7 @@ BEHAVIORTREE_CPP = [
     _own(
         "UnsetBlackboard",
         "language_nodes:UnsetBlackboard",
-        "Removes an entry of its own tree instance; one that belongs to another instance stays.",
+        "Removes an entry of the same tree instance. Entries of other instances are not removed.",
         input_port("key", str, "The entry's key, without braces."),
         SCOPE,
         outcomes=_SUCCESS,
@@ -126,7 +126,7 @@ BEHAVIORTREE_CPP = [
     _own(
         "WasEntryUpdated",
         "kernel.leaf_nodes:UpdateCheckNode",
-        "Succeeds if an entry was written since this node last looked, else fails.",
+        "Succeeds if an entry was written since the last check, else fails.",
         input_port("entry", ANY_ENTRY, "The entry."),
         SCOPE,
         outcomes=_SUCCESS | _FAILURE,
@@ -136,7 +136,7 @@ BEHAVIORTREE_CPP = [
         "Sleep",
         "kernel.timing:SleepNode",
         "Waits, then succeeds.",
-        input_port("msec", MILLISECONDS, "How long to wait, in milliseconds; 0: not at all."),
+        input_port("msec", MILLISECONDS, "Duration of the wait, in milliseconds; 0 for none."),
         CLOCK,
         outcomes=_SUCCESS | _RUNNING,
         semantics=Semantics(wait_sec=partial(outcome_sets.milliseconds, name="msec")),
@@ -152,21 +152,21 @@ PY_TREES = [
         outcomes=_RUNNING,
         semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.running)),
     ),
-    _stock("Dummy", "Runs for ever, in the place of something still to be written.", outcomes=_RUNNING),
+    _stock("Dummy", "Returns RUNNING forever, as a placeholder for a node that is not written yet.", outcomes=_RUNNING),
     _stock(
         "Periodic",
-        "Runs for some ticks, succeeds for as many, fails for as many, and so on; it goes on where it was, however "
+        "Runs for n ticks, succeeds for n ticks, fails for n ticks, and starts over. It keeps its position, however "
         "often it is started.",
         attribute(
             "n",
             int,
-            "After how many ticks the next one answers something else; 0 or less: another status in each.",
+            "Number of ticks with the same status. With 0 or less, the status changes in every tick.",
         ),
         semantics=Semantics(resumes=True),
     ),
     _stock(
         "StatusQueue",
-        "Returns the statuses of a list one after the other; continues where it was, however often it is started.",
+        "Returns the statuses of a list one after the other. It keeps its position, however often it is started.",
         attribute("queue", STATUS_NAMES, "The statuses: `RUNNING;RUNNING;SUCCESS`."),
         attribute(
             "eventually",
@@ -184,15 +184,15 @@ PY_TREES = [
         attribute(
             "n",
             NTH,
-            "The period of the successes in ticks: 1 for every tick, 2 for every other; the sign is ignored.",
+            "The period of the successes in ticks: 1 for every tick, 2 for every second one. The sign is ignored.",
         ),
         outcomes=_SUCCESS | _FAILURE,
     ),
     _stock(
         "TickCounter",
-        "Runs for a number of ticks, then ends; the count starts over whenever it is started.",
-        attribute("duration", int, "The number of ticks to run; 0 or less to end at once."),
-        attribute("completion_status", StatusName, "The status to return then."),
+        "Runs for a number of ticks, then completes. The count starts over whenever it is started.",
+        attribute("duration", int, "The number of ticks to run; 0 or less to complete at once."),
+        attribute("completion_status", StatusName, "The status to return after that."),
         semantics=Semantics(outcome_sets.ticks_counted),
     ),
     _stock(
@@ -201,7 +201,7 @@ PY_TREES = [
         attribute(
             "weights",
             PROBABILITIES,
-            "The weights of success, failure and running: `2;1;1`; equal by default.",
+            "The weights of success, failure and running, such as `2;1;1`. They are equal by default.",
             None,
         ),
         semantics=Semantics(resumes=True),
@@ -212,7 +212,7 @@ PY_TREES = [
         "sar_compiler.runtime.stock:Timer",
         "Runs until a time has passed on the mission's clock, then succeeds.",
         CLOCK,
-        attribute("duration", SECONDS, "How long to run, in seconds; 0 or less: succeed at once.", 5.0),
+        attribute("duration", SECONDS, "Duration, in seconds; 0 or less to succeed at once.", 5.0),
         outcomes=_SUCCESS | _RUNNING,
         semantics=Semantics(
             wait_sec=partial(outcome_sets.number, name="duration"),
@@ -221,24 +221,24 @@ PY_TREES = [
     ),
     _stock(
         "BlackboardToStatus",
-        "Returns the status that a key holds, as written by StatusToBlackboard.",
+        "Returns the status in a key, as written by StatusToBlackboard.",
         input_port(
             "variable_name",
             VARIABLE,
-            "The key, or `key.attribute`; until it holds a status, a tick ends the run with an error.",
+            "The key, or `key.attribute`. Without a status in it, a tick stops the run with an error.",
         ),
         SCOPE,
         semantics=Semantics(resumes=True),
     ),
     _question(
         "CheckBlackboardVariableExists",
-        "Succeeds if something has been written to a key, else fails.",
+        "Succeeds if a key was written, else fails.",
         _KEY,
         asks=("variable_name",),
     ),
     _stock(
         "WaitForBlackboardVariable",
-        "Runs until something has been written to a key, then succeeds.",
+        "Runs until a key was written, then succeeds.",
         _KEY,
         SCOPE,
         outcomes=_SUCCESS | _RUNNING,
@@ -246,16 +246,16 @@ PY_TREES = [
     ),
     _stock(
         "SetBlackboardVariable",
-        "Writes a value to a key, and succeeds; whatever the key held before, it then holds this.",
+        "Writes a value to a key, whatever its previous value, and succeeds.",
         inout_port(
-            "variable_name", VARIABLE, "The key, or `key.attribute` of an object that is there already."
+            "variable_name", VARIABLE, "The key, or `key.attribute` of an existing object."
         ),
         input_port("variable_value", object, f"The value: {_CONSTANT}"),
         SCOPE,
         attribute(
             "overwrite",
             bool,
-            "Whether to replace an existing value; if not, the node fails if there is one.",
+            "Replace an existing value. If false, the node fails if there is one.",
             default=True,
         ),
         outcomes=_SUCCESS | _FAILURE,
@@ -264,7 +264,7 @@ PY_TREES = [
     ),
     _stock(
         "UnsetBlackboardVariable",
-        "Removes a key from the blackboard, wherever it belongs, and succeeds.",
+        "Removes a key from the blackboard, even if another tree owns it, and succeeds.",
         inout_port("key", KEY, "The key."),
         SCOPE,
         outcomes=_SUCCESS,
@@ -273,7 +273,7 @@ PY_TREES = [
     ),
     _question(
         "CheckBlackboardVariableValue",
-        "Succeeds if the comparison of a key with a value is true; fails if it is false or nothing was written to the key.",
+        "Succeeds if the comparison of a key with a value is true. Fails if it is false or the key was not written.",
         *_COMPARISON,
         made_by="comparing",
         asks=("variable",),
@@ -308,7 +308,7 @@ PY_TREES = [
     ),
     _question(
         "CompareBlackboardVariables",
-        "Succeeds if the comparison of two keys is true; fails if it is false or one was not written; needs py_trees 2.4.",
+        "Succeeds if the comparison of two keys is true. Fails if it is false or a key was not written. Needs py_trees 2.4.",
         input_port("var1_key", KEY, "The key on the left."),
         input_port("var2_key", KEY, "The key on the right."),
         attribute("operator", Comparison, _COMPARE),
