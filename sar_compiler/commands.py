@@ -243,13 +243,20 @@ def not_installed(error: ImportError) -> str | None:
     return None
 
 
-def _meant(message: str, options: Iterable[str]) -> str:
+def _meant(message: str, options: Iterable[str], *, has_ros: bool) -> str:
     """Return the suggestion that argparse's message lacks: the choice, or the option, that was probably meant."""
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
     if chosen := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
         known, other = re.findall(r"[\w-]+", chosen[2]), _OTHER_NAMES.get(chosen[1])
         return did_you_mean(nearest(chosen[1], known) or (other if other in known else None))
+    if has_ros and re.match(r"unrecognized arguments: (-[pr]|--params-file|--remap|--param)\b", message):
+        return "; write ROS arguments after --ros-args"
+    if file := re.match(r"unrecognized arguments: ([^-]\S*\.ya?ml)$", message):
+        named = [
+            f"{each} {file[1]}" for each in ("--scenario", "--properties", "--params") if each in options
+        ]
+        return f"; write {' or '.join(named)}" if named else ""
     if unknown := re.match(r"unrecognized arguments: (--[\w-]+)", message):
         written = unknown[1]
         # `--simulate` for `--sim`, `--port` for `--web-port`.
@@ -343,7 +350,8 @@ class CommandParser(argparse.ArgumentParser):
         else:
             self.print_usage(sys.stderr)
         options = [name for name in self._option_string_actions if name.startswith("--")]
-        self.exit(USAGE, _visible(f"{self.prog}: error: {message}{_meant(message, options)}\n"))
+        meant = _meant(message, options, has_ros="--ros-args" in (self.epilog or ""))
+        self.exit(USAGE, _visible(f"{self.prog}: error: {message}{meant}\n"))
 
     def complete(self) -> NoReturn:
         """Respond to a shell that requests completions."""

@@ -43,9 +43,9 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     yield from _influence_lines(found)
     if found.unknown:
         names = ", ".join("/".join(path) for path in found.unknown)
-        yield f"\nOf these leaves no chance is known, so that some numbers have two bounds: {names}"
+        yield f"\nThe probabilities of these leaves are not known, so some numbers have two bounds: {names}"
     for reason in found.undecided:
-        yield f"\nNot decided, so that some numbers have two bounds: {reason}"
+        yield f"\nNot decided, so some numbers have two bounds: {reason}"
     yield from (f"\n{note}" for note in merging_notes(found.merged))
     if not found.complete:
         yield (

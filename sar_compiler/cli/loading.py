@@ -84,17 +84,36 @@ def further_checks() -> "Sequence[FurtherCheck]":
     return (check_mission,)
 
 
-def require_there(name: str | Path) -> None:
+def require_there(name: str | Path, *, or_folder: bool = False) -> None:
     """Check that a tree file exists, before the slow imports that read it.
 
     Raises:
-        UnreadableFileError: If *name* is clearly a path, and nothing exists there.
+        UnreadableFileError: If *name* is a folder that is not allowed, or clearly a path, and nothing exists there.
     """
-    from sar_compiler.opener import STANDARD_INPUT, TREE, is_there, read_file
-    from sar_compiler.resources import is_bare_word
+    from sar_compiler.opener import (
+        STANDARD_INPUT,
+        TREE,
+        MissingFileError,
+        UnreadableFileError,
+        is_folder,
+        is_there,
+        read_file,
+    )
+    from sar_compiler.resources import find, is_bare_word
 
-    if name and Path(name) != STANDARD_INPUT and not is_bare_word(str(name)) and not is_there(name):
-        read_file(name, TREE)
+    path = find("trees", str(name), ".xml")
+    if name and not or_folder and is_folder(path):
+        said = f"{name} is a folder: name a tree file in it, or check all its trees with sar-compile validate"
+        raise UnreadableFileError(path, "it is a folder", said)
+    if name and path != STANDARD_INPUT and not is_bare_word(str(name)) and not is_there(path):
+        try:
+            read_file(path, TREE)
+        except MissingFileError as error:
+            if path.name != str(name) or not is_there(find("trees", path.stem, ".xml")):
+                raise
+            raise MissingFileError(
+                path, error.reason, f"{error}; did you mean the shipped tree {path.stem}?"
+            ) from None
 
 
 def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[ProjectTree]":

@@ -35,7 +35,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def _validate(arguments: argparse.Namespace) -> int:
     if not arguments.files[1:] and arguments.format == FORMATS[0]:
-        require_there(arguments.files[0])
+        require_there(arguments.files[0], or_folder=True)
     from sar_compiler.cli.validation import validate_files
 
     return validate_files(arguments)

@@ -38,6 +38,7 @@ from sar_compiler.journal.mission_state import tree_nodes
 from sar_compiler.journal.row_reader import entries_of, finite, mapping
 from sar_compiler.journal.spill_file import SUFFIX, RunEnd, SpilledEntries, SpillFile, read_reserve
 from sar_compiler.opener import (
+    MissingFileError,
     UnreadableFileError,
     open_by_name,
     regular_file,
@@ -45,6 +46,7 @@ from sar_compiler.opener import (
     require_regular,
     require_regular_mode,
 )
+from sar_compiler.resources import state_folder
 from sar_compiler.tree.json_values import json_text, json_value
 
 # Why a commit works as it does.
@@ -837,7 +839,8 @@ def _readable(path: Path) -> Iterator[None]:
         yield
     except UnreadableFileError as error:
         name = "" if error.path == path else f"{error.path.name}: "
-        raise JournalPlaceError(f"the journal {path} cannot be used: {name}{error.reason}") from error
+        hint = f". Journals are in {state_folder()}" if isinstance(error, MissingFileError) else ""
+        raise JournalPlaceError(f"the journal {path} cannot be used: {name}{error.reason}{hint}") from error
     except OSError as error:
         raise JournalPlaceError(f"the journal {path} cannot be used: {error.strerror or error}") from error
     except (sqlite3.Error, sqlite3.Warning, ValueError, TypeError, OverflowError, RecursionError) as error:

@@ -61,8 +61,8 @@ class UnknownValueError(VariableError):
     def __init__(self, value: "UnknownValue") -> None:
         leaf, key = value.leaf, value.key
         super().__init__(
-            f"the value of '{key}' is not known; '{leaf}' writes '{key}' when it runs, and nothing says what it writes here: "
-            f'answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
+            f"the value of '{key}' is not known, because '{leaf}' writes it in a run. Add to the file of --properties, "
+            f'or to the scenario: answers: {{{leaf}: [{{status: SUCCESS, then: "{key} := ..."}}]}}'
         )
         self.value = value
 

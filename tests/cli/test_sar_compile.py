@@ -264,7 +264,7 @@ def test_nodes_as_json_is_complete(capsys):
         "refers_to": None,
         "required": True,
         "default": None,
-        "doc": "With how many failures to fail; 1 or less: with the first one.",
+        "doc": "Number of failures to fail. With 1 or less, it fails with the first one.",
     }
 
 

@@ -62,6 +62,15 @@ TYPED = {
     "--record {folder}/yesterday.mcap",
     "fault '…': …": "sar-run --sim --fault report_survivor:drp=1",
     "robot '…': …": "sar-sim run --robot robot-1",
+    "unrecognized arguments: …; write ROS arguments after --ros-args": "sar-run --sim -p zone_order:=[a]",
+    "unrecognized arguments: …; write --scenario low.yaml or --params low.yaml": (
+        "sar-compile simulate {folder}/plain.xml low.yaml"
+    ),
+    "did you mean the shipped tree search_and_rescue?": "sar-compile validate search_and_rescue.xml",
+    "… is a folder: name a tree file in it, or check all its trees with sar-compile validate": (
+        "sar-compile verify {folder}"
+    ),
+    "the journal … cannot be used: No such file or directory. Journals are in …": "sar-journal show nowhere.journal",
 }
 # What is typed into a shell.
 IN_A_SHELL = {
@@ -96,6 +105,11 @@ PLAIN = {
     "there is no mission '…' (installed: …)",
     "fault '…': …",
     "robot '…': …",
+    "unrecognized arguments: …; write ROS arguments after --ros-args",
+    "unrecognized arguments: …; write --scenario low.yaml or --params low.yaml",
+    "did you mean the shipped tree search_and_rescue?",
+    "… is a folder: name a tree file in it, or check all its trees with sar-compile validate",
+    "the journal … cannot be used: No such file or directory. Journals are in …",
 }
 TAKEN_PORT = "port … of 127.0.0.1 cannot be used: …"
 COMPANY = "… already provides … here: a simulated robot must not mix with another one."

@@ -157,7 +157,9 @@ SPECS = [
         "Parallel",
         "Ticks all its children in every tick. Fails when one of them fails.",
         attribute(
-            "policy", PolicyName, "The children that must succeed. Children that are still running then are halted."
+            "policy",
+            PolicyName,
+            "The children that must succeed. Children that are still running then are halted.",
         ),
         attribute(
             "synchronise",

@@ -200,9 +200,7 @@ BEHAVIORTREE_CPP = [
         "Timeout",
         "kernel.timing:TimeoutNode",
         "Fails if its child is still running after a time. The child is halted without another tick.",
-        input_port(
-            "msec", MILLISECONDS, "Time limit of the child, in milliseconds; 0 for no limit."
-        ),
+        input_port("msec", MILLISECONDS, "Time limit of the child, in milliseconds; 0 for no limit."),
         CLOCK,
         semantics=_with_rewrite(Semantics.limiting(_within), rewrites.timeout),
     ),
@@ -261,7 +259,9 @@ PY_TREES = [
     _stock(
         "Retry",
         "Ticks its child again after a failure, until it has failed num_failures times.",
-        attribute("num_failures", int, "Number of failures to fail. With 1 or less, it fails with the first one."),
+        attribute(
+            "num_failures", int, "Number of failures to fail. With 1 or less, it fails with the first one."
+        ),
         semantics=_with_rewrite(Semantics.repeating(F, _failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
     ),
@@ -289,7 +289,9 @@ PY_TREES = [
         "EternalGuard",
         "Ticks its child while a condition is true. When the condition is false, halts the child and fails.",
         input_port(
-            "condition", CONDITION, "The condition, a script that is evaluated before every tick of the child."
+            "condition",
+            CONDITION,
+            "The condition, a script that is evaluated before every tick of the child.",
         ),
         SCOPE,
         ENUMS,

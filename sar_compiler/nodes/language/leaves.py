@@ -89,7 +89,9 @@ BEHAVIORTREE_CPP = [
         "language_nodes:ScriptCondition",
         "Runs a script, and succeeds if its value is true.",
         # BehaviorTree.CPP gives this port no type, so that a subtree may be given `1` for it.
-        input_port("code", CONDITION._replace(cpp=""), "The script. Its value must be true or false, 1 or 0."),
+        input_port(
+            "code", CONDITION._replace(cpp=""), "The script. Its value must be true or false, 1 or 0."
+        ),
         SCOPE,
         ENUMS,
         outcomes=_SUCCESS | _FAILURE,
@@ -152,7 +154,11 @@ PY_TREES = [
         outcomes=_RUNNING,
         semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.running)),
     ),
-    _stock("Dummy", "Returns RUNNING forever, as a placeholder for a node that is not written yet.", outcomes=_RUNNING),
+    _stock(
+        "Dummy",
+        "Returns RUNNING forever, as a placeholder for a node that is not written yet.",
+        outcomes=_RUNNING,
+    ),
     _stock(
         "Periodic",
         "Runs for n ticks, succeeds for n ticks, fails for n ticks, and starts over. It keeps its position, however "
@@ -247,9 +253,7 @@ PY_TREES = [
     _stock(
         "SetBlackboardVariable",
         "Writes a value to a key, whatever its previous value, and succeeds.",
-        inout_port(
-            "variable_name", VARIABLE, "The key, or `key.attribute` of an existing object."
-        ),
+        inout_port("variable_name", VARIABLE, "The key, or `key.attribute` of an existing object."),
         input_port("variable_value", object, f"The value: {_CONSTANT}"),
         SCOPE,
         attribute(

@@ -163,7 +163,7 @@ def test_a_file_can_say_that_a_value_is_not_known():
     body = '<Sequence><A/><ScriptCondition code="n == 1"/></Sequence>'
     found = verified(body, 'answers: {A: [{status: SUCCESS, then: "n := unknown"}]}')
     assert outcome(found, NO_ERROR) is UNDECIDED
-    assert "'A' writes 'n' when it runs" in verdict(found, NO_ERROR).reason
+    assert "because 'A' writes it in a run" in verdict(found, NO_ERROR).reason
 
 
 def test_branches_that_write_unknown_values_are_still_searched_apart():
@@ -198,7 +198,7 @@ def command(capsys, tmp_path):
             ["sweep", "--unusual", "0.1", "--runs", "20", "--jobs", "1"],
             "nothing can be counted: the run with seed",
         ),
-        (["predict"], "Not decided, so that some numbers have two bounds: "),
+        (["predict"], "Not decided, so some numbers have two bounds: "),
     ],
     ids=lambda words: words[0] if isinstance(words, list) else "",
 )
