@@ -231,7 +231,7 @@ class _ReplayedRun:
             and any(
                 way.common(noted, lost.told)[0] == len(noted) and halted <= ran | way.running
                 for state in lost.states
-                for way in self.runs.beginnings(state)
+                for way in self.runs.beginnings(state, noted, lost.told)
             )
         )
 
@@ -241,7 +241,7 @@ class _ReplayedRun:
         tried = [
             _Attempt(state, way, *way.common(noted, lost.told))
             for state in lost.states
-            for way in self.runs.ways(state)
+            for way in self.runs.ways_like(state, noted, lost.told)
         ]
         most = max((each.common for each in tried), default=0)
         best = [each for each in tried if each.common == most]

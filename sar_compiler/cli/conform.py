@@ -49,6 +49,8 @@ def conform_runs(arguments: argparse.Namespace) -> int:
     """
     from sar_compiler.reports import compared_runs as views
 
+    for journal in arguments.journals:
+        arguments.model += _palettes_of(journal)
     (tree,) = load_checked(arguments, arguments.file)
     # Its code never checks whether to stop.
     budget = budget_of(arguments, patience_sec=0.0)
@@ -85,6 +87,16 @@ def _compared_run(
         return compared._replace(problem=str(error))
     except UndecidableError as error:
         return compared._replace(problem=f"it cannot be checked: {error}")
+
+
+def _palettes_of(place: Path) -> list[Path]:
+    """Return the installed palettes of the last run of a journal."""
+    from sar_compiler.journal.database import JournalFile
+    from sar_compiler.reports.explanation import palettes_of
+
+    with JournalFile.reading(place) as file:
+        runs = file.runs()
+    return palettes_of(runs[-1].about) if runs else []
 
 
 def _compared(

@@ -7,6 +7,7 @@ from contextlib import suppress
 
 from sar_compiler.cli.arguments import FILE, add_page_options, georeference, report_forms
 from sar_compiler.cli.journal_check import add_check
+from sar_compiler.cli.journal_import import add_import
 from sar_compiler.cli.journal_stats import add_stats
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.loading import FORMAT_HELP
@@ -60,6 +61,8 @@ def _parser() -> Parser:
     add_check(commands.add_parser("check", help=text, description=text))
     text = "Count the outcomes of the leaves in all runs of journals: frequencies, durations and intervals."
     add_stats(commands.add_parser("stats", help=text, description=text))
+    text = "Write a run that another program recorded as a journal, so that the other commands can be used on it."
+    add_import(commands.add_parser("import", help=text, description=text))
     serving = "Serve a page on this machine that shows missions"
     for name, how in (
         ("replay", "again, at any point in time."),

@@ -16,18 +16,8 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.missions.parameter_reader import ParameterError, Problem
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.json_values import json_text, json_value
 
 _ADVICE = "or start over and keep that journal with --new"
-
-
-def as_data(value: object) -> Any:
-    """Return a value in the form that a journal returns: JSON values, arrays as lists."""
-    return json_value(json_text(value, default=_plain))
-
-
-def _plain(value: Any) -> Any:
-    return [*value] if hasattr(value, "__iter__") else str(value)
 
 
 def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:

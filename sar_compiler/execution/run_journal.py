@@ -1,6 +1,5 @@
 """The journal of a run of `sar-run`. Its dependencies are imported only when they are needed."""
 
-import math
 import shlex
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -18,7 +17,7 @@ from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.ros.run_extension import RunExtension
-from sar_compiler.runtime.walking import pre_order
+from sar_compiler.tree.json_values import json_data
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -113,17 +112,17 @@ class RunJournal(RunExtension):
 
     def _identify(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
         """Record the mission's identity, or check that a resumed mission has the same."""
-        from sar_compiler.execution.resuming import as_data, require_same_identity
+        from sar_compiler.execution.resuming import require_same_identity
 
-        self._run_about["parameters"] = as_data(parameters)
-        self._about["identity"] = as_data(run.identity())
+        self._run_about["parameters"] = json_data(parameters)
+        self._about["identity"] = json_data(run.identity())
         if self.journal.is_resumed:
             require_same_identity(self.journal, self._about)
             facts = len(self.journal.facts())
             self._node.get_logger().info(f"The mission in {self.journal.place} resumes after {facts} events.")
             self._tell_lost()
         if self._mission is not None:
-            self._run_about["facts"] = as_data({**run.facts(), **run.limits()})
+            self._run_about["facts"] = json_data({**run.facts(), **run.limits()})
 
     def _tell_lost(self) -> None:
         if count := sum(
@@ -142,16 +141,14 @@ class RunJournal(RunExtension):
         """
         if not self.journal.is_wanted:
             return
-        from sar_compiler.compiler.outline import outline
-        from sar_compiler.execution.resuming import as_data, require_same_tree
-        from sar_compiler.views.drawing import drawn_nodes
+        from sar_compiler.execution.resuming import require_same_tree
+        from sar_compiler.views.run_tree import describe_tree
 
-        self._about["tree"] = nodes = as_data(outline(tree))
-        looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
-        self._run_about |= {"tree_id": tree.instance.tree.name, "looks": looks}
-        self._run_about |= {"constant": _constant(tree), "limits": _limits(tree)}
+        about, of_run = describe_tree(tree)
+        self._about |= about
+        self._run_about |= of_run
         if self.journal.is_resumed:
-            require_same_tree(self.journal, tree, nodes)
+            require_same_tree(self.journal, tree, about["tree"])
         self._tree, self._engine = tree, engine
 
     def on_begin(self) -> None:
@@ -195,28 +192,6 @@ def _node_options(additions: CommandLineSettings) -> list[list[str]]:
         *(["--model", each] for each in models),
         *(["--include-path", str(each.resolve())] for each in additions.include_path),
     ]
-
-
-def _constant(tree: CompiledTree) -> list[int]:
-    """Return the numbers of leaves with a constant status, which cannot be the cause of a failure."""
-    nodes = (
-        (number, each, tree.origins[each.id].bound.spec) for number, each in enumerate(pre_order(tree.root))
-    )
-    return [number for number, each, spec in nodes if not each.children and len(set(spec.outcomes)) == 1]
-
-
-def _limits(tree: CompiledTree) -> dict[str, float]:
-    """Return the time limits of nodes in seconds, by their numbers, if they are known before the run."""
-    limits: dict[str, float] = {}
-    for number, each in enumerate(pre_order(tree.root)):
-        bound = tree.origins[each.id].bound
-        if any(tree.origins[child.id].bound is bound for child in each.children):
-            continue  # a node created for a condition shares its spec
-        limit_sec = bound.spec.semantics.limit_sec
-        limit = limit_sec(bound) if limit_sec is not None and len(each.children) == 1 else None
-        if limit is not None and math.isfinite(limit):
-            limits[str(number)] = limit
-    return limits
 
 
 def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal:

@@ -17,6 +17,7 @@ PUBLIC_MODULES = (
     "opening",
     "recorded_events",
     "refused_start",
+    "spill_file",
     "status_line",
     "status_watch",
 )

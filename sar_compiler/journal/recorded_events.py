@@ -118,7 +118,9 @@ class _RecordedRun:
             node, status = data["node"], data["status"]
             ended = self._begin_tick(entry)
             self._ends.receive(data, entry.time)
-            self._statuses.append((node, status))
+            # An imported run has nodes that another engine has reset in the tick; ours may do that later.
+            if not data.get("is_reset"):
+                self._statuses.append((node, status))
             if self._nodes[node].children:
                 self._messages[node] = str(data.get("message") or "")
                 if node == 0 and status not in _GONE:

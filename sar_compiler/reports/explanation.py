@@ -166,9 +166,9 @@ def what_would_have_succeeded(
     )
 
 
-def _options_of(state: "MissionState") -> list[tuple[str, str]]:
-    """Return the options of the last run that select the tree's nodes; a journal may contain anything."""
-    said = state.runs[-1].about.get("options")
+def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the options of a run that select the tree's nodes; a journal may contain anything."""
+    said = about.get("options")
     pairs = said if isinstance(said, list) else []
     return [(str(pair[0]), str(pair[1])) for pair in pairs if isinstance(pair, list) and len(pair) > 1]
 
@@ -179,19 +179,23 @@ def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
         word
-        for option, value in _options_of(state)
+        for option, value in _options_of(state.runs[-1].about)
         if value not in given and not is_palette_name(value)
         for word in (option, value)
     ]
 
 
+def palettes_of(about: Mapping[str, Any]) -> list[Path]:
+    """Return the installed palettes of a run, given its description; a journal selects no modules or files."""
+    return [
+        Path(value) for option, value in _options_of(about) if option == "--model" and is_palette_name(value)
+    ]
+
+
 def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace":
-    """Return a loader for trees with the last run's installed palettes; a journal selects no modules or files."""
+    """Return a loader for trees with the last run's installed palettes."""
     added = projects.additions
-    named = (
-        Path(value) for option, value in _options_of(state) if option == "--model" and is_palette_name(value)
-    )
-    models = tuple(dict.fromkeys((*added.models, *named)))
+    models = tuple(dict.fromkeys((*added.models, *palettes_of(state.runs[-1].about))))
     return replace(projects, additions=added._replace(models=models))
 
 

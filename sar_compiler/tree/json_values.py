@@ -47,6 +47,15 @@ def json_value(text: str) -> Any:
     return value if end == len(text) else _decoder.decode(text)
 
 
+def json_data(value: object) -> Any:
+    """Return a value in the form that a file of JSON returns: JSON values, arrays as lists, others as their text."""
+    return json_value(json_text(value, default=_plain))
+
+
+def _plain(value: Any) -> Any:
+    return [*value] if hasattr(value, "__iter__") else str(value)
+
+
 def _finite(data: Any) -> Any:
     if isinstance(data, float):
         return data if math.isfinite(data) else None

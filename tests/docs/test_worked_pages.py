@@ -36,6 +36,7 @@ PLAIN = {
     "concepts/proofs": 1,
     "how-to/from-btcpp": 6,
     "how-to/from-py-trees": 2,
+    "how-to/why-did-your-robot-fail": 2,
     "reference/world": 1,
 }
 RUNS = Path("docs/concepts/before-during-after.md").resolve()

@@ -25,6 +25,7 @@ from sar_compiler.cli.compile import main as compile_command
 from sar_compiler.cli.journal_command import main as journal_command
 from sar_compiler.cli.sim import main as sim_command
 from sar_compiler.errors import SarError
+from sar_compiler.importing.btlog import MAGIC
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.missions import ParameterReader
 from sar_compiler.nodes.installed import entry_points
@@ -281,6 +282,10 @@ SURFACES = {
     "a journal": Surface(
         ("journal/database.py:JournalFile.read",), lambda path: journal_command(["show", path]), "journal"
     ),
+    "a recorded run": Surface(
+        ("importing/import_run.py:read_recording",),
+        lambda path: journal_command(["import", path, "-o", "new.journal"]), "btlog",
+    ),
     "a journal that is judged": Surface(
         ("journal/database.py:JournalFile.read",), command("conform", "tree.xml", "{}"), "journal"
     ),
@@ -464,6 +469,12 @@ def test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may
     assert SECRET not in out + err
 
 
+def recorded(body: bytes) -> bytes:
+    """Return a log of BehaviorTree.CPP with a tree."""
+    tree = b'<root BTCPP_format="4"><BehaviorTree ID="Main" _fullpath="">' + body + b"</BehaviorTree></root>"
+    return MAGIC + b"\x01" + len(tree).to_bytes(4, "little") + tree + bytes(8)
+
+
 MILLION = 1_000_000
 NO_TEXT = b"\xff\xfe\xfa\x80" * 10
 CONTENTS = {
@@ -500,6 +511,12 @@ CONTENTS = {
         "deep nesting": b"{" * 100_000,
         "no number": b'{"key": NaN}\n',
         "no text": NO_TEXT,
+    },
+    "btlog": {
+        "a million elements": recorded(b"<A _uid='1'/>" * MILLION),
+        "deep nesting": recorded(b"<Inverter _uid='1'>" * 100_000),
+        "no number": recorded(b"<AlwaysSuccess _uid='nan'/>"),
+        "no text": recorded(NO_TEXT),
     },
     "python": {"a million elements": b"x = 1\n" * MILLION, "no text": NO_TEXT},
 }  # fmt: skip

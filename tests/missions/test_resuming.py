@@ -8,13 +8,14 @@ import pytest
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.outline import outline
-from sar_compiler.execution.resuming import as_data, require_same_identity, require_same_tree
+from sar_compiler.execution.resuming import require_same_identity, require_same_tree
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.opening import open_journal
 from sar_compiler.loaded_tree import load
 from sar_compiler.missions.parameter_reader import ParameterError
 from sar_compiler.tree.diagnostic import TreeError
+from sar_compiler.tree.json_values import json_data
 from tests.trees import document
 
 BODY = '<Sequence name="S"><RetryUntilSuccessful num_attempts="2"><AlwaysFailure name="F"/></RetryUntilSuccessful></Sequence>'
@@ -36,8 +37,8 @@ def compiled(folder: Path, body: str) -> CompiledTree:
 def journal(place: Path, tmp_path: Path) -> Iterator[Journal]:
     """A journal that is resumed."""
     first = open_journal(place)
-    tree = as_data(outline(compiled(tmp_path, BODY)))
-    about = {"mission": "patrol", "simulated": False, "identity": as_data(IDENTITY), "tree": tree}
+    tree = json_data(outline(compiled(tmp_path, BODY)))
+    about = {"mission": "patrol", "simulated": False, "identity": json_data(IDENTITY), "tree": tree}
     first.begin(about, {})
     first.close()
     journal = open_journal(place, resume=True)
@@ -46,7 +47,7 @@ def journal(place: Path, tmp_path: Path) -> Iterator[Journal]:
 
 
 def held(journal: Journal, tree: CompiledTree) -> None:
-    require_same_tree(journal, tree, as_data(outline(tree)))
+    require_same_tree(journal, tree, json_data(outline(tree)))
 
 
 def test_the_same_tree_in_another_place_and_form_is_the_same(journal: Journal, tmp_path: Path) -> None:
@@ -92,7 +93,7 @@ def test_a_tree_that_is_damaged_is_another_tree(place: Path, tmp_path: Path, tre
 
 
 def about(**changes: Any) -> dict[str, Any]:
-    return {"mission": "patrol", "simulated": False, "identity": as_data(IDENTITY), **changes}
+    return {"mission": "patrol", "simulated": False, "identity": json_data(IDENTITY), **changes}
 
 
 def test_the_same_mission_goes_on(journal: Journal) -> None:
@@ -124,7 +125,7 @@ def test_what_a_simulated_robot_has_done_no_real_one_goes_on_with(journal: Journ
 def test_parameters_are_compared_as_they_are_read_from_a_file() -> None:
     from array import array
 
-    assert as_data({"points": (1, 2.5), "order": array("d", [1.0]), "name": "a", "none": None}) == {
+    assert json_data({"points": (1, 2.5), "order": array("d", [1.0]), "name": "a", "none": None}) == {
         "points": [1, 2.5],
         "order": [1.0],
         "name": "a",

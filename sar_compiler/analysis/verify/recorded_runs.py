@@ -19,6 +19,8 @@ from sar_compiler.runtime.variables import unknown_value_of
 
 # The maximum number of explored ticks times the nodes of the tree: some seconds.
 _MOST_TICKED = 5_000_000
+# Of a state with more ticks only those are tried that begin as the recorded one.
+_MOST_WAYS = 200
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
 # The maximum number of different ticks of a record to keep: some ten megabytes.
 _MOST_KEPT = 10_000
@@ -286,6 +288,7 @@ class TreeRuns:
         self.leaves = {leaf.number for leaf in simulated.leaves}
         self._known: dict[bytes, list[Way]] = {}
         self._raising: dict[bytes, list[Way]] = {}
+        self._wide: set[bytes] = set()
         # For states with a tick that needs an unknown value: the error.
         self._unknown: dict[bytes, Exception] = {}
         self.renew()
@@ -309,22 +312,61 @@ class TreeRuns:
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
+        self._know(state, self._left)
+        return self._known[state]
+
+    def ways_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[Way]:
+        """Return the ticks of a state that have the recorded answers; of a state with few ticks all.
+
+        Of the ticks with other answers, one is among them for each first answer that differs. So their number grows with that of the
+        leaves that are ticked, and not with that of the combinations of their answers.
+
+        Args:
+            state: The state.
+            noted: The answers that were noted in the tick.
+            before: What was told before it.
+        """
+        if state not in self._known and state not in self._wide and not self._know(state, _MOST_WAYS):
+            del self._known[state]
+            self._wide.add(state)
+        if state in self._known:
+            return self._known[state]
+        return [way for way in self._played(state, noted, before) if way.state is not _NOWHERE]
+
+    def _know(self, state: bytes, most: int) -> bool:
+        """Note the ticks of a state; return whether these are all, and no more than some."""
+        found: dict[Way, None] = {}
+        for count, way in enumerate(self._played(state), 1):
+            found[way] = None
+            if count >= most:
+                break
+        self._known[state] = [way for way in found if way.state is not _NOWHERE]
+        self._raising[state] = [way for way in found if way.state is _NOWHERE]
+        return not found or count < most
+
+    def _played(
+        self, state: bytes, noted: Sequence[Event] | None = None, before: ObservedPrefix | None = None
+    ) -> Iterator[Way]:
+        """Play the ticks of a state until too many were tried; given recorded answers, those like it (see `ways_like`)."""
         self.stepper.steps.restore(state)
         running = frozenset(number for number, status in enumerate(self._statuses()) if status == _RUNNING)
-        found: dict[Way, None] = {}
         for step in self.stepper.ticks(state):
-            found[self._way(step.state or _NOWHERE)._replace(running=running)] = None
+            if self.is_spent:
+                return
+            self._left -= 1
+            way = self._way(step.state or _NOWHERE)._replace(running=running)
             if step.error is not None and unknown_value_of(step.error) is not None:
                 self._unknown[state] = step.error
-            self._left -= 1
-            if not self._left:
-                break
-        known = self._known[state] = [way for way in found if way.state is not _NOWHERE]
-        self._raising[state] = [way for way in found if way.state is _NOWHERE]
-        return known
+            if noted is not None and before is not None:
+                _, place = way.common(noted, before)
+                if place < len(way.answers):
+                    self.stepper.pass_over(place)
+            yield way
 
-    def beginnings(self, state: bytes) -> list[Way]:
-        """Return the ticks of a state, including those in which a node raises."""
+    def beginnings(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[Way]:
+        """Return the ticks of a state as `ways_like` does, including those in which a node raises."""
+        if state in self._wide:
+            return [*self._played(state, noted, before)]
         return [*self.ways(state), *self._raising.get(state, ())]
 
     def _way(self, state: bytes) -> Way:
@@ -397,7 +439,7 @@ class TreeRuns:
         return [
             (state, way)
             for state in sorted(position.states)
-            for way in self.ways(state)
+            for way in self.ways_like(state, noted, position.told)
             if way.fits(noted, halted, position.told, end.status) and way.other_status(end.statuses) is None
         ]
 

@@ -172,6 +172,20 @@ class TreeStepper:
         finally:
             self._trail.keeps = False
 
+    def pass_over(self, place: int) -> None:
+        """Pass over the other ticks that begin as the last one did, up to an answer, by its place among its answers.
+
+        What is chosen behind the answer makes no difference then: the next combination is another one up to it.
+        """
+        answers = [
+            at
+            for at, event in enumerate(self._trail.numbers)
+            if event < len(self._alphabet.events) and self._alphabet.answers[event][1] is not None
+        ]
+        forks = self.ticker._forks  # noqa: SLF001 - compiled together with what has them
+        behind = (fork.asked for fork in forks if fork.happened > answers[place])
+        self.ticker.choices.go_back(next(behind, self.ticker.choices.asked))
+
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
         """Play the first wanted tick of a state; return it as the tick of that number."""
         next(step for step in self.ticks(state) if wanted(step))

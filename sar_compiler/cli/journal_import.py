@@ -1,0 +1,58 @@
+"""`sar-journal import`: write a run that another program recorded as a journal."""
+
+import argparse
+import shlex
+from pathlib import Path
+
+from sar_compiler.cli.arguments import FILE, ArgumentKind
+from sar_compiler.cli.loading import add_vocabulary_options, workspace
+from sar_compiler.commands import print_text, tell_note
+
+
+def add_import(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `import`."""
+    add = parser.add_argument
+    add(
+        "recording",
+        type=FILE,
+        metavar="RUN",
+        help="the recorded run: a log of BehaviorTree.CPP's FileLogger2 (.btlog)",
+    )
+    text = "the journal to write, a new file"
+    add("-o", "--output", type=FILE, required=True, metavar="JOURNAL", help=text)
+    text = "the file of the tree that ran (default: the tree in RUN, written to JOURNAL.xml)"
+    add("--tree", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
+    add("--include-path", action="append", default=[], type=FILE, help=argparse.SUPPRESS)
+    add_vocabulary_options(parser)
+    parser.set_defaults(run=_import)
+
+
+def _recording(name: str) -> Path:
+    """Return the path of a recorded run, which may be the name of a shipped one."""
+    from sar_compiler.resources import find
+
+    return find("examples/recorded_runs", name, ".btlog")
+
+
+def _import(options: argparse.Namespace) -> None:
+    """Import a recorded run, and print what it contains and how to explain it.
+
+    Raises:
+        UnusableRecordingError: If the recording cannot be used.
+        JournalError: If the journal cannot be written.
+    """
+    from sar_compiler.importing.import_run import import_run
+
+    found = import_run(options.recording, options.output, workspace(options), options.tree)
+    for flaw in found.flaws:
+        tell_note(f"{options.recording}: {flaw}")
+    if found.unsure:
+        tell_note(f"{found.unsure} borders between ticks rest on a short pause alone")
+    runs = f"{found.runs} runs" if found.runs != 1 else "1 run"
+    print_text(
+        f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} changes of status in {found.ticks} ticks"
+    )
+    journal = shlex.quote(str(options.output))
+    print_text(f"To explain it: sar-journal why {journal}")
+    tree = shlex.join([str(found.tree), str(options.output), *found.options])
+    print_text(f"To compare it with its tree: sar-compile conform {tree}")

@@ -1,0 +1,276 @@
+"""Write a run that another program recorded as a journal."""
+
+import json
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+from sar_compiler.importing.btlog import MAGIC, read_btlog
+from sar_compiler.importing.recorded_tree import (
+    ExportedTree,
+    RunNode,
+    read_exported,
+    require_same_nodes,
+    run_nodes,
+)
+from sar_compiler.importing.recording import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SUCCESS,
+    WORDS,
+    Recording,
+    UnusableRecordingError,
+)
+from sar_compiler.importing.ticks import RecordedTick, TickFinder, TickKind
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import STATUS, Ending, Row
+from sar_compiler.journal.spill_file import RunEnd
+from sar_compiler.opener import FileKind, read_file
+from sar_compiler.project import Workspace
+from sar_compiler.tree.xml_writer import write_xml
+from sar_compiler.views.run_tree import describe_tree
+from sar_compiler.writing import write_text
+
+_LOG = FileKind("log of a run", 128 * 2**20)
+_BATCH = 20_000
+
+
+class ImportedRun(NamedTuple):
+    """What was imported.
+
+    Attributes:
+        tree: The file of the tree.
+        nodes: The number of nodes.
+        changes: The number of changes of status.
+        ticks: The number of ticks with changes.
+        runs: The number of runs: a halt of the whole tree ends one.
+        unsure: The number of borders between ticks that rest on a pause alone.
+        flaws: Problems of the recording.
+        options: Options for commands that read the tree file.
+    """
+
+    tree: Path
+    nodes: int
+    changes: int
+    ticks: int
+    runs: int
+    unsure: int
+    flaws: tuple[str, ...]
+    options: tuple[str, ...]
+
+
+def import_run(path: Path, journal: Path, projects: Workspace, tree: Path | None = None) -> ImportedRun:
+    """Import a recorded run.
+
+    Args:
+        path: The recording.
+        journal: The journal to write.
+        projects: Loads the tree.
+        tree: The file of the tree that ran; by default the tree in the recording is written beside the journal.
+
+    Raises:
+        UnusableRecordingError: If the recording cannot be used, or is not one of the tree.
+        JournalError: If the journal cannot be written, or already has a run.
+        SarError: If the tree cannot be read.
+    """
+    recording = read_recording(path)
+    exported = read_exported(recording.tree)
+    place, palette = tree or Path(f"{journal}.xml"), exported.palette
+    if tree is None:
+        _write_tree(place, exported, palette)
+    if palette:
+        added = projects.additions
+        models = tuple(dict.fromkeys((*added.models, Path(palette))))
+        projects = replace(projects, additions=added._replace(models=models))
+    sketch = projects.load_file(place).sketch()
+    nodes = run_nodes(sketch)
+    require_same_nodes(exported.nodes, nodes, place)
+    about, of_run = describe_tree(sketch)
+    options = [["--model", str(each)] for each in projects.additions.models]
+    of_run |= {
+        "version": version("sar_compiler"),
+        "tree_file": str(place.resolve()),
+        "options": options,
+        "imported": {"file": str(path.resolve()), "format": recording.form},
+        "time": 0.0,
+    }
+    with closing(JournalFile.create(journal)) as file:
+        writer = _JournalWriter(
+            file, recording, nodes, {"mission": None, "simulated": False, **about}, of_run
+        )
+        writer.write()
+    words = tuple(word for option in options for word in option)
+    return ImportedRun(
+        place,
+        len(nodes),
+        len(recording.times),
+        writer.ticks,
+        writer.runs,
+        writer.unsure,
+        tuple(recording.flaws),
+        words,
+    )
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a recording, by the form of its content.
+
+    Raises:
+        UnusableRecordingError: If it has no known form, or cannot be used.
+        UnreadableFileError: If the file cannot be read.
+    """
+    content = read_file(path, _LOG)
+    if len(content.data) > _LOG.limit:
+        raise UnusableRecordingError(f"{path} is larger than {_LOG.limit >> 20} MiB")
+    try:
+        if content.data.startswith(MAGIC):
+            return read_btlog(content.data)
+    except UnusableRecordingError as error:
+        raise UnusableRecordingError(f"{path} cannot be imported: {error}") from error
+    raise UnusableRecordingError(
+        f"{path} is no recorded run: a log of FileLogger2 (.btlog) starts with '{MAGIC.decode()}'"
+    )
+
+
+def _write_tree(place: Path, exported: ExportedTree, palette: str) -> None:
+    text = write_xml(exported.without_models_of(palette))
+    if place.exists():
+        raise UnusableRecordingError(
+            f"{place} already exists. Move it away, or name the tree of the run by --tree {place}"
+        )
+    write_text(place, text)
+
+
+class _JournalWriter:
+    """Writes the ticks of a recorded run to a journal, as `StatusWatch` writes those of our own runs."""
+
+    def __init__(
+        self,
+        file: JournalFile,
+        recording: Recording,
+        nodes: list[RunNode],
+        about: dict[str, object],
+        of_run: dict[str, object],
+    ) -> None:
+        self._file, self._recording, self._nodes = file, recording, nodes
+        self._about, self._of_run = about, of_run
+        self._finder = TickFinder(nodes, recording)
+        self.ticks = self.runs = 0
+        self._number = self._run = self._tick = 0
+        self._rows: list[Row] = []
+        self._begin()
+
+    @property
+    def unsure(self) -> int:
+        """The number of borders that rest on a pause alone."""
+        return self._finder.unsure
+
+    def _begin(self) -> None:
+        # For each node its last status other than IDLE, and the tick of that.
+        self._shown = [IDLE] * (len(self._nodes) + 1)
+        self._ticked = [0] * (len(self._nodes) + 1)
+        self._standing: set[int] = set()
+        self._tick = self._root = 0
+
+    def write(self) -> None:
+        """Write the runs."""
+        is_open = False
+        for tick in self._finder.ticks():
+            if not is_open and tick.kind is not TickKind.HALT:
+                self._begin_run(tick)
+                is_open = True
+            if tick.kind is TickKind.HALT:
+                if is_open:
+                    self._end(Ending.STOPPED, 1, "the program has halted the tree", tick)
+                is_open = False
+            else:
+                self._write_tick(tick)
+        self._flush()
+        if is_open and self._root not in (IDLE, RUNNING):
+            word = WORDS[self._root]
+            self._end(Ending.OVER, int(self._root != SUCCESS), f"the tree returned {word}", tick)
+
+    def _begin_run(self, tick: RecordedTick) -> None:
+        self._begin()
+        self.runs += 1
+        wall = self._recording.began + self._recording.times[tick.first] / 1e6
+        of_run = {**self._of_run, "time": self._recording.times[tick.first] / 1e6}
+        self._run = self._file.begin_run(self._about, of_run, wall)
+
+    def _end(self, ending: Ending, status: int, reason: str, tick: RecordedTick) -> None:
+        self._flush()
+        wall = self._recording.began + self._recording.times[tick.behind - 1] / 1e6
+        self._file.write((), end=RunEnd(self._run, wall, ending, status, reason))
+
+    def _flush(self) -> None:
+        self._file.write(self._rows)
+        self._rows = []
+
+    def _write_tick(self, tick: RecordedTick) -> None:
+        self._tick += 1
+        self.ticks += 1
+        recording, count = self._recording, len(self._nodes)
+        resting: list[int] = []
+        now = {recording.uids[index]: index for index in range(tick.first, tick.behind)}
+        for index, uid, status in self._shown_in(tick):
+            if self._shown[uid] in (IDLE, SUCCESS, FAILURE) and self._nodes[uid - 1].children:
+                resting.append(uid)
+            self._show(uid, status)
+            if uid == 1:
+                self._root = status
+            is_reset = status in (SUCCESS, FAILURE) and recording.statuses[now[uid]] == IDLE
+            message, more = recording.messages.get(index, ""), ', "is_reset": true' if is_reset else ""
+            self._row(index, uid, WORDS[status], message, more)
+        for uid, index in sorted(now.items()):
+            # Its end remains shown until a node above it starts over; the log has it reset before.
+            if 1 < uid <= count and recording.statuses[index] == IDLE and self._shown[uid] == RUNNING:
+                self._row(index, uid, "HALTED", "", f', "last": {self._ticked[uid]}')
+                self._show(uid, IDLE)
+                resting.append(uid)
+        gone = {
+            each
+            for uid in resting
+            for each in self._standing
+            if uid < each < self._finder.behind(uid) and self._ticked[each] < self._tick
+        }
+        for uid in sorted(gone):
+            self._row(tick.behind - 1, uid, "IDLE", "", f', "last": {self._ticked[uid]}')
+            self._show(uid, IDLE)
+        if len(self._rows) >= _BATCH:
+            self._flush()
+
+    def _show(self, uid: int, status: int) -> None:
+        self._shown[uid] = status
+        if status != IDLE:
+            self._ticked[uid] = self._tick
+        (self._standing.add if status in (SUCCESS, FAILURE) else self._standing.discard)(uid)
+
+    def _shown_in(self, tick: RecordedTick) -> Iterator[tuple[int, int, int]]:
+        """Return the index, node and status of what counts in a tick: of a leaf each answer, of another node its last one."""
+        recording, nodes, skipped = self._recording, self._nodes, self._finder.skipped
+        last: dict[int, int] = {}
+        left_out: set[int] = set()
+        for index in range(tick.first, tick.behind):
+            uid, status = recording.uids[index], recording.statuses[index]
+            if status == IDLE or not 0 < uid <= len(nodes):
+                continue
+            before = last.get(uid)
+            # A leaf that says RUNNING first, and ends in the same tick, has answered once.
+            if before is not None and (nodes[uid - 1].children or recording.statuses[before] == RUNNING):
+                left_out.add(before)
+            last[uid] = index
+        for index in range(tick.first, tick.behind):
+            uid, status = recording.uids[index], recording.statuses[index]
+            if status != IDLE and 0 < uid <= len(nodes) and index not in left_out:
+                yield index, uid, WORDS.index("SKIPPED") if index in skipped else status
+
+    def _row(self, index: int, uid: int, word: str, message: str, more: str = "") -> None:
+        time = self._recording.times[index] / 1e6
+        for node in self._nodes[uid - 1].rows:
+            self._number += 1
+            data = f'{{"node": {node}, "tick": {self._tick}, "status": "{word}", "message": {json.dumps(message)}{more}}}'
+            self._rows.append(Row(self._number, self._run, self._recording.began + time, time, STATUS, data))

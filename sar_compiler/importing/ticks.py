@@ -1,0 +1,414 @@
+"""Find the ticks of a recorded run, of which a log of BehaviorTree.CPP only has the changes of status.
+
+A border between two ticks can only be where the tree is settled: each control that is RUNNING has a child that is RUNNING, or waits by itself
+as its kind does. Where it is settled, one of these decides:
+
+- The next change is of a node that the tick has passed: within a tick the nodes are visited in order. (A loop that starts over within a tick is
+  not settled in between.) A leaf that ends just after it has started may have said RUNNING itself before; this is assumed if no leaf of its tag was
+  ever RUNNING when something else changed.
+- The pause before the next change: half of the usual pause at the borders that are certain. A pause alone says nothing, because a leaf may block,
+  and the computer may be busy; and two ticks may follow each other without one.
+- The root has ended, or the program has halted the tree.
+
+A leaf with a thread of its own writes its end at any moment, and its parent learns of it in the next tick. Such an end is moved to where the parent
+goes on.
+
+A control that all of whose children were skipped stays RUNNING in a log, though nothing in it runs. It is known by a later sibling that starts.
+"""
+
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from sar_compiler.importing.recorded_tree import RunNode
+from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SUCCESS, Recording
+from sar_compiler.nodes.outcome_sets import ALLOWED, F, K, R, S
+from sar_compiler.nodes.semantics import Order
+from sar_compiler.nodes.spec import Kind
+
+_PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 20, 50_000
+"""The pause between two ticks if nothing is known of it, and its limits."""
+_TRIED = 20_000
+_ENOUGH = 5
+_NEAR = 3
+"""A pause is near the limit if it is at most so many times longer or shorter."""
+
+
+class Wait(Enum):
+    """When a node that is RUNNING may have returned it."""
+
+    FREE = "always: a leaf, or a control of an unknown kind"
+    CHILD = "while a child is RUNNING"
+    WAITS = "also while its child is IDLE"
+    TURNS = "also after the end of a child that was IDLE at the start of the tick, and is to start over"
+    STEPS = "also after the end of a child that was IDLE at the start of the tick, before the next one"
+    REACTIVE = "while a child is RUNNING and all others are IDLE"
+    PARALLEL = "while a child is RUNNING, all were ticked, and no threshold is reached"
+
+
+class TickKind(Enum):
+    """What the changes of a tick are."""
+
+    TICK = "a tick"
+    ENDS = "a tick in which the root has ended"
+    HALT = "a halt of the whole tree by the program"
+
+
+class RecordedTick(NamedTuple):
+    """The changes of a tick.
+
+    Attributes:
+        first: The index of its first change.
+        behind: The index behind its last one.
+        kind: What they are.
+    """
+
+    first: int
+    behind: int
+    kind: TickKind
+
+
+class TickFinder:
+    """Finds the ticks of a recorded run.
+
+    Args:
+        nodes: The nodes of its tree.
+        recording: The run.
+
+    Attributes:
+        skipped: The indices of the changes to RUNNING of nodes that were skipped; complete for the ticks that were yielded.
+        unsure: The number of places where a pause decided that is near the limit.
+    """
+
+    def __init__(self, nodes: Sequence[RunNode], recording: Recording) -> None:
+        self._nodes, self._recording = nodes, recording
+        count = len(nodes) + 1
+        self._parents = [0, *(node.parent for node in nodes)]
+        self._children: list[tuple[int, ...]] = [(1,), *(node.children for node in nodes)]
+        self._rules = [Wait.FREE, *map(_waiting, nodes)]
+        self._pauses_after = [(), *map(_pauses_after, nodes)]
+        self._ends = list(range(1, count + 1))
+        for uid in range(count - 1, 0, -1):
+            parent = self._parents[uid]
+            self._ends[parent] = max(self._ends[parent], self._ends[uid])
+        skippable = [False, *map(_may_skip, nodes)]
+        for uid in range(count - 1, 0, -1):
+            skippable[self._parents[uid]] |= skippable[uid]
+        self._skippable = skippable
+        self._thresholds = [(count, count), *map(_thresholds, nodes)]
+        # The tags of leaves that were RUNNING when something else changed.
+        self._lasting: set[str] = set()
+        self._begin()
+
+    def _begin(self) -> None:
+        count = len(self._nodes) + 1
+        self.skipped: set[int] = set()
+        self.unsure = 0
+        self._sure: list[int] = []
+        self._statuses = [IDLE] * count
+        self._running = [0] * count
+        self._unsettled = [False] * count
+        self._left = 0
+        # Of each node: the index of its last change, the tick in which it has last left IDLE, and in which it has ended.
+        self._since, self._started, self._ended = [0] * count, [0] * count, [0] * count
+        self._outcomes = [IDLE] * count
+        self._tick = 0
+        self._next_tick()
+
+    def behind(self, uid: int) -> int:
+        """Return the number behind the last node below a node."""
+        return self._ends[uid]
+
+    def ticks(self) -> Iterator[RecordedTick]:
+        """Yield the ticks, with the halts of the tree between them."""
+        self._move_ends_of_threads()
+        for _ in self._split(_PAUSE_USEC, _TRIED):
+            pass
+        pause = _PAUSE_USEC
+        if len(self._sure) >= _ENOUGH:
+            pause = sorted(self._sure)[len(self._sure) // 10] // 2
+        self._begin()
+        yield from self._split(min(max(pause, _LEAST_USEC), _MOST_USEC), len(self._recording.times))
+
+    def _split(self, pause: int, most: int) -> Iterator[RecordedTick]:
+        times, uids, statuses, count = (
+            self._recording.times,
+            self._recording.uids,
+            self._recording.statuses,
+            len(self._nodes),
+        )
+        first, rest, is_over = 0, -1, False
+        for index in range(min(most, len(uids))):
+            uid, status = uids[index], statuses[index]
+            if not 0 < uid <= count:
+                continue
+            if index > first and (is_over or (not self._left and self._is_border(index, pause))):
+                yield RecordedTick(first, index, TickKind.ENDS if is_over else TickKind.TICK)
+                first, is_over = index, False
+                self._next_tick()
+            if status != IDLE:
+                rest = -1
+                self._visit(uid, status)
+            elif rest < 0 and not self._left:
+                rest = index
+            was = self._statuses[uid]
+            self._change(index, uid, was, status)
+            if uid == 1 and status == IDLE:
+                # Some controls halt themselves before they end.
+                has_more = (
+                    index + 1 < len(uids)
+                    and uids[index + 1] == 1
+                    and statuses[index + 1] in (SUCCESS, FAILURE)
+                )
+                if was == RUNNING and not has_more:
+                    begin = max(first, rest) if rest >= 0 else first
+                    if begin > first:
+                        yield RecordedTick(first, begin, TickKind.TICK)
+                    yield RecordedTick(begin, index + 1, TickKind.HALT)
+                    first = index + 1
+                    self._next_tick()
+                is_over = was in (SUCCESS, FAILURE)
+        if first < min(most, len(times)):
+            yield RecordedTick(first, min(most, len(times)), TickKind.ENDS if is_over else TickKind.TICK)
+
+    def _next_tick(self) -> None:
+        self._tick += 1
+        self._passed = self._done = 0
+        self._has_turned = False
+
+    def _visit(self, uid: int, status: int) -> None:
+        """Note how far the tick has come: it has passed all nodes before `_passed` but those around the last one, `_done`."""
+        is_late = self._is_around(uid)
+        if is_late or status != RUNNING or not self._children[uid]:
+            self._passed, self._done = self._ends[uid], uid
+        else:
+            self._passed, self._done = uid, 0
+
+    def _is_around(self, uid: int) -> bool:
+        """Return whether a node is around the last one that the tick has passed."""
+        return uid < self._done and self._ends[uid] >= self._passed
+
+    def _is_border(self, index: int, pause: int) -> bool:
+        """Return whether a change is the first of a tick, where the tree is settled."""
+        uids, statuses = self._recording.uids, self._recording.statuses
+        uid, status = uids[index], statuses[index]
+        gap = self._recording.times[index] - self._recording.times[index - 1]
+        if self._has_returned(self._parents[uid]):
+            return True
+        if status != IDLE and uid < self._passed and not self._is_around(uid):
+            is_adjacent = uids[index - 1] == uid and statuses[index - 1] == RUNNING
+            if is_adjacent and self._nodes[uid - 1].tag not in self._lasting:
+                return gap >= max(pause, _PAUSE_USEC)
+            if not self._has_turned:
+                self._sure.append(gap)
+            return True
+        self.unsure += pause // _NEAR < gap < pause * _NEAR
+        return gap >= pause
+
+    def _has_returned(self, parent: int) -> bool:
+        """Return whether a control has returned RUNNING in this tick between two children."""
+        is_between = self._statuses[parent] == RUNNING and not self._running[parent]
+        return (
+            is_between
+            and self._rules[parent] in (Wait.STEPS, Wait.TURNS)
+            and any(self._ended[each] == self._tick for each in self._children[parent])
+        )
+
+    def _move_ends_of_threads(self) -> None:
+        """Move the ends of leaves that their parents have learned of later."""
+        recording, count = self._recording, len(self._nodes)
+        uids, statuses = recording.uids, recording.statuses
+        held: dict[int, int] = {}
+        order: list[int] = []
+        was = [IDLE] * (count + 1)
+        for index, uid in enumerate(uids):
+            if not 0 < uid <= count:
+                order.append(index)
+                continue
+            for parent in [each for each in held if self._shows_end(index, uids[held[each]])] if held else ():
+                if self._goes_on(index, parent):
+                    order.append(held[parent])
+                del held[parent]
+            parent, status = self._parents[uid], statuses[index]
+            if (
+                status == RUNNING
+                and not self._children[uid]
+                and uids[index + 1 : index + 2] != array("H", [uid])
+            ):
+                self._lasting.add(self._nodes[uid - 1].tag)
+            has_ended = was[uid] == RUNNING and status in (SUCCESS, FAILURE) and not self._children[uid]
+            was[uid] = status
+            is_last = index + 1 == len(uids)
+            if (
+                has_ended
+                and not is_last
+                and self._must_go_on(parent, was)
+                and not self._shows_end(index + 1, uid)
+            ):
+                held[parent] = index
+                continue
+            order.append(index)
+        order += held.values()
+        if len(order) == len(uids) and order == [*range(len(order))]:
+            return
+        times = recording.times
+        ends = sorted(times[index] for index in order)
+        recording.times = array("q", ends)
+        recording.uids = array("H", [uids[index] for index in order])
+        recording.statuses = bytearray(statuses[index] for index in order)
+
+    def _must_go_on(self, parent: int, statuses: Sequence[int]) -> bool:
+        """Return whether a parent goes on, or ends, in the tick in which it learns of the end of a child."""
+        if self._rules[parent] in (Wait.FREE, Wait.PARALLEL):
+            return False
+        # Only a control that ticks its children in order can run several at once, and then need not go on.
+        is_in_order = self._nodes[parent - 1].bound.spec.semantics.order is Order.IN_ORDER
+        return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
+
+    def _shows_end(self, index: int, leaf: int) -> bool:
+        """Return whether a change shows that the parent of a leaf knows of its end: the parent ends, goes on, or resets a child."""
+        uid, parent = self._recording.uids[index], self._parents[leaf]
+        is_reset = (
+            self._recording.statuses[index] == IDLE
+            and uid <= len(self._nodes)
+            and self._parents[uid] == parent
+        )
+        return uid == parent or is_reset or leaf <= uid < self._ends[parent]
+
+    def _goes_on(self, index: int, parent: int) -> bool:
+        """Return whether a parent goes on from a change on, and was not halted."""
+        uids, statuses = self._recording.uids, self._recording.statuses
+        for at in range(index, len(uids)):
+            if uids[at] == parent:
+                return statuses[at] != IDLE
+            if not parent < uids[at] < self._ends[parent] or statuses[at] != IDLE:
+                break
+        return True
+
+    def _change(self, index: int, uid: int, was: int, status: int) -> None:
+        parent = self._parents[uid]
+        self._statuses[uid] = status
+        self._running[parent] += (status == RUNNING) - (was == RUNNING)
+        self._since[uid] = index
+        if was == IDLE:
+            self._started[uid] = self._tick
+            self._pass_over(uid)
+        if status in (SUCCESS, FAILURE):
+            self._ended[uid], self._outcomes[uid] = self._tick, status
+        self._settle(uid)
+        self._settle(parent)
+
+    def _pass_over(self, uid: int) -> None:
+        """Settle the siblings before a node that starts, of which the controls that seem to run were skipped."""
+        while self._left and (parent := self._parents[uid]):
+            for sibling in self._children[parent] if self._rules[parent] is not Wait.PARALLEL else ():
+                if sibling == uid:
+                    break
+                if (
+                    self._unsettled[sibling]
+                    and self._statuses[sibling] == RUNNING
+                    and not self._running[sibling]
+                ):
+                    self.skipped.add(self._since[sibling])
+                    self._set(sibling, is_unsettled=False)
+            if self._statuses[parent] != IDLE:
+                return
+            uid = parent
+
+    def _set(self, uid: int, *, is_unsettled: bool) -> None:
+        self._left += is_unsettled - self._unsettled[uid]
+        self._unsettled[uid] = is_unsettled
+
+    def _settle(self, uid: int) -> None:
+        if uid and self._children[uid]:
+            self._set(uid, is_unsettled=not self._is_settled(uid))
+
+    def _is_settled(self, uid: int) -> bool:
+        """Return whether a control or a decorator may have returned its status."""
+        running, rule = self._running[uid], self._rules[uid]
+        if self._statuses[uid] != RUNNING:
+            return not running
+        if rule is Wait.FREE or (running and rule not in (Wait.REACTIVE, Wait.PARALLEL)):
+            return True
+        below = self._children[uid]
+        found = [self._statuses[each] for each in below]
+        if rule is Wait.WAITS:
+            return not any(found)
+        if rule is Wait.REACTIVE:
+            return running == 1 and found.count(IDLE) == len(found) - 1
+        if rule is Wait.PARALLEL:
+            return bool(running) and self._is_below_thresholds(uid, found)
+        is_settled = False
+        if rule is Wait.TURNS:
+            is_settled = found == [IDLE] and self._is_quick(below[0], uid)
+        elif rule is Wait.STEPS:
+            ended = [each for each, status in zip(below, found, strict=True) if status != IDLE]
+            is_settled = bool(ended) and ended[-1] != below[-1] and self._is_quick(ended[-1], uid)
+        self._has_turned |= is_settled
+        return is_settled
+
+    def _is_below_thresholds(self, uid: int, found: list[int]) -> bool:
+        """Return whether a Parallel has ticked all children, and these do not end it."""
+        successes, failures = self._thresholds[uid]
+        if found.count(SUCCESS) >= successes or found.count(FAILURE) >= failures:
+            return False
+        return all(
+            status != IDLE or self._skippable[each]
+            for each, status in zip(self._children[uid], found, strict=True)
+        )
+
+    def _is_quick(self, uid: int, parent: int) -> bool:
+        """Return whether a node has started and ended in the present tick, so that its parent goes on in the next one."""
+        is_of_tick = self._started[uid] == self._ended[uid] == self._tick
+        return is_of_tick and self._outcomes[uid] in self._pauses_after[parent]
+
+
+def _waiting(node: RunNode) -> Wait:
+    """Return when a node may have returned RUNNING, by its semantics."""
+    means, count = node.bound.spec.semantics, len(node.children)
+    is_decorator = node.bound.spec.kind is not Kind.CONTROL
+    if not count or means.possible is None:
+        return Wait.WAITS if count == 1 and is_decorator else Wait.FREE
+    if means.order is Order.TOGETHER:
+        return Wait.PARALLEL
+    if node.bound.is_reactive:
+        return Wait.REACTIVE
+    if not _pauses_after(node):
+        return Wait.CHILD
+    if not is_decorator:
+        return Wait.STEPS
+    return Wait.WAITS if means.rounds is None else Wait.TURNS
+
+
+def _pauses_after(node: RunNode) -> tuple[int, ...]:
+    """Return the ends of children after which a control or decorator may return RUNNING."""
+    return tuple(status for status, bit in ((SUCCESS, S), (FAILURE, F)) if _result(node, bit) & R)
+
+
+def _result(node: RunNode, bit: int) -> int:
+    """Return the results that a node may have if all of its children have the same one."""
+    possible = node.bound.spec.semantics.possible
+    return possible(node.bound, [bit] * len(node.children), ALLOWED) if possible and node.children else 0
+
+
+def _may_skip(node: RunNode) -> bool:
+    is_by_itself = bool((_result(node, S) | _result(node, F)) & K)
+    return is_by_itself or not node.bound.element.attributes.keys().isdisjoint(("_skipIf", "_while"))
+
+
+def _thresholds(node: RunNode) -> tuple[int, int]:
+    """Return how many children's successes, and how many failures, end a Parallel at once; more than it has if that is unknown."""
+    ports, count = node.bound.spec.semantics.counts, len(node.children)
+    if len(ports) != 2:  # noqa: PLR2004 - successes and failures
+        return count + 1, count + 1
+    given = node.bound.element.attributes
+    return _number(given, ports[0], -1, count), _number(given, ports[1], 1, count)
+
+
+def _number(attributes: Mapping[str, str], name: str, default: int, count: int) -> int:
+    try:
+        number = int(attributes.get(name, default))
+    except ValueError:
+        return count + 1
+    return number if number >= 0 else max(count + number + 1, 0)

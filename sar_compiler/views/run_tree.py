@@ -1,0 +1,44 @@
+"""The tree of a run, as its journal describes it."""
+
+import math
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+
+from sar_compiler.compiler.outline import outline
+from sar_compiler.compiler.sketch import Drawable
+from sar_compiler.nodes.binding.bound import BoundNode
+from sar_compiler.runtime.walking import pre_order
+from sar_compiler.tree.json_values import json_data
+from sar_compiler.views.drawing import drawn_nodes
+
+
+def describe_tree(tree: Drawable) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what a journal says of a tree: in the description of the mission, and in that of the run."""
+    looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
+    of_run = {"tree_id": tree.name, "looks": looks, "constant": _constant(tree), "limits": _limits(tree)}
+    return {"tree": json_data(outline(tree))}, of_run
+
+
+def _bound(tree: Drawable, behaviour: Behaviour) -> BoundNode:
+    return tree.origins[behaviour.id].bound
+
+
+def _constant(tree: Drawable) -> list[int]:
+    """Return the numbers of leaves with a constant status, which cannot be the cause of a failure."""
+    nodes = ((number, each, _bound(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
+    return [number for number, each, spec in nodes if not each.children and len(set(spec.outcomes)) == 1]
+
+
+def _limits(tree: Drawable) -> dict[str, float]:
+    """Return the time limits of nodes in seconds, by their numbers, if they are known before the run."""
+    limits: dict[str, float] = {}
+    for number, each in enumerate(pre_order(tree.root)):
+        bound = _bound(tree, each)
+        if any(_bound(tree, child) is bound for child in each.children):
+            continue  # a node created for a condition shares its spec
+        limit_sec = bound.spec.semantics.limit_sec
+        limit = limit_sec(bound) if limit_sec is not None and len(each.children) == 1 else None
+        if limit is not None and math.isfinite(limit):
+            limits[str(number)] = limit
+    return limits

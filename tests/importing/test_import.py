@@ -1,0 +1,230 @@
+"""Runs that BehaviorTree.CPP's loggers recorded, imported as journals."""
+
+import json
+import random
+import struct
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sar_compiler.cli.compile import main as compile_command
+from sar_compiler.cli.journal_command import main as journal_command
+from sar_compiler.importing.btlog import MAGIC
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import STATUS, Ending
+
+LOGS = sorted(Path("tests/importing/logs").glob("*.btlog"))
+FAILED, DONE = (Path(f"examples/recorded_runs/delivery_{how}.btlog") for how in ("failed", "done"))
+
+
+def import_log(log, folder, *options):
+    """Import a log; return the journal."""
+    journal = folder / f"{Path(log).stem}.journal"
+    assert journal_command(["import", str(log), "-o", str(journal), *options]) == 0
+    return journal
+
+
+def parts_of(log):
+    """Return the bytes of a log before its changes, and the changes: time in microseconds, number of the node, status."""
+    data = log.read_bytes()
+    (length,) = struct.unpack_from("<i", data, len(MAGIC) + 1)
+    head = len(MAGIC) + 1 + 4 + length + 8
+    changes = [
+        (low | high << 32, uid, status) for low, high, uid, status in struct.iter_unpack("<IHHB", data[head:])
+    ]
+    return data[:head], changes
+
+
+def written(head, changes):
+    """Return a log."""
+    return head + b"".join(
+        struct.pack("<IHHB", time & 0xFFFFFFFF, time >> 32, uid, status) for time, uid, status in changes
+    )
+
+
+def answer(command, words, capsys):
+    """Run a command; return its status and what it has printed."""
+    capsys.readouterr()
+    status = command([str(word) for word in words])
+    said = capsys.readouterr()
+    return status, said.out + said.err
+
+
+@pytest.mark.parametrize("log", [*LOGS, FAILED, DONE], ids=lambda log: log.stem)
+def test_a_run_of_the_cpp_library_conforms_to_the_tree_in_its_log(log, tmp_path, capsys):
+    journal = import_log(log, tmp_path)
+    status, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
+    assert (status, "conforms: it is a possible run of the tree" in said) == (0, True), said
+
+
+def test_the_failed_leaf_is_named_first_with_the_chain_and_the_smallest_change(tmp_path, capsys):
+    journal = import_log(FAILED, tmp_path)
+    status, said = answer(journal_command, ["why", journal], capsys)
+    assert status == 0
+    assert f"Likeliest cause:\n  0:06  grasp the box FAILURE  ({journal}.xml:" in said
+    assert "The root has failed:\n  0:06  deliver the box FAILURE" in said
+    assert "grasp the box SUCCESS instead of FAILURE" in said
+
+
+def test_two_imported_runs_are_compared(tmp_path, capsys):
+    failed, done = import_log(FAILED, tmp_path), import_log(DONE, tmp_path)
+    _, said = answer(journal_command, ["why", failed, "--against", done], capsys)
+    assert f"{failed}: 0:05  grasp the box FAILURE" in said
+    assert f"{done}: 0:04  grasp the box SUCCESS" in said
+
+
+def test_the_outcomes_of_an_imported_run_are_counted_and_predict_its_tree(tmp_path, capsys):
+    journal = import_log(DONE, tmp_path)
+    status, said = answer(journal_command, ["stats", journal, "--format", "json"], capsys)
+    counts = {
+        (leaf["path"][-1] if isinstance(leaf["path"], list) else leaf["path"].split("/")[-1]): leaf
+        for leaf in json.loads(said)["leaves"]
+    }
+    assert status == 0
+    assert "grasp the box" in counts
+    _, shares = answer(journal_command, ["stats", journal, "--format", "yaml"], capsys)
+    (tmp_path / "shares.yaml").write_text(shares, encoding="utf-8")
+    status, said = answer(
+        compile_command, ["predict", f"{journal}.xml", "--answers", tmp_path / "shares.yaml"], capsys
+    )
+    assert (status, "success:" in said) == (0, True), said
+
+
+def test_a_tree_file_of_the_user_gives_the_places(tmp_path, capsys):
+    own = tmp_path / "mine.xml"
+    own.write_bytes(
+        Path(f"{import_log(FAILED, tmp_path)}.xml").read_bytes().replace(b"<root", b"<!-- mine -->\n<root")
+    )
+    (tmp_path / "delivery_failed.journal").unlink()
+    journal = import_log(FAILED, tmp_path, "--tree", str(own))
+    _, said = answer(journal_command, ["why", journal], capsys)
+    assert f"grasp the box FAILURE  ({own}:" in said
+
+
+def test_a_tree_that_did_not_run_is_refused_with_the_nodes_that_differ(tmp_path, capsys):
+    other = tmp_path / "other.xml"
+    text = Path(f"{import_log(FAILED, tmp_path)}.xml").read_text(encoding="utf-8")
+    other.write_text(text.replace('name="grasp the box"', 'name="take the box"'), encoding="utf-8")
+    (tmp_path / "delivery_failed.journal").unlink()
+    words = ["import", FAILED, "-o", tmp_path / "delivery_failed.journal", "--tree", other]
+    status, said = answer(journal_command, words, capsys)
+    assert status == 2
+    assert f"{other} is not the tree of the run, 1 nodes differ:" in said
+    assert "node 10 of the run is 'grasp the box' (Grasp); in the tree it is 'take the box' (Grasp)" in said
+
+
+def test_a_truncated_log_is_read_as_far_as_it_goes(tmp_path, capsys):
+    log = tmp_path / "cut.btlog"
+    log.write_bytes(FAILED.read_bytes()[:-4])
+    status, said = answer(journal_command, ["import", log, "-o", tmp_path / "cut.journal"], capsys)
+    assert status == 0
+    assert f"it ends at byte {len(log.read_bytes())}, within a change of status" in said
+    assert "175 changes of status" in said
+
+
+def test_a_log_of_a_killed_program_ends_without_a_result(tmp_path, capsys):
+    head, changes = parts_of(FAILED)
+    log = tmp_path / "killed.btlog"
+    log.write_bytes(written(head, changes[:40]))
+    _, said = answer(journal_command, ["why", import_log(log, tmp_path)], capsys)
+    assert "The root has not failed." in said
+
+
+def test_a_tree_that_the_program_halts_has_one_run_before_and_one_after(tmp_path):
+    head, changes = parts_of(DONE)
+    # Up to the first drive: BatteryOk is reset in each tick, the root and the drive run.
+    begun = changes[:6]
+    running = [uid for _, uid, status in begun if status == 1]
+    time = begun[-1][0]
+    halted = [(time + 200_000 + place, uid, 0) for place, uid in enumerate(reversed(running))]
+    later = [(when + 1_000_000, uid, status) for when, uid, status in changes]
+    log = tmp_path / "halted.btlog"
+    log.write_bytes(written(head, [*begun, *halted, *later]))
+    with JournalFile.reading(import_log(log, tmp_path)) as file:
+        runs = file.runs()
+    assert [(run.ending, run.status) for run in runs] == [(Ending.STOPPED, 1), (Ending.OVER, 0)]
+
+
+def test_ticks_without_a_pause_between_them_are_told_apart(tmp_path):
+    head, changes = parts_of(FAILED)
+    log = tmp_path / "busy.btlog"
+    log.write_bytes(
+        written(head, [(3 * place, uid, status) for place, (_, uid, status) in enumerate(changes)])
+    )
+
+    def ticks(journal):
+        with JournalFile.reading(journal) as file:
+            return [
+                (each.data["node"], each.data["tick"], each.data["status"]) for each in file.watched(STATUS)
+            ]
+
+    assert ticks(import_log(log, tmp_path)) == ticks(import_log(FAILED, tmp_path))
+
+
+def test_a_pause_within_a_tick_does_not_end_it(tmp_path):
+    head, changes = parts_of(FAILED)
+    log = tmp_path / "slow.btlog"
+    # Nothing is RUNNING in a Sequence whose child has ended: the computer was busy with something else before the next one began.
+    at = next(place for place, (_, uid, status) in enumerate(changes) if uid == 8 and status == 2)
+    late = [
+        (time + (3_000_000 if place > at else 0), uid, status)
+        for place, (time, uid, status) in enumerate(changes)
+    ]
+    log.write_bytes(written(head, late))
+    with (
+        JournalFile.reading(import_log(log, tmp_path)) as file,
+        JournalFile.reading(import_log(FAILED, tmp_path)) as known,
+    ):
+        assert [each.data for each in file.watched(STATUS)] == [each.data for each in known.watched(STATUS)]
+
+
+def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, capsys):
+    journal = import_log(FAILED, tmp_path)
+    status, said = answer(
+        journal_command, ["import", FAILED, "-o", journal, "--tree", f"{journal}.xml"], capsys
+    )
+    assert (status, "already contains a mission" in said) == (2, True), said
+    status, said = answer(journal_command, ["import", FAILED, "-o", journal], capsys)
+    assert (status, f"{journal}.xml already exists" in said) == (2, True), said
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", "is no recorded run"),
+        (MAGIC, "is not the version 1"),
+        (MAGIC + b"\x02", "is not the version 1"),
+        (MAGIC + b"\x01\x05", "it ends at byte 20, before its tree"),
+        (MAGIC + b"\x01\xff\xff\xff\x7f", "its tree of 2147483647 bytes starts at byte 23"),
+        (MAGIC + b"\x01\x01\x00\x00\x00\xff" + bytes(8), "byte 23 of its tree is not UTF-8"),
+        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + b"\xff" * 8, "its start at byte 27 is no date"),
+        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(8), "its tree has no numbers"),
+    ],
+)
+def test_a_damaged_log_is_refused_with_the_place(data, reason, tmp_path, capsys):
+    log = tmp_path / "bad.btlog"
+    log.write_bytes(data)
+    status, said = answer(journal_command, ["import", log, "-o", tmp_path / "bad.journal"], capsys)
+    assert (status, reason in said) == (2, True), said
+    assert not (tmp_path / "bad.journal").exists()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32), log=st.sampled_from([FAILED, *LOGS]))
+def test_an_altered_log_is_imported_or_refused_without_a_traceback(seed, log, tmp_path_factory, capsys):
+    chance, data = random.Random(seed), bytearray(log.read_bytes())  # noqa: S311
+    begin = chance.choice([0, len(MAGIC), data.rindex(b"</root>")])
+    for _ in range(chance.randint(1, 12)):
+        data[chance.randrange(begin, len(data))] = chance.randrange(256)
+    if chance.random() < 0.3:
+        del data[chance.randrange(len(data)) :]
+    folder = tmp_path_factory.mktemp("altered")
+    (folder / "altered.btlog").write_bytes(data)
+    status, said = answer(journal_command, ["import", folder / "altered.btlog", "-o", folder / "j"], capsys)
+    assert status in (0, 1, 2), said
+    assert "Traceback" not in said
+    if status == 0:
+        status, said = answer(journal_command, ["why", folder / "j", "--max-seconds", "5"], capsys)
+        assert status == 0, said
