@@ -226,7 +226,7 @@ class _JournalWriter:
             message, more = recording.messages.get(index, ""), ', "is_reset": true' if is_reset else ""
             self._row(index, uid, WORDS[status], message, more)
         for uid, index in sorted(now.items()):
-            # Its end remains shown until a node above it starts over; the log has it reset before.
+            # Its end remains shown until a node above it restarts; the log has it reset before.
             if 1 < uid <= count and recording.statuses[index] == IDLE and self._shown[uid] == RUNNING:
                 self._row(index, uid, "HALTED", "", f', "last": {self._ticked[uid]}')
                 self._show(uid, IDLE)
@@ -235,7 +235,7 @@ class _JournalWriter:
             each
             for uid in resting
             for each in self._standing
-            if uid < each < self._finder.behind(uid) and self._ticked[each] < self._tick
+            if uid < each < self._finder.end_of(uid) and self._ticked[each] < self._tick
         }
         for uid in sorted(gone):
             self._row(tick.behind - 1, uid, "IDLE", "", f', "last": {self._ticked[uid]}')
@@ -250,7 +250,7 @@ class _JournalWriter:
         (self._standing.add if status in (SUCCESS, FAILURE) else self._standing.discard)(uid)
 
     def _shown_in(self, tick: RecordedTick) -> Iterator[tuple[int, int, int]]:
-        """Return the index, node and status of what counts in a tick: of a leaf each answer, of another node its last one."""
+        """Yield the index, node and status of the changes that a journal has of a tick: of a leaf each outcome, of another node its last status."""
         recording, nodes, skipped = self._recording, self._nodes, self._finder.skipped
         last: dict[int, int] = {}
         left_out: set[int] = set()
@@ -259,7 +259,7 @@ class _JournalWriter:
             if status == IDLE or not 0 < uid <= len(nodes):
                 continue
             before = last.get(uid)
-            # A leaf that says RUNNING first, and ends in the same tick, has answered once.
+            # A leaf that says RUNNING first, and ends in the same tick, has returned once.
             if before is not None and (nodes[uid - 1].children or recording.statuses[before] == RUNNING):
                 left_out.add(before)
             last[uid] = index

@@ -96,7 +96,7 @@ def read_exported(xml: str) -> ExportedTree:
     by_path = {each.attributes.get(_PATH): each for each in uses}
     if not uses or uses[0].attributes.get(_PATH) != "":
         raise UnusableRecordingError("its tree has no numbers: it is not an export of BehaviorTree.CPP")
-    nodes = _expanded(uses[0], by_path)
+    nodes = _expand(uses[0], by_path)
     used = {tag for tag, _ in nodes}
     trees = {each.attributes.get("ID", ""): _plain(each) for each in reversed(uses)}
     models = [
@@ -112,7 +112,7 @@ def read_exported(xml: str) -> ExportedTree:
     return ExportedTree(file, tuple(nodes))
 
 
-def _expanded(main: Element, by_path: dict[str | None, Element]) -> list[tuple[str, str]]:
+def _expand(main: Element, by_path: dict[str | None, Element]) -> list[tuple[str, str]]:
     """Return the nodes of a tree with those of its subtrees, in the order of their numbers."""
     nodes: list[tuple[str, str]] = []
     waiting = list(reversed(main.children))

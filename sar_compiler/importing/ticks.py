@@ -3,7 +3,7 @@
 A border between two ticks can only be where the tree is settled: each control that is RUNNING has a child that is RUNNING, or waits by itself
 as its kind does. Where it is settled, one of these decides:
 
-- The next change is of a node that the tick has passed: within a tick the nodes are visited in order. (A loop that starts over within a tick is
+- The next change is of a node that the tick has passed: within a tick the nodes are visited in order. (A loop that restarts within a tick is
   not settled in between.) A leaf that ends just after it has started may have said RUNNING itself before; this is assumed if no leaf of its tag was
   ever RUNNING when something else changed.
 - The pause before the next change: half of the usual pause at the borders that are certain. A pause alone says nothing, because a leaf may block,
@@ -11,7 +11,7 @@ as its kind does. Where it is settled, one of these decides:
 - The root has ended, or the program has halted the tree.
 
 A leaf with a thread of its own writes its end at any moment, and its parent learns of it in the next tick. Such an end is moved to where the parent
-goes on.
+continues.
 
 A control that all of whose children were skipped stays RUNNING in a log, though nothing in it runs. It is known by a later sibling that starts.
 """
@@ -41,7 +41,7 @@ class Wait(Enum):
     FREE = "always: a leaf, or a control of an unknown kind"
     CHILD = "while a child is RUNNING"
     WAITS = "also while its child is IDLE"
-    TURNS = "also after the end of a child that was IDLE at the start of the tick, and is to start over"
+    TURNS = "also after the end of a child that was IDLE at the start of the tick, and is to restart"
     STEPS = "also after the end of a child that was IDLE at the start of the tick, before the next one"
     REACTIVE = "while a child is RUNNING and all others are IDLE"
     PARALLEL = "while a child is RUNNING, all were ticked, and no threshold is reached"
@@ -116,8 +116,8 @@ class TickFinder:
         self._tick = 0
         self._next_tick()
 
-    def behind(self, uid: int) -> int:
-        """Return the number behind the last node below a node."""
+    def end_of(self, uid: int) -> int:
+        """Return the number after that of the last node below a node."""
         return self._ends[uid]
 
     def ticks(self) -> Iterator[RecordedTick]:
@@ -259,15 +259,15 @@ class TickFinder:
         recording.statuses = bytearray(statuses[index] for index in order)
 
     def _must_go_on(self, parent: int, statuses: Sequence[int]) -> bool:
-        """Return whether a parent goes on, or ends, in the tick in which it learns of the end of a child."""
+        """Return whether a parent continues, or ends, in the tick in which it learns of the end of a child."""
         if self._rules[parent] in (Wait.FREE, Wait.PARALLEL):
             return False
-        # Only a control that ticks its children in order can run several at once, and then need not go on.
+        # Only a control that ticks its children in order can run several at once, and then need not continue.
         is_in_order = self._nodes[parent - 1].bound.spec.semantics.order is Order.IN_ORDER
         return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
 
     def _shows_end(self, index: int, leaf: int) -> bool:
-        """Return whether a change shows that the parent of a leaf knows of its end: the parent ends, goes on, or resets a child."""
+        """Return whether a change shows that the parent of a leaf knows of its end: the parent ends, continues, or resets a child."""
         uid, parent = self._recording.uids[index], self._parents[leaf]
         is_reset = (
             self._recording.statuses[index] == IDLE
@@ -277,7 +277,7 @@ class TickFinder:
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
     def _goes_on(self, index: int, parent: int) -> bool:
-        """Return whether a parent goes on from a change on, and was not halted."""
+        """Return whether a parent continues from a change on, and was not halted."""
         uids, statuses = self._recording.uids, self._recording.statuses
         for at in range(index, len(uids)):
             if uids[at] == parent:
@@ -359,7 +359,7 @@ class TickFinder:
         )
 
     def _is_quick(self, uid: int, parent: int) -> bool:
-        """Return whether a node has started and ended in the present tick, so that its parent goes on in the next one."""
+        """Return whether a node has started and ended in the present tick, so that its parent continues in the next one."""
         is_of_tick = self._started[uid] == self._ended[uid] == self._tick
         return is_of_tick and self._outcomes[uid] in self._pauses_after[parent]
 

@@ -14,7 +14,7 @@ from sar_compiler.views.drawing import drawn_nodes
 
 
 def describe_tree(tree: Drawable) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what a journal says of a tree: in the description of the mission, and in that of the run."""
+    """Return the description of a tree for a journal: of its mission, and of its run."""
     looks = [[each.shape.value, each.sign] for each in drawn_nodes(tree)]
     of_run = {"tree_id": tree.name, "looks": looks, "constant": _constant(tree), "limits": _limits(tree)}
     return {"tree": json_data(outline(tree))}, of_run

@@ -324,19 +324,19 @@ class TreeRuns:
         Args:
             state: The state.
             noted: The answers that were noted in the tick.
-            before: What was told before it.
+            before: The statuses before it.
         """
         if state not in self._known and state not in self._wide and not self._know(state, _MOST_WAYS):
             del self._known[state]
             self._wide.add(state)
         if state in self._known:
             return self._known[state]
-        return [way for way in self._played(state, noted, before) if way.state is not _NOWHERE]
+        return [way for way in self._play_ticks(state, noted, before) if way.state is not _NOWHERE]
 
     def _know(self, state: bytes, most: int) -> bool:
         """Note the ticks of a state; return whether these are all, and no more than some."""
         found: dict[Way, None] = {}
-        for count, way in enumerate(self._played(state), 1):
+        for count, way in enumerate(self._play_ticks(state), 1):
             found[way] = None
             if count >= most:
                 break
@@ -344,7 +344,7 @@ class TreeRuns:
         self._raising[state] = [way for way in found if way.state is _NOWHERE]
         return not found or count < most
 
-    def _played(
+    def _play_ticks(
         self, state: bytes, noted: Sequence[Event] | None = None, before: ObservedPrefix | None = None
     ) -> Iterator[Way]:
         """Play the ticks of a state until too many were tried; given recorded answers, those like it (see `ways_like`)."""
@@ -366,7 +366,7 @@ class TreeRuns:
     def beginnings(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[Way]:
         """Return the ticks of a state as `ways_like` does, including those in which a node raises."""
         if state in self._wide:
-            return [*self._played(state, noted, before)]
+            return [*self._play_ticks(state, noted, before)]
         return [*self.ways(state), *self._raising.get(state, ())]
 
     def _way(self, state: bytes) -> Way:
