@@ -191,3 +191,18 @@ def test_the_page_of_the_api_is_made_of_the_sources_and_has_every_public_name():
     for group, module in GROUPS.items():
         section = text.partition(f"\n## {group}\n")[2].partition("\n## ")[0]
         assert {*re.findall(r"^- \*\*`(\w+)", section, re.MULTILINE)} == {*module.__all__}
+
+
+def test_the_pictures_of_the_readme_show_what_the_project_says_today():
+    demo, badges = (runpy.run_path(f"docs/pictures/{name}.py") for name in ("demo", "badges"))
+    drawn = demo["PICTURE"].read_text(encoding="utf-8")
+    typo, proof = demo["checked"](demo["tree_of_readme"]())
+    shown = demo["picture"](typo, proof, [])
+    # What comes of the simulated run is after the two other scenes.
+    assert drawn.partition('<g class="scene2">')[0] == shown.partition('<g class="scene2">')[0], (
+        "renew it: .venv/bin/python docs/pictures/demo.py"
+    )
+    readme = Path("README.md").read_text(encoding="utf-8")
+    for path, badge in badges["pictures"]().items():
+        assert path.read_text(encoding="utf-8") == badge, "make pictures"
+        assert f"](docs/pictures/{path.name})" in readme

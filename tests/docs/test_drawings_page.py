@@ -45,21 +45,6 @@ def test_the_page_shows_one_tree_in_every_language():
     ]
 
 
-def test_the_pictures_of_the_readme_show_what_the_project_says_today():
-    demo, badges = (runpy.run_path(f"docs/pictures/{name}.py") for name in ("demo", "badges"))
-    drawn = demo["PICTURE"].read_text(encoding="utf-8")
-    typo, proof = demo["checked"](demo["tree_of_readme"]())
-    shown = demo["picture"](typo, proof, [])
-    # What comes of the simulated run is after the two other scenes.
-    assert drawn.partition('<g class="scene2">')[0] == shown.partition('<g class="scene2">')[0], (
-        "make pictures"
-    )
-    readme = Path("README.md").read_text(encoding="utf-8")
-    for path, badge in badges["pictures"]().items():
-        assert path.read_text(encoding="utf-8") == badge, "make pictures"
-        assert f"](docs/pictures/{path.name})" in readme
-
-
 def test_the_figures_of_the_readme_are_those_of_the_benchmarks():
     """Within the factor by which `make bench` finds a row worse."""
     results = json.loads(Path("benchmarks/recorded.json").read_text(encoding="utf-8"))["results"]
