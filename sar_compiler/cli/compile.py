@@ -325,7 +325,7 @@ def _nodes(arguments: argparse.Namespace) -> int:
         advice = did_you_mean(registry.nearest(arguments.tag)) or others
         if known := palettes_with(arguments.tag):
             advice = f"; add a palette that describes it: --model {' or '.join(known)}"
-        raise SarError(f"no node is called '{arguments.tag}'{advice}")
+        raise SarError(f"there is no node '{arguments.tag}'{advice}")
     specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)
     if arguments.format == "groot2":
         print(palette(specs), end="")

@@ -1,4 +1,4 @@
-"""From a tree file and the registry to py_trees objects: arguments of constructors, building, and where each behaviour comes from."""
+"""Compilation of a tree file to py_trees objects: constructor arguments, building, and the origin of each behaviour."""
 
 import functools
 import weakref
@@ -37,7 +37,7 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import SUBTREE_TAG, TreeFile
 
-# Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every port.
+# Looked up once: in Python 3.11, access to a member of an enumeration is slow, and this is needed for every port.
 _INOUT, _OUTPUT = Direction.INOUT, Direction.OUTPUT
 
 
@@ -46,10 +46,10 @@ class Origin:
     """The origin of a behaviour.
 
     Attributes:
-        bound: The part of the file that it was made from.
-        attributes: The values and references it was given, as one would write them: blackboard keys in
-            braces where their value was not known, references as names.
-        uses: What it needs outside the tree, with names filled in.
+        bound: The bound node that it was built from.
+        attributes: The values and references passed to it, as they would be written: blackboard keys in braces if their
+            value was unknown, references as names.
+        uses: The resources that it needs outside the tree, with names filled in.
     """
 
     bound: BoundNode
@@ -83,7 +83,7 @@ class Origins(Mapping[UUID, Origin]):
 
     @functools.cached_property
     def _by_id(self) -> dict[UUID, Construction]:
-        # Not while the tree is compiled: hashing an id takes as long as everything else that is noted of a node.
+        # Not during compilation: hashing an id takes as long as all other bookkeeping for a node.
         return {each.behaviour: each for each in self._in_order}
 
     def __getitem__(self, behaviour: UUID) -> Origin:
@@ -94,11 +94,11 @@ class Origins(Mapping[UUID, Origin]):
         return Origin(bound, attributes, tuple(_uses(instance, bound, attributes)))
 
     def construction(self, behaviour: UUID) -> Construction:
-        """Return how a behaviour was made."""
+        """Return the construction of a behaviour."""
         return self._by_id[behaviour]
 
     def declared_answers(self) -> dict[UUID, tuple[Answer, ...]]:
-        """Return the answers of those leaves that have declared what they mean, by their behaviours' ids."""
+        """Return the declared outcomes of leaves, by their behaviours' ids."""
         return {
             each.behaviour: each.bound.spec.answers
             for each in self._in_order
@@ -108,7 +108,7 @@ class Origins(Mapping[UUID, Origin]):
         }
 
     def place(self, behaviour: UUID) -> str | None:
-        """Return the file and the line that a behaviour was made from; None if it was not made from a file."""
+        """Return the file and line that a behaviour was built from; None if it was not built from a file."""
         made = self._by_id.get(behaviour)
         return None if made is None else made.bound.element.file_and_line
 
@@ -119,17 +119,17 @@ class Origins(Mapping[UUID, Origin]):
         return len(self._in_order)
 
 
-# By the roots of compiled trees, for whoever has only a behaviour that has failed. Both are others' to keep.
+# By the root of each compiled tree, for callers that have only a failed behaviour. Neither object is kept alive.
 _of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakref.WeakKeyDictionary()
 
 
 def remember(root: Behaviour, origins: Origins) -> None:
-    """Have the origins of a compiled tree found by its behaviours, for as long as there is the tree."""
+    """Register the origins of a compiled tree, so that its behaviours can find them while the tree exists."""
     _of_trees[root] = weakref.ref(origins)
 
 
 def file_and_line_of(behaviour: Behaviour) -> str | None:
-    """Return the file and the line that a behaviour, or the one around it, was made from; None if there is none."""
+    """Return the file and line of a behaviour or its nearest ancestor with one; None if there is none."""
     around: list[Behaviour] = []
     each: Behaviour | None = behaviour
     while each is not None:
@@ -162,7 +162,7 @@ def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) 
 
 
 def _uses(instance: Instance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
-    """Yield what a node needs outside the tree; not what a key names that has no value yet."""
+    """Yield the resources that a node needs outside the tree, except those named by a key without a value."""
     ports = {each.name for each in bound.spec.ports}
     entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
     known = {name: entry for name, entry in entries.items() if entry.exists and not entry.is_unknown}
@@ -173,13 +173,13 @@ def _uses(instance: Instance, bound: BoundNode, attributes: Mapping[str, object]
 
 
 class Arguments:
-    """Collects the arguments of nodes, but for their children and the nodes that they refer to.
+    """Collects the arguments of nodes, except for children and references.
 
     Args:
-        context: The objects that the mission hands over, by their type.
-        parameters: The keys of the root blackboard that have a value when the tree is made.
-        collector: Is told what is missing or does not fit.
-        enums: The numbers that names stand for, unless *context* has others.
+        context: The objects that the mission provides, by their type.
+        parameters: The keys of the root blackboard that have a value at compile time.
+        collector: Receives findings about missing or wrong arguments.
+        enums: The numbers of named constants, unless *context* has others.
     """
 
     def __init__(
@@ -189,17 +189,17 @@ class Arguments:
         collector: FindingCollector,
         enums: Mapping[str, int],
     ) -> None:
-        # Time passes in every tree.
+        # Every tree needs a clock.
         self._context: dict[type, object] = {Clock: WallClock(), Enums: Enums(enums), **context}
         self._parameters = parameters
         self._collector = collector
 
     parameter_advice = "give it one: --params FILE, or --ros-args -p {name}:=..."
-    """Advice for a parameter of the mission that is missing."""
+    """The advice for a missing mission parameter."""
 
     @property
     def enums(self) -> Enums:
-        """The names that scripts know."""
+        """The named constants for scripts."""
         enums = self._context[Enums]
         assert isinstance(enums, Enums)  # noqa: S101 - the type is the key
         return enums
@@ -220,7 +220,7 @@ class Arguments:
         return arguments
 
     def fixed_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
-        """Return the value of an attribute that is fixed when the tree is compiled; its default if it is not written."""
+        """Return the value of an attribute that is fixed at compile time; its default if it is not written."""
         if parameter.name in bound.keys:
             return self._blackboard_value(instance, bound, parameter)
         return bound.values.get(parameter.name, parameter.default)
@@ -228,7 +228,7 @@ class Arguments:
     def _port(
         self, instance: Instance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
     ) -> None:
-        """Add a port; one that is not written is left to the constructor's default."""
+        """Add a port; one that is not written keeps the constructor's default."""
         name, value_type = parameter.name, parameter.value_type
         cls = InOut if parameter.direction is _INOUT else Input
         if name in bound.keys:
@@ -244,16 +244,14 @@ class Arguments:
             arguments[name] = cls(bound.values[name], name=name)
 
     def _check_given(self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope) -> None:
-        """Report a number of the mission's that a port reads as a text: in a file the two are different."""
+        """Report a mission parameter that is a number but is read as a string: a file distinguishes the two."""
         if parameter.value_type.python is not str or not self._parameters:
             return
         owner, name = scope.owner(key)
         given = self._parameters.get(name) if owner is scope.root else None
         if isinstance(given, (int, float)):
-            message = (
-                f"{parameter.name}: '{name}' is given as the number {given!r}, and this port reads a text"
-            )
-            hint = f"give it as a text: '{given}'"
+            message = f"{parameter.name}: '{name}' is the number {given!r}, but this port reads a string"
+            hint = f"set it to the string '{given}'"
             self._collector.add("wrong-value", message, bound.element, value=parameter.name, hint=hint)
 
     def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
@@ -263,13 +261,13 @@ class Arguments:
             return instance.scope
         if target in self._context or not parameter.required:
             return self._context.get(target, parameter.default)
-        message = f"<{bound.spec.tag}> needs a {target.__name__}, which this mission does not have"
-        hint = "preview() makes a tree with stand-ins, to look at it without a mission"
+        message = f"<{bound.spec.tag}> needs a {target.__name__}, which this mission does not provide"
+        hint = "to display the tree without a mission, call preview(), which uses placeholders"
         self._collector.add("missing-context", message, bound.element, hint=hint)
         return None
 
     def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
-        """Return the value that a key has when the tree is compiled."""
+        """Return the value of a key at compile time."""
         key, name = bound.keys[parameter.name], parameter.name
         entry = instance.scope.resolve(key)
         if not entry.exists:
@@ -280,7 +278,7 @@ class Arguments:
             return parameter.value_type.convert(_as_text(value))
         except ConversionError as error:
             _, plain = instance.scope.owner(key)
-            message = f"{name}: the mission's parameter '{plain}' does not fit: {error.message}"
+            message = f"{name}: the mission parameter '{plain}' is invalid: {error.message}"
             hint = f"it must be {parameter.value_type.label}"
             self._collector.add("wrong-value", message, bound.element, value=name, hint=hint)
             return None
@@ -292,37 +290,35 @@ class Arguments:
             message = f"{parameter.name}: the mission has no parameter '{name}'"
             hint = self.parameter_advice.format(name=name)
         else:
-            message = (
-                f"{parameter.name}: the key '{key}' of this subtree has no value yet when the tree is made"
-            )
-            hint = f"this attribute is fixed then: pass a value, or a parameter as {{{ROOT_SIGN}{key}}}"
+            message = f"{parameter.name}: the key '{key}' of this subtree has no value at compile time"
+            hint = f"this attribute is fixed at compile time: pass a value, or a parameter as {{{ROOT_SIGN}{key}}}"
         near = nearest(name, self._parameters)
         advice = Advice(suggestion=f"{{{prefix}{near}}}" if near else None, hint=hint)
         self._collector.add("unknown-key", message, bound.element, value=parameter.name, **advice)
 
 
 def write_constant(entry: Entry, value: object) -> None:
-    """Write what an entry holds before the first tick; a number gives it its type."""
+    """Write an entry's value before the first tick; a number also sets its type."""
     entry.declare(kind_of(type(value)) if not isinstance(value, str) else None)
     entry.write(value)
 
 
 def kind_of(python: type | None) -> type | None:
-    """Return the type that an entry has for texts that are given to it, from a type of Python's."""
+    """Return the type that an entry parses strings as, from a Python type."""
     if python is Script:
         return str
     return python if python in (bool, int, float, str) else None
 
 
 def _as_text(value: object) -> str:
-    """Write a parameter of the mission as it would be written in a file; arrays become lists."""
+    """Write a mission parameter as in a file; arrays become lists."""
     if isinstance(value, (list, tuple, array)):
         return ";".join(str(item) for item in value)
     return str(value)
 
 
 class PreviewArguments(Arguments):
-    """Stand-ins for what only a mission has."""
+    """Collects arguments with placeholders for objects and values that only a mission has."""
 
     def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
         if parameter.target in (Scope, Enums):
@@ -337,28 +333,28 @@ class PreviewArguments(Arguments):
 
 
 _NodeInInstance = tuple[Instance, BoundNode]
-"""A node of an instance."""
+"""A node with its instance."""
 
 
 def report_without_class(bound: BoundNode, collector: FindingCollector) -> None:
     """Report a node that cannot be created, because it has no class."""
     if bound.element.tag == SUBTREE_TAG:
-        message = f"the tree '{bound.spec.tag}' is described by a model, but it is in no file"
-        hint = "<include> the file that has it, or name that under [project] trees in sar.toml"
+        message = f"the tree '{bound.spec.tag}' is described by a model, but no file contains it"
+        hint = "<include> its file, or list the file under [project] trees in sar.toml"
     else:
         what = "is described by a model" if bound.spec.is_only_described else "is a node of another program"
         message = f"<{bound.spec.tag}> {what}, but no class is registered for it"
-        hint = "load the module that has it: --nodes package.module"
+        hint = "load its module: --nodes package.module"
     if bound.spec.is_only_described and is_library_tag(bound.spec.tag):
-        hint += f", or delete the model if py_trees' <{bound.spec.tag}> is meant"
+        hint += f", or delete the model to use py_trees' <{bound.spec.tag}>"
     collector.add("not-installed", message, bound.element, hint=hint)
 
 
 class Builder:
-    """Makes the behaviours of one tree.
+    """Builds the behaviours of one tree.
 
     Attributes:
-        constructions: How each behaviour was constructed.
+        constructions: The construction of each behaviour.
     """
 
     def __init__(self, binding: Binding, arguments: Arguments, collector: FindingCollector) -> None:
@@ -366,13 +362,13 @@ class Builder:
         self._source = arguments
         self._collector = collector
         self._skipping = SkipAnalysis(binding.trees())
-        # Nodes that others refer to may be made before their place comes, so these are remembered.
+        # Targets of references may be built before their turn, so they are kept.
         self._targets: set[BoundNode] = set()
         self._built: dict[tuple[Instance, BoundNode], Behaviour] = {}
         self._arguments: dict[tuple[Instance, BoundNode], dict[str, Any]] = {}
 
     def prepare(self, instance: Instance) -> None:
-        """Name the entries of an instance and those in it, write their constants, and see that nodes can have all they need."""
+        """Name the entries of an instance and its descendants, write constants, and check the arguments."""
         self._targets.update(target for _, target in instance.references.values())
         for bound in instance.tree.demanding:
             if bound.references:
@@ -388,14 +384,14 @@ class Builder:
                 self.prepare(inner)
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a node for which there is no class."""
+        """Report a node without a class."""
         report_without_class(bound, self._collector)
 
     def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
-        """Build a node in place, with its wrappers and all below it; not recursively, since trees may be deep."""
+        """Build a node with its wrappers and descendants; iteratively, since trees may be deep."""
         left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
-        # The nodes around, each with the siblings that are left and those that are made.
+        # The enclosing nodes, each with its remaining siblings and the built ones.
         waiting: list[tuple[Instance, BoundNode, Iterator[_NodeInInstance], list[Behaviour]]] = []
         while True:
             for inner, node in left:
@@ -415,14 +411,14 @@ class Builder:
     def _below(instance: Instance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
         if bound.subtree is not None:
             inner = instance.inner[bound]
-            assert inner.tree.root is not None  # noqa: S101 - otherwise there are findings
+            assert inner.tree.root is not None  # noqa: S101 - else there are findings
             yield inner, inner.tree.root
         elif bound.spec.structure:
             for child in bound.children:
                 yield instance, child
 
     def _with_wrappers(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
-        """Make a node, and the wrappers around it."""
+        """Build a node and its wrappers."""
         make = self._make_once if bound in self._targets else self._make
         behaviour = make(instance, bound, children)
         if bound.conditions:
@@ -466,7 +462,7 @@ class Builder:
         try:
             behaviour: Behaviour = self._maker(bound)(**arguments)
             if not hasattr(behaviour, "id"):
-                raise TypeError("its constructor has not called super().__init__(name)")  # noqa: TRY301 - as its own errors are
+                raise TypeError("its constructor did not call super().__init__(name)")  # noqa: TRY301 - as its own errors are
         except TreeError:
             raise
         except Exception as error:
@@ -480,19 +476,19 @@ class Builder:
         return behaviour
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:  # noqa: ARG002
-        """Return what takes the place of a node whose constructor refuses its arguments; None for nothing."""
+        """Return a replacement for a node whose constructor rejects its arguments; None for none."""
         return None
 
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the values that plain attributes got from the blackboard."""
+        """Return the values of plain attributes that came from the blackboard."""
         if not bound.keys:
             return None
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.plain}
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return what makes a node: a class of the project's where stock py_trees would misread a skip.
+        """Return the factory of a node: a class of this project if the stock py_trees class would misread a skip.
 
-        A node that is only described becomes a stock behaviour of its kind (where there is no finding about it).
+        A described node without a class becomes a stock behaviour of its kind (unless it is an error).
         """
         spec = bound.spec
         replacement = spec.skipping.replacement
@@ -502,19 +498,19 @@ class Builder:
 
 
 class PreviewBuilder(Builder):
-    """Makes a tree to be looked at, whatever only a mission or a module of leaves has."""
+    """Builds a tree for display, without objects of a mission and modules of leaves."""
 
     def report_only_described(self, bound: BoundNode) -> None:
         """Do nothing: a stock behaviour of its kind is used instead."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
-        """Return a stock behaviour where a key's value, which is made up here, may be what was refused."""
+        """Return a stock behaviour if the rejected argument may be a placeholder for a key's value."""
         if not any(parameter.name in bound.keys for parameter in bound.spec.plain):
             return None
         return _stand_in(bound.spec.kind, **arguments)
 
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> None:  # noqa: ARG002
-        """Return nothing: what is shown is the key."""
+        """Return None: the key itself is shown."""
         return None  # noqa: RET501 - the base class returns a value
 
 
@@ -534,7 +530,7 @@ __all__ = ["CompiledTree", "Origin", "bind_main", "compile_tree", "compile_with"
 
 
 _OUTLINE = 25
-"""The number of lines of a tree that are shown where it is only named."""
+"""The number of lines of a tree shown in its representation."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -542,8 +538,8 @@ class CompiledTree:
     """A tree that can be ticked.
 
     Attributes:
-        root: The py_trees behaviour at its root.
-        origins: Where each behaviour comes from, by the behaviour's id.
+        root: The root behaviour.
+        origins: The origin of each behaviour, by its id.
         instance: The tree and its subtrees, with their keys.
     """
 
@@ -565,11 +561,11 @@ class CompiledTree:
 
     @property
     def board(self) -> Board:
-        """Its entries on the blackboard."""
+        """The tree's entries on the blackboard."""
         return self.instance.scope.board
 
     def uses(self) -> list[Use]:
-        """Return what its leaves need outside the tree, each once."""
+        """Return the resources that its leaves need outside the tree, each once."""
         return list(dict.fromkeys(use for origin in self.origins.values() for use in origin.uses))
 
 
@@ -579,7 +575,7 @@ def bind_main(
     """Bind the tree to execute.
 
     Raises:
-        TreeError: If there is none, or an error in it; carries all the findings.
+        TreeError: If there is none, or it has errors; contains all findings.
     """
     binding = bind(forest, registry, find_main_tree(forest, tree_id), palettes)
     findings = [*forest.findings, *forest.clashes, *binding.findings]
@@ -595,12 +591,12 @@ def compile_tree(
 
     Args:
         binding: The tree, without errors.
-        context: The objects that the mission hands to its leaves, by their type.
+        context: The objects that the mission provides for its leaves, by their type.
         parameters: The keys of the root blackboard: the node parameters of the mission.
 
     Raises:
-        TreeError: If a key is not there or its value does not fit, if the mission lacks an object that a
-            leaf needs, or if a constructor refuses its arguments.
+        TreeError: If a key is missing or its value is invalid, if the mission lacks an object that a leaf needs, or if a
+            constructor rejects its arguments.
     """
     collector = FindingCollector()
     arguments = Arguments(context, parameters, collector, binding.enums)
@@ -608,10 +604,10 @@ def compile_tree(
 
 
 def require_classes(binding: Binding) -> None:
-    """See that there is a class for every node of a bound tree.
+    """Check that every node of a bound tree has a class.
 
     Raises:
-        TreeError: If there is not; names each that has none.
+        TreeError: If a node has none; names each of them.
     """
     collector = FindingCollector()
     for bound in binding.nodes():
@@ -622,10 +618,10 @@ def require_classes(binding: Binding) -> None:
 
 
 def preview_tree(binding: Binding) -> CompiledTree:
-    """Compile a bound tree for display, with stand-ins for what only a mission has.
+    """Compile a bound tree for display, with placeholders for mission objects.
 
-    Blackboard keys that are not known get the parameter's default or some value of its type; a node that
-    only a model describes becomes a stock behaviour of its kind.
+    Unknown blackboard keys get the parameter's default or some value of its type; a node that only a model describes
+    becomes a stock behaviour of its kind.
     """
     collector = FindingCollector()
     arguments = PreviewArguments({}, {}, collector, binding.enums)
@@ -636,7 +632,7 @@ def preview_tree(binding: Binding) -> CompiledTree:
 def compile_with(
     binding: Binding, builder: Builder, parameters: Mapping[str, object], collector: FindingCollector
 ) -> CompiledTree:
-    """Compile a bound tree with a builder of one's own.
+    """Compile a bound tree with the given builder.
 
     Raises:
         TreeError: If the tree has errors, or the builder has findings.
@@ -646,7 +642,7 @@ def compile_with(
     top = expand(binding.main, collector)
     for name, value in parameters.items():
         write_constant(top.scope.resolve(name), value)
-    # Everything that can be said of the arguments is said at once, before anything is made.
+    # All findings about arguments are reported together, before anything is built.
     builder.prepare(top)
     if _has_error(collector.findings):
         raise TreeError(_in_order(collector.findings))
@@ -660,7 +656,7 @@ def _has_error(findings: Iterable[Diagnostic]) -> bool:
 
 
 def _in_order(findings: list[Diagnostic]) -> list[Diagnostic]:
-    """Sort findings by file, line and column, each once, however often its tree is used."""
+    """Sort findings by file, line and column, without duplicates from repeated uses of a tree."""
     files = list(dict.fromkeys(finding.source.path for finding in findings))
     return sorted(
         dict.fromkeys(findings),

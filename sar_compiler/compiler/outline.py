@@ -11,7 +11,7 @@ from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.plain import plain
 
-# These are keys of their own in the outline, where readers expect them.
+# These are separate keys in the outline, as consumers expect.
 _OWN_KEYS = ("memory", "policy")
 
 
@@ -52,9 +52,9 @@ def ascii_tree(root: Behaviour) -> str:
 
 
 def with_tags(drawing: str, tree: Drawable) -> str:
-    """Add to the drawing of a tree what its leaves and decorators are, where their names do not say it."""
+    """Add the tags of leaves and decorators to the drawing of a tree, unless their names already contain them."""
     lines, behaviours = drawing.rstrip("\n").split("\n"), list(pre_order(tree.root))
-    if len(behaviours) != len(lines):  # a constructor has given a name of several lines
+    if len(behaviours) != len(lines):  # a constructor has set a name of several lines
         return drawing
     return "".join(f"{line}{_tag(each, tree)}\n" for line, each in zip(lines, behaviours, strict=True))
 
@@ -62,7 +62,7 @@ def with_tags(drawing: str, tree: Drawable) -> str:
 def _tag(behaviour: Behaviour, tree: Drawable) -> str:
     bound = tree.origins[behaviour.id].bound
     tag = bound.spec.tag
-    # A wrapper that an attribute asks for has a name of its own; a composite has its sign.
+    # A wrapper from an attribute has a name of its own; a composite has its sign.
     sign = " ?" if is_unknown(bound) else ""
     is_other = behaviour.name != bound.name or bound.spec.kind is Kind.CONTROL
     if is_other or behaviour.name in (tag, f"{tag}?"):

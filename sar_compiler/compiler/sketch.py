@@ -1,7 +1,7 @@
-"""A tree to be drawn, made of the parsed file alone: as much of it as is understood, whatever is wrong with it.
+"""A drawable tree that is built from the parsed file only, even if the file has errors.
 
-A drawing shows behaviours of py_trees with their origins. A compiled tree has them. Of a file with errors, stand-ins have them here:
-what is not understood is a node without a meaning, and a subtree that is in no file, or in itself, is folded.
+A drawing shows behaviours of py_trees with their origins. A compiled tree has them. For a file with errors, placeholders
+replace them: an unknown node has no meaning, and a subtree that is in no file, or in itself, is folded.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -29,15 +29,15 @@ _STOCK = "py_trees.composites."
 
 
 class Drawable(Protocol):
-    """What can be drawn: a compiled tree, or a `Sketch`."""
+    """An object that can be drawn: a compiled tree, or a `Sketch`."""
 
     @property
     def root(self) -> Behaviour:
-        """The behaviour at its root."""
+        """The root behaviour."""
 
     @property
     def origins(self) -> Mapping[UUID, Origin]:
-        """Where each behaviour comes from, by its id."""
+        """The origin of each behaviour, by its id."""
 
     @property
     def name(self) -> str:
@@ -46,13 +46,13 @@ class Drawable(Protocol):
 
 @dataclass(frozen=True)
 class Sketch:
-    """A tree with stand-ins for its behaviours; it cannot be ticked.
+    """A tree with placeholders for its behaviours; it cannot be ticked.
 
     Attributes:
-        root: The behaviour at its root.
-        origins: Where each behaviour comes from, by its id.
-        name: Its ID.
-        findings: Why it cannot be compiled.
+        root: The root behaviour.
+        origins: The origin of each behaviour, by its id.
+        name: The ID of the tree.
+        findings: The findings that keep it from being compiled.
     """
 
     root: Behaviour
@@ -62,10 +62,10 @@ class Sketch:
 
 
 class SketchedNode(Behaviour):
-    """A behaviour in a sketch that is no stock composite; any number of children may be below it.
+    """A behaviour in a sketch that is no stock composite; it can have any number of children.
 
     Attributes:
-        class_name: The import path of the class that it stands for; None if there is none.
+        class_name: The import path of the class that it represents; None if there is none.
     """
 
     def __init__(self, name: str, class_name: str | None = None) -> None:
@@ -73,10 +73,10 @@ class SketchedNode(Behaviour):
         self.class_name = class_name
 
     def tip(self) -> None:
-        """Return nothing: it is never ticked."""
+        """Return None: a sketch is never ticked."""
 
     def update(self) -> Status:
-        """Return INVALID: it is never ticked."""
+        """Return INVALID: a sketch is never ticked."""
         return Status.INVALID
 
 
@@ -85,16 +85,16 @@ class SketchedDecorator(SketchedNode, Decorator):
 
 
 class UnknownSpec(NodeSpec):
-    """The meaning of a tag that has none."""
+    """The spec of an unknown tag."""
 
 
 def is_unknown(bound: BoundNode) -> bool:
-    """Return whether a node has no meaning, or has not been given the tag that was probably meant."""
+    """Return whether a node is unknown, or its written tag is only similar to a known one."""
     return isinstance(bound.spec, UnknownSpec)
 
 
 def class_of(behaviour: Behaviour) -> str | None:
-    """Return the import path of the class that a behaviour is an instance of, or stands for; None if there is none."""
+    """Return the import path of the class that a behaviour has or represents; None if there is none."""
     return behaviour.class_name if isinstance(behaviour, SketchedNode) else _path_of(type(behaviour))
 
 
@@ -103,11 +103,11 @@ def _path_of(cls: type) -> str:
 
 
 def sketch_tree(tree: BoundTree, others: Iterable[BoundTree]) -> Sketch:
-    """Return a tree for a drawing, with its subtrees in place.
+    """Return a tree for a drawing, with its subtrees expanded.
 
     Args:
         tree: The tree.
-        others: All trees that were bound with it.
+        others: All trees that were bound together with it.
     """
     known = {id(bound.element): bound for each in (tree, *others) for bound in each.nodes}
     return _Sketching(known).sketch(tree)
@@ -120,7 +120,7 @@ class _Sketching:
         self._count = 0
 
     def sketch(self, tree: BoundTree) -> Sketch:
-        # Each element waits for its place with the behaviour above it, its level, and the trees around it.
+        # Each waiting element has its parent behaviour, its level, and the enclosing trees.
         top = SketchedNode(tree.name)
         waiting: list[tuple[Element, Behaviour, int, frozenset[int]]] = []
         self._put(tree.element.children or [tree.element], top, 1, frozenset({id(tree)}), waiting)
@@ -153,12 +153,12 @@ class _Sketching:
         waiting.extend((each, above, level, around) for each in reversed(elements))
 
     def _fits(self, tree: BoundTree, level: int, around: frozenset[int]) -> bool:
-        """Return whether there is room for a subtree in its place."""
+        """Return whether a subtree can be expanded: it is not in itself, and not too deep."""
         is_deep = level + tree.nesting + tree.wrappers > MAX_LEVELS
         return not is_deep and id(tree) not in around and self._count + len(tree.nodes) <= MAX_NODES
 
     def _with_wrappers(self, bound: BoundNode, above: Behaviour) -> Behaviour:
-        """Put a stand-in for a node below another one, in those for its conditions and its OneShot."""
+        """Add a placeholder for a node to a parent, inside placeholders for its conditions and its OneShot."""
         self._count += 1
         if bound.oneshot is not None:
             policy = {"policy": OneShotPolicy[bound.oneshot]}
@@ -182,7 +182,7 @@ class _Sketching:
 
 
 def _is_as_written(bound: BoundNode) -> bool:
-    """Return whether a node has been given the tag that it is bound as, and not one like it."""
+    """Return whether a node is written with the tag that it is bound as, and not with a similar one."""
     return bound.element.tag == SUBTREE_TAG or _tag(bound.element) == bound.spec.tag
 
 
@@ -193,7 +193,7 @@ def _unknown(element: Element) -> BoundNode:
 
 
 def _tag(element: Element) -> str:
-    """Return the tag of a node, which the explicit form has in its ID."""
+    """Return the tag of a node; in the explicit form, this is its ID."""
     return element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
 
 
@@ -211,7 +211,7 @@ def _stand_in(bound: BoundNode) -> Behaviour:
 
 
 def _attributes(bound: BoundNode) -> Iterator[tuple[str, object]]:
-    """Yield what a node was given: values as far as they are understood, and texts as they are written."""
+    """Yield the attributes of a node: parsed values if possible, else texts as written."""
     written = bound.element.attributes
     if is_unknown(bound):
         yield from ((name, text) for name, text in written.items() if name not in ("name", "ID"))

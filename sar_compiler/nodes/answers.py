@@ -1,4 +1,4 @@
-"""The simulated answers of a tree's leaves: the registry's declarations, filled in for a node."""
+"""The simulated outcomes of a tree's leaves: the registry's declarations, filled in for a node."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -11,14 +11,14 @@ from sar_compiler.runtime.tokens import ScriptError
 SELF = "self"
 """The placeholder for the node's own name."""
 NOBODY = "nobody"
-"""The replacement of the name of a node that an optional reference does not name."""
+"""The replacement for a node's name if an optional reference is not written."""
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _FACT = re.compile(r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*")
 _NO_WORD = re.compile(r"[^A-Za-z0-9_]")
 
 
 def answers_of(outcomes: Collection[str]) -> tuple[Answer, ...]:
-    """Return the answers of a leaf whose outcomes, at most, are known."""
+    """Return the outcomes of a leaf of which only the possible statuses are known."""
     known = outcomes or ("SUCCESS", "FAILURE", "RUNNING")
     return tuple(Answer(status) for status in STATUSES if status in known)
 
@@ -34,7 +34,7 @@ def placeholders(text: str) -> list[str]:
 
 
 def fill_answer(answer: Answer, names: Mapping[str, str]) -> Answer:
-    """Return an answer with its placeholders replaced by identifiers."""
+    """Return an outcome with its placeholders replaced by identifiers."""
     return replace(answer, when=fill_text(answer.when, names), then=fill_text(answer.then, names))
 
 
@@ -44,15 +44,15 @@ def fill_text(text: str, names: Mapping[str, str]) -> str:
 
 
 def number_text(value: object) -> str:
-    """Return the replacement of a placeholder for a whole number, valid after a minus sign, too."""
+    """Return the replacement of a placeholder for an integer, valid after a minus sign, too."""
     return f"({value})" if str(value).startswith("-") else str(value)
 
 
 def mistake_in(
     answer: Answer, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
-    """Return the first script of an answer that cannot be parsed, as its part, its text and the reason."""
-    # As long as its placeholder, so that the places in the error are those in the text.
+    """Return the first script of an outcome that cannot be parsed, as its part, its text and the reason."""
+    # As long as its placeholder, so that locations in the error match those in the text.
     names = {name: f"x{name}x" for name in known}
     names |= {name: f"({'1' * len(name)})" for name in numbers}
     for part, text in (("when", answer.when), ("then", answer.then)):
@@ -74,7 +74,7 @@ class Identifiers:
     def take(self, name: str) -> str:
         """Return an identifier for a node: its name, with `_` for characters not allowed in identifiers.
 
-        If an earlier node has it, a number follows: `Drive`, `Drive_2`.
+        If an earlier node has it, a number is appended: `Drive`, `Drive_2`.
         """
         word = _NO_WORD.sub("_", name)
         # A hundred thousand leaves of one name must not each try all numbers.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class NodeView(Protocol):
-    """What these functions may read of a node; see `BoundNode`."""
+    """The view of a node for the functions of this package; see `BoundNode`."""
 
     @property
     def element(self) -> Element:
@@ -22,7 +22,7 @@ class NodeView(Protocol):
 
     @property
     def tag(self) -> str:
-        """Its tag, as it is registered."""
+        """Its registered tag."""
 
     @property
     def name(self) -> str:
@@ -42,7 +42,7 @@ class NodeView(Protocol):
 
     @property
     def is_leaf(self) -> bool:
-        """Whether such a node has no children."""
+        """Whether the node can have no children."""
 
     @property
     def is_reactive(self) -> bool:
@@ -50,20 +50,20 @@ class NodeView(Protocol):
 
     @property
     def counts(self) -> tuple[str, ...]:
-        """Its ports that are numbers of its children."""
+        """Its ports whose values are numbers of its children."""
 
     def value(self, name: str) -> object:
         """Return the value of an attribute, or its default; None if the value is known only at runtime."""
 
 
 def file_of(element: Element, seen_from: Element) -> str:
-    """Return a phrase that names an element's file; empty if it is the same file."""
+    """Return a phrase that names an element's file; empty if it is the file of *seen_from*."""
     return "" if element.source is seen_from.source else f" of {element.source.path}"
 
 
 def text_of_output(code: str, element: Element, attribute: str, text: str) -> Diagnostic:
-    """Return the finding about a text in place of the key that an output is written to."""
-    message = f"{attribute}: an output is written to the blackboard, and '{text}' is no key of it"
+    """Return the finding about a text in place of the key of an output."""
+    message = f"{attribute}: an output needs a blackboard key, but '{text}' is not a key"
     key = text.strip(" ").removeprefix("$").removeprefix("{").removesuffix("}")
     suggestion = f"{{{key}}}" if key.isidentifier() else None
     hint = f'write {attribute}="{{key}}"'
@@ -75,9 +75,9 @@ class FindingCollector:
 
     Attributes:
         findings: The findings.
-        guesses: Guesses of what was meant.
-        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
-        version: The same, or the newest one.
+        guesses: Suggestions for misspelt names.
+        btcpp: The version of BehaviorTree.CPP that is configured for the trees; None if none is configured.
+        version: The configured version, or the newest one.
     """
 
     def __init__(self, btcpp: Version | None = None) -> None:
@@ -100,10 +100,10 @@ class FindingCollector:
         span: Span | None = None,
         **about: "Unpack[About]",
     ) -> None:
-        """Report what BehaviorTree.CPP refuses since a version, if the trees are for that or a later one."""
+        """Report an error of newer versions of BehaviorTree.CPP, if the trees target one of these versions."""
         if self.version >= change.since:
-            refused = f"BehaviorTree.CPP refuses that since {change.release}"
-            older = f'say that the trees are for an older one: [language] btcpp = "{OLDEST}"'
+            refused = f"BehaviorTree.CPP rejects that since {change.release}"
+            older = f'declare an older version in sar.toml: [language] btcpp = "{OLDEST}"'
             about["hint"] = f"{about['hint']}, or {older}"
             cause = about.get("common_cause")
             about["common_cause"] = cause and Cause(f"{cause.text}; {refused}", cause.subject)
@@ -112,7 +112,7 @@ class FindingCollector:
     def wrong_value(
         self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"
     ) -> None:
-        """Report that an attribute's text is not a value of its type, at the wrong part of it if that is known."""
+        """Report an attribute's text that is not a value of its type, at the wrong part if that is known."""
         span = element.within_value(attribute, *error.place) if error.place else element.value_span(attribute)
         message, suggestion, hint = f"{attribute}: {error.message}", error.suggestion, error.hint
         self.add(code, message, element, span, suggestion=suggestion, hint=hint)

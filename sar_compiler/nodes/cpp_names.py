@@ -1,4 +1,4 @@
-"""Names of C++ types, in one form."""
+"""Normalised names of C++ types."""
 
 import functools
 import re
@@ -30,9 +30,9 @@ _INTEGER_WORDS = rf"{_WORD}(?: {_WORD})*"
 
 @functools.lru_cache(maxsize=1024)
 def normalized(name: str) -> str:
-    """Return a type's name in the form in which names are compared; empty for a port that takes any type.
+    """Return the normal form of a type's name; empty for a port of any type.
 
-    Aliases and the forms in which compilers write a type become one: `unsigned` and `uint32_t`, `std::string` and
+    Aliases and compiler-specific spellings have one normal form: `unsigned` and `uint32_t`, `std::string` and
     `std::__cxx11::basic_string<char, ...>`.
     """
     text = re.sub(r"\b(?:class|struct|enum) ", "", " ".join(name.split()))
@@ -46,7 +46,7 @@ def normalized(name: str) -> str:
 
 
 def _integer(match: "re.Match[str]") -> str:
-    """Return the name of an integer type that is written in words, as a 64-bit Linux has it."""
+    """Return the name of an integer type that is written in words, as on 64-bit Linux."""
     words = match[0].split()
     sign = "u" if "unsigned" in words else ""
     if "char" in words:

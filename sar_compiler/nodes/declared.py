@@ -1,6 +1,6 @@
-"""Leaves as data: what the decorators and constructors of a package's leaves say, in a JSON file beside them.
+"""Leaves as data: a JSON file with the declarations in the decorators and constructors of a package's leaves.
 
-A tree with such leaves is checked without an import of their classes. `sar-compile nodes --format specs` writes the file.
+Trees with such leaves are checked without importing their classes. `sar-compile nodes --format specs` writes the file.
 """
 
 import json
@@ -44,11 +44,11 @@ _PLAIN_FIELDS = ("tag", "kind", "effects", "facts", "reads", "writes", "doc")
 
 
 class UndeclarableError(SarError):
-    """Something of a leaf cannot be written as data."""
+    """A leaf cannot be written as data."""
 
 
 def declared_leaves(path: Path) -> list[NodeSpec]:
-    """Return the leaves of a file that `sar-compile nodes --format specs` has written, for the `SPECS` of a module.
+    """Return the leaves of a file written by `sar-compile nodes --format specs`, for a module's `SPECS`.
 
     Args:
         path: The file, in the package of the leaves.
@@ -57,10 +57,10 @@ def declared_leaves(path: Path) -> list[NodeSpec]:
 
 
 def specs_as_json(specs: Iterable[NodeSpec]) -> str:
-    """Return leaves as the text of such a file, a line for each.
+    """Return leaves as JSON for such a file, one leaf a line.
 
     Raises:
-        UndeclarableError: If something of a leaf cannot be written as data; names the leaf.
+        UndeclarableError: If a leaf cannot be written as data; the message names it.
     """
     return "[\n{}\n]\n".format(",\n".join(map(_line, specs)))
 
@@ -74,7 +74,7 @@ def _line(spec: NodeSpec) -> str:
 
 def _as_data(spec: NodeSpec) -> dict[str, object]:
     if spec.semantics != NodeSpec.semantics:
-        raise TypeError("its semantics can hold functions")
+        raise TypeError("its semantics can contain functions")
     return {
         "class": spec.class_path,
         "outcomes": sorted(spec.outcomes),
@@ -102,23 +102,23 @@ def _as_text(value: object) -> object:
         return value.value
     if isinstance(value, type):
         return path_of(value)
-    raise TypeError(f"{value!r} is no number and no text")
+    raise TypeError(f"{value!r} is neither a number nor a string")
 
 
 def _type_as_data(value_type: ValueType) -> object:
-    """Return the name of a type, or the name and the numbers that make sense.
+    """Return the name of a type, or the name with the plausible numbers.
 
     Raises:
-        TypeError: If the name does not say all of it.
+        TypeError: If the name does not identify the type.
     """
     plain = value_type._replace(usual=None)
     try:
-        # Types are compared by what is shown of them: two that convert alike are not equal.
+        # Types are compared by their displayed attributes: functions that convert alike are not equal.
         is_known = _type(plain.name)[:2] == plain[:2]
     except (KeyError, ValueError):
         is_known = False
     if not is_known:
-        raise TypeError(f"the type '{plain.name}' is known to its package alone")
+        raise TypeError(f"the type '{plain.name}' is private to its package")
     if value_type.usual is None:
         return plain.name
     least, most, is_open = value_type.usual
@@ -149,7 +149,7 @@ def _spec(data: Mapping[str, Any]) -> NodeSpec:
         data.get("facts", {}),
         tuple(data.get("reads", ())),
         tuple(data.get("writes", ())),
-        # A file has few of the leaves that are installed.
+        # A file uses few of the installed leaves.
         signature=Signature(partial(_parameters, data["parameters"]), data.get("doc", "")),
     )
 

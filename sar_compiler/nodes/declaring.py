@@ -1,7 +1,7 @@
-"""The parameters of a node whose class is named by its import path: what annotations and docstring say of another's.
+"""Declarations of nodes whose class is named by its import path, in place of annotations and a docstring.
 
-A spec names its class and describes all parameters of the constructor that a tree file or a mission provides, but for the
-name and the children, so that nothing is imported for a tree to be checked::
+A spec names the class and describes all constructor parameters that a tree file or a mission provides, except for
+the name and the children. A tree is then checked without importing the class::
 
     node_spec(
         Kind.DECORATOR,
@@ -12,7 +12,7 @@ name and the children, so that nothing is imported for a tree to be checked::
         CLOCK,
     )
 
-`tests/nodes/test_declared_nodes.py` compares each with the constructor, or with what the node in the kernel reads.
+`tests/nodes/test_declared_nodes.py` compares each spec with the constructor, or with the ports of the node in the kernel.
 """
 
 from collections.abc import Mapping
@@ -24,10 +24,10 @@ from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, type_of
 from sar_compiler.runtime.answers import Answer, Fact
 
 NAME = Parameter("name", ParameterRole.NAME, required=False, value_type=type_of(str), doc="The node's name.")
-"""The parameter for the node's name, which every node has."""
+"""The parameter for the name, which every node has."""
 CHILDREN = Parameter("children", ParameterRole.CHILDREN, required=True)
 CHILD = Parameter("child", ParameterRole.CHILD, required=True)
-"""The parameters for what is below a control and a decorator."""
+"""The parameters for the children of controls and the child of decorators."""
 _OUTCOMES = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _STRUCTURE = {Kind.CONTROL: [CHILDREN], Kind.DECORATOR: [CHILD]}
 
@@ -38,9 +38,9 @@ def signature(
     """Return the signature of a node.
 
     Args:
-        kind: The kind of node, which decides on the parameter for what is below it.
+        kind: The kind of node, which determines the parameter for its children.
         doc: The node's description, in a sentence or two.
-        *parameters: The parameters but for the name and the children, in their order.
+        *parameters: The parameters except for the name and the children, in their order.
         fixed: Parameters whose value the tag implies.
         factory: The import path of a function that creates the node instead of the class.
     """
@@ -65,16 +65,16 @@ def node_spec(
         tag: Its tag.
         path: The import path of its class (`module:name`), or of its node in the kernel.
         doc: Its description, in a sentence or two.
-        *parameters: The parameters but for the name and the children, in their order.
-        fixed: What the tag implies.
+        *parameters: The parameters except for the name and the children, in their order.
+        fixed: The parameters whose value the tag implies.
         factory: The import path of a function that creates the node instead of the class.
-        **more: Further fields of the spec; without outcomes it has all but SKIPPED.
+        **more: Further fields of the spec; by default it has all outcomes but SKIPPED.
     """
     signed = signature(kind, doc, *parameters, fixed=fixed, factory=factory)
     return NodeSpec(tag, path, kind, signature=signed, **{"outcomes": _OUTCOMES, **more})
 
 
-def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf
+def leaf_spec(  # noqa: PLR0913 - the declarations of a leaf
     path: str,
     doc: str,
     *parameters: Parameter,
@@ -88,21 +88,21 @@ def leaf_spec(  # noqa: PLR0913 - all that there is to say of a leaf
     semantics: Semantics = Semantics(),  # noqa: B008 - frozen
     rule: "Rule | None" = None,
 ) -> NodeSpec:
-    """Return the spec of a leaf whose tag is the name of its class; its outcomes are those of its answers.
+    """Return the spec of a leaf whose tag is the name of its class.
 
     Args:
         path: The import path of the class (`module:name`).
         doc: The leaf's description, in a sentence or two.
-        *parameters: The parameters of the constructor but for the name, in their order.
-        answers: What it can answer in a run without a robot.
+        *parameters: The parameters of the constructor except for the name, in their order.
+        answers: Its outcomes in a run without a robot.
         kind: An action or a condition.
         effects: Its effect on the world, in a few words.
-        uses: What it needs outside the tree.
-        facts: The facts that its answers use, with their initial values.
+        uses: The resources that it needs outside the tree.
+        facts: The facts that its outcomes use, with their initial values.
         reads: Further facts that its behaviour depends on.
         writes: Further facts that it changes.
-        semantics: How it uses the keys in its attributes, where ports do not say it.
-        rule: Reports attributes that do not fit each other.
+        semantics: How it uses the keys in its attributes, if their ports do not declare it.
+        rule: Function that reports conflicting attributes.
     """
     return NodeSpec(
         path.rpartition(":")[2],
@@ -125,21 +125,21 @@ def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Pa
     """Return a parameter whose value is fixed when the tree is compiled.
 
     Args:
-        keyword: The name in the constructor; the attribute's is without a trailing `_`.
+        keyword: The name in the constructor; the attribute has no trailing `_`.
         kind: The type of its values, as an annotation or a `ValueType`.
         doc: Its description.
-        default: The value if it is not written; left out, it has to be.
+        default: The default value; without it the attribute is required.
     """
     return _parameter(keyword, kind if isinstance(kind, ValueType) else type_of(kind), None, doc, default)
 
 
 def input_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
-    """Return a port that is read; see `attribute`. The type `object` is that of any value."""
+    """Return an input port; see `attribute`. The type `object` allows any value."""
     return _port(Direction.INPUT, keyword, kind, doc, default)
 
 
 def output_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:
-    """Return a port that is written; see `input_port`."""
+    """Return an output port; see `input_port`."""
     return _port(Direction.OUTPUT, keyword, kind, doc, default)
 
 
@@ -153,15 +153,15 @@ def handed_over(keyword: str, target: type | str, doc: str, *, required: bool = 
 
     Args:
         keyword: Its name.
-        target: The object's class, which is marked by `mission_context`, or its import path.
+        target: The object's class, marked by `mission_context`, or its import path.
         doc: Its description.
-        required: Whether the node cannot do without; otherwise the default is None.
+        required: Whether the node requires it; otherwise the default is None.
     """
     return Parameter(keyword, ParameterRole.CONTEXT, required, target_or_path=target, doc=doc)
 
 
 def reference(keyword: str, path: str, doc: str) -> Parameter:
-    """Return a parameter for another leaf of the tree, which a file names.
+    """Return a parameter for another leaf of the tree, which the file names.
 
     Args:
         keyword: Its name.
@@ -171,14 +171,16 @@ def reference(keyword: str, path: str, doc: str) -> Parameter:
     return Parameter(keyword, ParameterRole.REFERENCE, required=True, target_or_path=path, doc=doc)
 
 
-SCOPE = handed_over("scope", "sar_compiler.runtime.blackboard:Scope", "Where keys are looked up.")
+SCOPE = handed_over(
+    "scope", "sar_compiler.runtime.blackboard:Scope", "The scope in which keys are looked up."
+)
 ENUMS = handed_over("enums", "sar_compiler.runtime.variables:Enums", "The names that stand for numbers.")
-CLOCK = handed_over("clock", "sar_compiler.runtime.clock:Clock", "What the time is measured with.")
+CLOCK = handed_over("clock", "sar_compiler.runtime.clock:Clock", "The clock that measures the time.")
 
 
 def _port(direction: Direction, keyword: str, kind: object, doc: str, default: object) -> Parameter:
     value_type = kind if isinstance(kind, ValueType) else ANYTHING if kind is object else port_type_of(kind)
-    assert value_type is not None, kind  # noqa: S101 - a slip in a spec
+    assert value_type is not None, kind  # noqa: S101 - an error in a spec
     return _parameter(keyword, value_type, direction, doc, default)
 
 

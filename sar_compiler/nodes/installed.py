@@ -1,12 +1,12 @@
-"""Discovery of the Python modules that are installed, as opposed to those that are merely in a tree file's folder.
+"""Discovery of installed Python modules, excluding those in a tree file's folder.
 
-A checkout is data, and so is the current folder: to validate foreign trees must not run foreign code. But
+A checkout is data, and so is the current folder: validating foreign trees must not run foreign code. But
 `sys.path` may include these folders, through an empty part of `PYTHONPATH` or `python -m`, with packages and with
 apparent metadata of installed distributions. They are therefore excluded here, whatever `sys.path` contains.
 
 Included are the folders of the interpreter (a virtual environment may be in the checkout), the folder of this
 package, and the sourced ROS workspaces. The metadata of a distribution that was installed with `pip install -e`
-names the folder of its modules; to install it is to trust that folder.
+names the folder of its modules; by installing it, the user trusts that folder.
 """
 
 import functools
@@ -34,7 +34,7 @@ class EntryPoint(NamedTuple):
 
     Attributes:
         name: Its name.
-        value: What it names: `package.module` or `package.module:attribute`.
+        value: Its target: `package.module` or `package.module:attribute`.
     """
 
     name: str
@@ -42,12 +42,12 @@ class EntryPoint(NamedTuple):
 
     @property
     def module(self) -> str:
-        """The module that it names."""
+        """The module of its target."""
         return self.value.partition(":")[0].strip()
 
     @property
     def attr(self) -> str:
-        """The attribute there."""
+        """The attribute of its target."""
         return self.value.partition(":")[2].strip()
 
 
@@ -56,7 +56,7 @@ def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
 
     Args:
         group: The group.
-        checkout: A folder whose content does not count as installed, in addition to the current folder.
+        checkout: A folder whose content is not regarded as installed, in addition to the current folder.
     """
     return list(_entry_points(group, _installed_folders(checkout)).values())
 
@@ -75,9 +75,9 @@ def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple
 
 
 def pass_over(entries: Iterable[str]) -> None:
-    """Take over the entries that were taken off `sys.path`, because they are there by the working directory.
+    """Store the entries that were removed from `sys.path` because they depend on the working directory.
 
-    Those where something is installed are put back; the others are looked at again for what the user names.
+    Entries with installed packages are restored; the others are searched only for modules that the user names.
     """
     given = [*entries]
     sys.path[:0] = given
@@ -94,14 +94,14 @@ def look_in_current_folder() -> None:
 
 
 def is_offered(module: str, group: str, checkout: Path | None = None) -> bool:
-    """Return whether a module belongs to an installed package that has an entry point of a group, without importing it.
+    """Return whether a module belongs to an installed package with an entry point of a group, without importing it.
 
-    Others have not been written for being imported by a file's wish: to import them may run a test suite, or worse.
+    Other modules were not written for import on a file's request: importing them may run a test suite, or worse.
 
     Args:
         module: Its import path.
         group: The group.
-        checkout: A folder whose content does not count as installed, in addition to the current folder.
+        checkout: A folder whose content is not regarded as installed, in addition to the current folder.
     """
     top, *rest = module.split(".")
     offered = {each.module for each in entry_points(group, checkout)}
@@ -111,7 +111,7 @@ def is_offered(module: str, group: str, checkout: Path | None = None) -> bool:
         specs = ((finder, finder.find_spec(top, None)) for finder in sys.meta_path)
         finder, spec = next((found for found in specs if found[1] is not None), (None, None))
         if spec is None or (spec.loader is None and not _shares(offered, ".".join((top, *rest[:1])))):
-            # Distributions of different people have parts of a namespace.
+            # Distributions of different authors may share a namespace.
             return False
         if checkout is None or finder is not PathFinder:
             return True
@@ -124,9 +124,9 @@ def _shares(modules: Iterable[str], package: str) -> bool:
 
 
 def _is_entered_from_above(top: Path, rest: list[str], checkout: Path) -> bool:
-    """Return whether the way to a module leads from a folder of `sys.path` above a checkout into it.
+    """Return whether the path to a module leads from a folder of `sys.path` into a checkout below it.
 
-    Such a folder, which may be the user's own with all his checkouts, makes each of them a package.
+    Such a folder, for example a user's folder of checkouts, makes each checkout a package.
     """
     folder = top.parent.resolve()
     return (folder / top.name).joinpath(*rest).is_relative_to(checkout) and not folder.is_relative_to(
@@ -145,7 +145,7 @@ def import_installed(module: str, checkout: Path | None = None) -> ModuleType:
 
 
 def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], EntryPoint]:
-    """Return the entry points of a group by distribution and name; of equally named distributions the first counts."""
+    """Return the entry points of a group by distribution and name; the first of equally named distributions wins."""
     found: dict[tuple[str, str], EntryPoint] = {}
     seen: set[str] = set()
     for name, text in _metadata(path, "entry_points.txt"):
@@ -156,7 +156,7 @@ def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], Entr
 
 
 def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
-    """Yield the names of all distributions that have a file of metadata, with its content."""
+    """Yield the name and content for each distribution that has a metadata file."""
     for folder in path:
         with suppress(OSError):
             state = os.stat(folder or os.curdir)  # noqa: PTH116
@@ -165,15 +165,15 @@ def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
 
 @functools.cache
 def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tuple[str, str]]:
-    """Return the names of the distributions in a folder that have a file of metadata, with its content.
+    """Return the name and content for each distribution in a folder that has a metadata file.
 
-    They are read here because the import of `importlib.metadata` takes longer than to check most trees.
+    They are read here because importing `importlib.metadata` takes longer than checking most trees.
     """
     with os.scandir(folder) as entries:
         names = sorted(entry.name for entry in entries if entry.name.endswith(_METADATA))
     found = []
     for each in names:
-        if not os.path.exists(f"{folder}/{each}/{file}"):  # noqa: PTH110 - as most do not, and this is quick
+        if not os.path.exists(f"{folder}/{each}/{file}"):  # noqa: PTH110 - most do not exist, and this is fast
             continue
         name = each.rpartition(".")[0].partition("-")[0].lower().replace(".", "_")
         with suppress(UnreadableFileError):
@@ -201,7 +201,7 @@ def _installed_folders(checkout: Path | None) -> list[str]:
             return True
         return any(folder.is_relative_to(prefix) for prefix in sourced) or folder in _trusted_folders()
 
-    # What is not absolute is the current folder's, or no folder: the mark of an editable installation.
+    # An entry that is not absolute depends on the current folder, or marks an editable installation.
     return [entry for entry in sys.path if os.path.isabs(entry) and is_installed_in(Path(entry).resolve())]  # noqa: PTH117
 
 
@@ -214,7 +214,7 @@ def _current_folders() -> set[Path]:
 
 
 def _trusted_folders() -> Iterator[Path]:
-    """Yield the folders of the interpreter's packages, and of this one."""
+    """Yield the folders of the interpreter's packages, and of this package."""
     yield _OWN_FOLDER
     yield from (Path(folder).resolve() for folder in (*site.getsitepackages(), site.getusersitepackages()))
     import sysconfig

@@ -1,4 +1,4 @@
-"""Numbers, durations and units as files write them, and the one number that another notation can mean."""
+"""Parsing of numbers, durations and units, and the number that another notation probably means."""
 
 import math
 import re
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
 INTEGER = r"[+\-]?[0-9]+"
-"""A regular expression (as XSD and JSON Schema both read it) of whole numbers."""
+"""A regular expression (for XSD and JSON Schema) of integers."""
 REAL = r"[+\-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+\-]?[0-9]+)?"
-"""That of numbers."""
+"""A regular expression of numbers."""
 _COUNT = r"([0-9]+(\.[0-9]*)?|\.[0-9]+)"
 WITH_UNIT = rf"{_COUNT}(ms|s|min)"
-"""That of durations with their unit."""
+"""A regular expression of durations with a unit."""
 DURATION = rf"{WITH_UNIT}?"
-"""That of durations of which a plain number has a unit of its own."""
+"""A regular expression of durations of which a plain number has a default unit."""
 HOW_LONG = "write a number with ms, s or min, for example 500ms, 1.5s or 2min"
 
 _MILLISECONDS = {"ms": 1, "s": 1000, "min": 60_000}
-# What people write for durations, and for how many of these units.
+# The units that people write for durations, and their conversion.
 _DURATIONS = {
     "us": ("0.001", "ms"),
     "ms": ("1", "ms"),
@@ -33,11 +33,11 @@ _DURATIONS = {
     "h": ("60", "min"),
 }
 _DIGITS = 5
-# More than a number in one unit has in another one; a part of a circle has no end, or a far one.
+# More than a number in one unit has in another one; a fraction of a circle may have infinitely many digits.
 _MOST_DIGITS = 20
-"""How many digits are written of a number that has no end: 90 degrees are 1.5708 radians."""
+"""The number of digits of an infinite decimal: 90 degrees are 1.5708 radians."""
 LONGEST = 100
-"""No number that a robot needs has more digits."""
+"""The most digits of a number; a robot needs no more."""
 _AMBIGUOUS = r"\s*([+\-]?[1-9][0-9]{0,2}),([0-9]{3})\s*([^\W\d_]*)\s*"
 _THOUSANDS = r"[+\-]?[1-9][0-9]{0,2}(?:,[0-9]{3}){2,}(?:\.[0-9]+)?"
 _UNDERSCORES = r"[+\-]?[0-9]+(?:_[0-9]+)+(?:\.[0-9]+)?"
@@ -47,12 +47,12 @@ _SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|[°%])"
 
 
 class SensibleNumbers(NamedTuple):
-    """The numbers that make sense to a node which takes others as well.
+    """The plausible numbers for a node that accepts others as well.
 
     Attributes:
         least: The smallest one.
         most: The largest one.
-        is_open: Whether the smallest one itself does not.
+        is_open: Whether the smallest one itself is excluded.
     """
 
     least: float
@@ -60,27 +60,27 @@ class SensibleNumbers(NamedTuple):
     is_open: bool = False
 
     def __contains__(self, number: object) -> bool:
-        """Return whether a number makes sense."""
+        """Return whether a number is plausible."""
         if not isinstance(number, (int, float)) or math.isnan(number):
             return False
         return number <= self.most and (number > self.least if self.is_open else number >= self.least)
 
     def __str__(self) -> str:
-        """Return it in words: `more than 0`, `0 or more`, `from 0 to 255`."""
+        """Return the range in words: `more than 0`, `0 or more`, `from 0 to 255`."""
         if self.most != math.inf:
             return f"from {self.least:.10g} to {self.most:.10g}"
         return f"more than {self.least:g}" if self.is_open else f"{self.least:g} or more"
 
 
 class Unit(NamedTuple):
-    """A unit that numbers in files have without saying so.
+    """A unit of numbers that files write without it.
 
     Attributes:
-        words: What it is called in a sentence.
-        others: How many of it each other unit of the same quantity is; units of time are in `_DURATIONS`.
-        possible: The numbers that can be meant.
-        usual: Those that a robot's mission has; any other is warned of.
-        mistaken: The unit that a number outside of these was probably written in, and what it is called; empty if none is likely.
+        words: Its name in a sentence.
+        others: The factor of each other unit of the same quantity; units of time are in `_DURATIONS`.
+        possible: The valid numbers.
+        usual: The plausible numbers; others get a warning.
+        mistaken: The symbol and name of the unit that an implausible number probably has; empty if none is likely.
     """
 
     words: str
@@ -126,7 +126,7 @@ UNITS = {
         ("%", "percent"),
     ),
 }
-"""Every unit that numbers in trees, parameters and other files have, with the numbers that make sense in it."""
+"""All units of numbers in trees, parameters and other files, with their plausible numbers."""
 _KEYS = {
     "m": "x y geofence polygon sweep_width detection_range",
     "rad": "yaw",
@@ -138,7 +138,7 @@ _UNIT_OF_KEY = {key: unit for unit, keys in _KEYS.items() for key in keys.split(
 
 
 def unit_of_key(key: str) -> str:
-    """Return the unit of the number that a parameter has (`initial_pose.yaw`: `rad`); empty if it has none."""
+    """Return the unit of a parameter's number (`initial_pose.yaw`: `rad`); empty if it has none."""
     name = key.rpartition(".")[2]
     return _UNIT_OF_KEY.get(name) or (unit_in(name) if "_" in name else "")
 
@@ -147,9 +147,9 @@ class Oddity(NamedTuple):
     """A number outside of the range of its unit.
 
     Attributes:
-        message: What is wrong with it, as the end of a sentence.
-        hint: What was probably meant, with what to write; empty if nothing follows from the number.
-        is_impossible: Whether it cannot be meant; else it is unusual.
+        message: The error, as the end of a sentence.
+        hint: The probable intention with the replacement; empty if the number suggests none.
+        is_impossible: Whether it is invalid; otherwise it is implausible.
     """
 
     message: str
@@ -157,12 +157,12 @@ class Oddity(NamedTuple):
     is_impossible: bool
 
     def __str__(self) -> str:
-        """Return both in a sentence."""
+        """Return the message and the hint as a sentence."""
         return f"{self.message}; {self.hint}" if self.hint else self.message
 
 
 def find_oddity(number: float, unit: str) -> Oddity | None:
-    """Return why a number makes no sense in a unit; None if it does, or the unit is unknown."""
+    """Return why a number is implausible in a unit; None if it is plausible, or the unit is unknown."""
     known = UNITS.get(unit)
     if known is None or number in known.usual:
         return None
@@ -171,17 +171,17 @@ def find_oddity(number: float, unit: str) -> Oddity | None:
     message = (
         f"must be {known.words} {bounds}, is {number:.10g}"
         if is_impossible
-        else f"is {number:.10g}, which is unusual for {known.words}: they are {bounds} as a rule"
+        else f"is {number:.10g}, which is implausible: {known.words} are usually {bounds}"
     )
     return Oddity(message, convert_mistaken(f"{number!r}", unit), is_impossible)
 
 
 def convert_mistaken(text: str, unit: str) -> str:
-    """Return what a number is if it was written in another unit: `write 1.5708 for 90 degrees`; empty if none is likely."""
+    """Return the replacement for a number in a wrong unit: `write 1.5708 for 90 degrees`; empty if none is likely."""
     known = UNITS.get(unit)
     if known is None or not known.mistaken[0] or (plain := meant_plain_number(text)) is None:
         return ""
-    if unit == "share" and "." in plain:  # 1.5 may have a point at the wrong place
+    if unit == "share" and "." in plain:  # 1.5 may have a misplaced point
         return ""
     meant = number_in(f"{plain}{known.mistaken[0]}", unit)
     if meant is None or float(meant) not in known.usual:
@@ -190,7 +190,7 @@ def convert_mistaken(text: str, unit: str) -> str:
 
 
 def milliseconds_in(text: str) -> "Decimal | None":
-    """Return the milliseconds of a duration with its unit; None for any other text."""
+    """Return the milliseconds of a duration with a unit; None for any other text."""
     match = re.fullmatch(WITH_UNIT, text) if len(text) <= LONGEST else None
     if match is None:
         return None
@@ -200,13 +200,13 @@ def milliseconds_in(text: str) -> "Decimal | None":
 
 
 def plain_duration(text: str, unit: str) -> str:
-    """Return a duration as the plain number that it is in another unit; any other text as it is."""
+    """Return a duration as a plain number in another unit; any other text unchanged."""
     milliseconds = milliseconds_in(text) if unit in _MILLISECONDS else None
     return text if milliseconds is None else _plain_text(milliseconds / _MILLISECONDS[unit])
 
 
 def meant_number(text: str) -> str | None:
-    """Return the one number that a text in another notation can mean (`1,5`, `1_000`, `0x10`); None if there is none."""
+    """Return the only possible meaning of a number in another notation (`1,5`, `1_000`, `0x10`); None if it is ambiguous."""
     text = text.strip()
     if len(text) > LONGEST or re.fullmatch(_AMBIGUOUS, text):
         return None
@@ -220,13 +220,13 @@ def meant_number(text: str) -> str | None:
 
 
 def meant_whole_number(text: str) -> str | None:
-    """Return the one whole number that a text in another notation can mean (`1e3`, `2.0`); None if there is none."""
+    """Return the only possible integer in another notation (`1e3`, `2.0`); None if there is none."""
     plain = meant_plain_number(text)
     return plain if plain is not None and "." not in plain else None
 
 
 def meant_plain_number(text: str) -> str | None:
-    """Return the one number that a text can mean, without an exponent; None if there is none."""
+    """Return the only possible meaning of a number, without an exponent; None if there is none."""
     number = meant_number(text)
     if number is None:
         return None
@@ -237,7 +237,7 @@ def meant_plain_number(text: str) -> str | None:
 
 
 def meant_duration(text: str) -> str | None:
-    """Return the one duration that a text in another notation can mean (`5 sec`, `1,5s`, `2h`); None if there is none."""
+    """Return the only possible duration in another notation (`5 sec`, `1,5s`, `2h`); None if there is none."""
     match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     spelt = _DURATIONS.get(UNIT_OF.get(match[2].lower(), "")) if match is not None else None
     number = meant_number(match[1]) if match is not None else None
@@ -250,33 +250,33 @@ def meant_duration(text: str) -> str | None:
 
 
 def number_hint(text: str, unit: str = "") -> str | None:
-    """Return what to do about a text that is no number, where no replacement is sure to mean the same.
+    """Return a hint for a text that is not a number and has no certain replacement.
 
     Args:
         text: The text.
-        unit: The unit that it is to have; empty if that is unknown.
+        unit: The expected unit; empty if it is unknown.
     """
     match = re.fullmatch(_AMBIGUOUS, text)
     if match is not None:
         readings = [f"{match[1]}{point}{match[2]}{match[3]}" for point in ("", ".")]
         numbers = [number_in(each, unit) or each for each in readings] if unit else readings
-        return f"a comma may mean either: write {', or '.join(numbers)}"
+        return f"the comma is ambiguous: write {', or '.join(numbers)}"
     if unit:
-        return f"write the number alone, in {unit_words(unit)}"
+        return f"write only the number, in {unit_words(unit)}"
     if re.match(r"\s*" + REAL + r"\s*[^\W\d]", text[:LONGEST]):
-        return "write the number alone; if it has a unit, the author of the node knows which"
+        return "write only the number, in the unit that the node's documentation gives"
     return None
 
 
 def unit_words(unit: str) -> str:
-    """Return what a unit is called: `metres per second` for `m/s`."""
+    """Return the name of a unit: `metres per second` for `m/s`."""
     return UNITS[unit].words if unit in UNITS else unit
 
 
 def number_in(text: str, unit: str) -> str | None:
-    """Return the one number that a text means where numbers have a unit (`90deg` in rad); None if there is none.
+    """Return the only possible number for a text with a unit (`90deg` in rad); None if there is none.
 
-    A number without an end is rounded to five digits.
+    An infinite decimal is rounded to five digits.
     """
     match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     if match is None:
@@ -288,7 +288,7 @@ def number_in(text: str, unit: str) -> str | None:
 
 
 def _one(spelt: str, unit: str) -> "Fraction | None":
-    """Return how many of a unit one of another is; None where these are of different things, or one is unknown."""
+    """Return the conversion factor between two units; None for different quantities or an unknown unit."""
     from fractions import Fraction
 
     spelt = UNIT_OF.get(spelt, spelt)
@@ -302,7 +302,7 @@ def _one(spelt: str, unit: str) -> "Fraction | None":
 
 
 def _round(value: "Fraction") -> str:
-    """Write a number with all its digits if it has an end, else the first ones."""
+    """Write a number with all its digits, or the first ones of an infinite decimal."""
     from decimal import Decimal
 
     short = Decimal(value.numerator) / Decimal(value.denominator)

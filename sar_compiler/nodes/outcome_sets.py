@@ -1,12 +1,12 @@
 """The possible results of a node's tick, by those of its children: the calculus of `Semantics.possible`.
 
 An outcome set is a number with a bit for each result. A function of this module takes a node, the sets of its
-children, and whether only *sure* results count. If not, it returns every result that a tick may have; if so, only
+children, and the flag *sure*. Without it, the function returns every result that a tick may have. With it, only
 those that occur in some run, provided that each child has each result of its own set in some run, independently of
 its siblings. The set of a child without a sure result is then empty.
 
-A result that depends on a key or on a script with variables may be either one, and is sure to be each in some run:
-the author expects both. A constant has a single result.
+A result that depends on a key or on a script with variables may be any, and each is regarded as sure, because the author
+expects all of them. A constant has a single result.
 """
 
 import math
@@ -35,20 +35,20 @@ ALLOWED, SURE = False, True
 """The results to collect: all that a tick may have, or only those that certainly occur in some run."""
 
 Number: TypeAlias = Callable[["NodeView"], float | None]
-"""Reads a number from a node's attributes; None if it is not known before the run."""
+"""A function that reads a number from a node's attributes; None if it is not known before the run."""
 Possible: TypeAlias = Callable[["NodeView", Sequence[int], bool], int]
 
-# Counting goes through all combinations; those of more children are only estimated.
+# Counting enumerates all combinations; with more children they are only estimated.
 _MOST_COUNTED = 12
 
 
 def bit_of(status: "Status | int") -> int:
-    """Return the set of one status; `update` returns INVALID for skipped. A set is returned as it is."""
+    """Return the set of one status, where INVALID means skipped; a set is returned unchanged."""
     return status if isinstance(status, int) else BITS.get(status.name, K)
 
 
 def bits(answers: Iterable[str]) -> int:
-    """Return the set of some results, by their letters."""
+    """Return the set of some results, given by their letters."""
     return union(BITS[answer] for answer in answers)
 
 
@@ -113,7 +113,7 @@ def _sequence(children: Sequence[int], sure: bool, pauses: bool, keeps_place: bo
             found |= R
         if not child & (S | K):
             return found
-    # Who begins in the middle has not been skipped as a whole, even if all that is left is.
+    # A node that begins in the middle is not skipped as a whole, even if all remaining children are.
     goes_back = keeps_place and union(children[1:]) & (F if sure else F | R)
     succeeds = goes_back or union(children) & S
     return found | (S if succeeds else 0) | intersection(children) & K
@@ -145,7 +145,7 @@ def attempt(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def counting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a parallel that stops as soon as enough children have succeeded or failed."""
+    """Return the set of a parallel that ends as soon as enough children have succeeded or failed."""
     wanted, failures = bound.value("success_count"), bound.value("failure_count")
     if len(children) > _MOST_COUNTED or not (isinstance(wanted, int) and isinstance(failures, int)):
         return _estimate(children, sure)
@@ -245,7 +245,7 @@ def _turning(turned: tuple[int, ...], bound: "NodeView", children: Sequence[int]
 
 
 def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
-    """Return the sure results of a child whose decorator ends, and resets it, in each tick in which it runs.
+    """Return the sure results of a child whose decorator resets it in each tick in which it runs.
 
     A leaf can end in any tick; a branch of several nodes may have to run for some ticks first.
     """
@@ -253,7 +253,7 @@ def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
 
 
 def adding(own: int, _bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a decorator that has results of its own besides its child's."""
+    """Return the set of a decorator that has results in addition to its child's."""
     return children[0] | own
 
 
@@ -273,7 +273,7 @@ def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool
 
 
 def rounds(count: Number, again: int, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that repeats its child, so many times, after one of its results: `S` or `F`."""
+    """Return the set of a decorator that repeats its child up to a count after one of its results: `S` or `F`."""
     child, most = children[0], count(bound)
     if most is None:
         return child & ~again if sure else child | again | R
@@ -307,7 +307,7 @@ def loop(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def each_item(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of py_trees' ForEach, whose list is never written in the file."""
+    """Return the set of py_trees' ForEach, whose list is never in the file."""
     return children[0] & (F | R) if sure else ALL
 
 
@@ -321,7 +321,7 @@ def awaiting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def queued(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of a leaf whose results are written in the file."""
+    """Return the set of a leaf whose results are in the file."""
     queue, eventually = bound.value("queue"), bound.value("eventually")
     if not isinstance(queue, list) or "eventually" in bound.keys:
         return unknown(bound, (), sure)
@@ -335,13 +335,13 @@ def ticks_counted(bound: "NodeView", _children: Sequence[int], sure: bool) -> in
 
 
 def number(bound: "NodeView", name: str) -> float | None:
-    """Return the value of an attribute that is a constant number; None for any other."""
+    """Return the value of a constant numeric attribute; None for any other."""
     value = bound.value(name)
     return value if isinstance(value, (int, float)) else None
 
 
 def milliseconds(bound: "NodeView", name: str) -> float | None:
-    """Return the seconds of an attribute that is a constant number of milliseconds; None for any other."""
+    """Return the value of a constant attribute in milliseconds, converted to seconds; None for any other."""
     value = number(bound, name)
     return None if value is None else value / 1000
 

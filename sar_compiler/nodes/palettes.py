@@ -1,8 +1,8 @@
-"""Palettes that are installed: the nodes of other programs, known by name and version (`nav2:jazzy`).
+"""Installed palettes: the nodes of other programs, by name and version (`nav2:jazzy`).
 
-An entry point of the group `sar_compiler.palettes` names a module with `VERSIONS`, the versions that it knows, and `specs(version)`,
-which returns the records of the nodes of one of them. It is loaded as modules of leaves are: what is installed counts, and no
-file chooses it.
+An entry point of the group `sar_compiler.palettes` names a module with `VERSIONS`, the known versions, and
+`specs(version)`, which returns the specs of the nodes of a version. The module is loaded like modules of leaves: only
+installed ones are used, and no file can choose them.
 """
 
 import functools
@@ -22,27 +22,27 @@ _NAME = re.compile(r"[A-Za-z][\w-]+:[\w.-]*")
 
 
 class PaletteError(SarError):
-    """There is no palette of a name and version, or it cannot be loaded."""
+    """A palette does not exist, or it cannot be loaded."""
 
 
 class KnownSpec(NodeSpec):
-    """The record of a node of another program, of which more is known than a model says."""
+    """The spec of a node of another program whose behaviour is known in addition to its model."""
 
     provenance = Provenance.NAMED
-    """The answers and the semantics are those of the node, and not guessed."""
+    """The declared outcomes and semantics are those of the node, and not guessed."""
 
 
 def is_palette_name(text: str) -> bool:
-    """Return whether a text names a palette that is installed, and not a file: `nav2:jazzy`."""
+    """Return whether a text names an installed palette and not a file: `nav2:jazzy`."""
     return _NAME.fullmatch(text) is not None
 
 
 def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[NodeSpec]:
-    """Return the records of the nodes of palettes; of two versions of one palette, the first one named counts.
+    """Return the specs of the nodes of palettes; of two versions of one palette, the first is used.
 
     Args:
-        names: Names with versions, as `nav2:jazzy`.
-        checkout: A folder whose content does not count as installed.
+        names: Names with versions, such as `nav2:jazzy`.
+        checkout: A folder whose content is not regarded as installed.
 
     Raises:
         PaletteError: If there is no such palette or version, or it cannot be loaded.
@@ -55,7 +55,7 @@ def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[No
 
 
 def palettes_with(tag: str) -> list[str]:
-    """Return the names of this package's palettes that know a tag; for a hint nobody else's are imported."""
+    """Return the names of this package's palettes that contain a tag; other palettes are not imported for a hint."""
     return [name for name, tags in _tags().items() if tag in tags]
 
 
@@ -79,17 +79,17 @@ def _specs_of(program: str, version: str, checkout: Path | None) -> list[NodeSpe
     installed = {each.name: each for each in entry_points(ENTRY_POINTS, checkout)}
     if program not in installed:
         known = ", ".join(f"{name}:..." for name in sorted(installed)) or "none"
-        message = f"there is no palette '{program}:{version}'{_suggestion(program, installed, ':...')}; there is {known}"
+        message = f"there is no palette '{program}:{version}'{_suggestion(program, installed, ':...')} (installed: {known})"
         raise PaletteError(message)
     try:
         module = import_installed(installed[program].module, checkout)
-    except (Exception, SystemExit) as error:  # whatever somebody's module does when it is imported
+    except (Exception, SystemExit) as error:  # a foreign module may raise anything
         message = f"the palette '{program}' ({installed[program].value}) cannot be imported: {type(error).__name__}: {error}"
         raise PaletteError(message) from error
     if version not in module.VERSIONS:
         known = ", ".join(f"{program}:{each}" for each in module.VERSIONS)
         near = _suggestion(version, module.VERSIONS, "", f"{program}:")
-        raise PaletteError(f"there is no palette '{program}:{version}'{near}; there is {known}")
+        raise PaletteError(f"there is no palette '{program}:{version}'{near} (installed: {known})")
     return list(module.specs(version))
 
 

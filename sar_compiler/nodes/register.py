@@ -15,11 +15,11 @@ from sar_compiler.runtime.answers import STATUSES, Answer, Fact
 
 C = TypeVar("C", bound=type[Any])
 
-# A name of XML without a colon, which would be a namespace.
+# A name of XML without a colon, which would mark a namespace.
 _TAG = re.compile(r"[^\W\d][\w.-]*")
 
 
-def register(  # noqa: PLR0913 - all that there is to say of a node
+def register(  # noqa: PLR0913 - the declarations of a node
     tag: str,
     *,
     kind: Kind | None = None,
@@ -35,24 +35,23 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
 ) -> Callable[[C], C]:
     """Register a class for a tag.
 
-    The decorator only marks the class, which is added to a registry that loads its module (by the entry
-    point `sar_compiler.nodes`, or `--nodes package.module`).
+    The decorator only marks the class. A registry that loads its module adds it (by the entry point
+    `sar_compiler.nodes`, or `--nodes package.module`).
 
     Args:
         tag: The tag in a tree file.
         kind: The kind of node.
-        outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them; by default those of its answers.
+        outcomes: The statuses that a tick can return, `runtime.skipping.SKIPPED` among them; by default those of *answers*.
         effects: Its effect on the world, in a few words ("drives the robot"); empty if it has none.
         uses: The actions, services and topics that it needs before the first tick.
-        answers: For a leaf: the possible results of a tick in a simulation, the usual one first; by default one for
+        answers: For a leaf: its possible outcomes in a simulation, the most common one first; by default one for
             each outcome.
-        facts: The facts that the scripts of these answers use, with their initial values.
+        facts: The facts that the scripts of these outcomes use, with their initial values.
         reads: Further facts or blackboard keys that its behaviour depends on.
         writes: Further facts or blackboard keys that it changes.
         semantics: For a control or decorator: how it treats its children, for instance `Semantics.sequence()`.
             Without it only the outcomes are known, and checks can conclude little.
-        child_count: For a control: the smallest and the largest number of children, None for no limit; by default from
-            1.
+        child_count: For a control: the minimum and maximum number of children, None for no limit; at least 1 by default.
 
     Returns:
         A decorator that returns the class, unchanged except for the mark.
@@ -92,7 +91,7 @@ def register(  # noqa: PLR0913 - all that there is to say of a node
 
 
 def _refuse(what: str, value: object, advice: str) -> NoReturn:
-    """Raise the error of an argument that is not what it should be."""
+    """Raise the error about a wrong argument."""
     raise RegistrationError(f"{what} {_quote(value)}{advice}")
 
 
@@ -104,7 +103,7 @@ def _require_tag(tag: object) -> None:
     if isinstance(tag, str) and _TAG.fullmatch(tag):
         return
     raise RegistrationError(
-        f"a leaf cannot be registered under {_quote(tag)}: a tag is one word of letters, digits, '_', '-' and '.', "
+        f"{_quote(tag)} is not a valid tag: a tag is one word of letters, digits, '_', '-' and '.', "
         "and begins with a letter or '_'"
     )
 
@@ -123,27 +122,27 @@ def _required_kind(tag: str, kind: object) -> Kind:
 
 def _require_semantics(tag: str, semantics: object) -> None:
     if not isinstance(semantics, (Semantics, type(None))):
-        _refuse(f"<{tag}>: semantics is", semantics, "; write Semantics.sequence() or the like")
+        _refuse(f"<{tag}>: semantics is", semantics, "; write for example Semantics.sequence()")
 
 
 def _child_count(tag: str, kind: Kind, count: object) -> tuple[int, int | None]:
     if count is None:
         return CHILD_COUNTS[kind]
     if kind is not Kind.CONTROL:
-        raise RegistrationError(f"<{tag}>: child_count is for controls: leave it out")
+        raise RegistrationError(f"<{tag}>: child_count is only for controls: remove it")
     match count:
         case (int(least), int() | None as most) if 1 <= least <= (least if most is None else most):
             return least, most
-    advice = "; write the smallest and the largest number of children, as (2, 3), or (2, None) for no limit"
+    advice = "; write the minimum and maximum number of children: (2, 3), or (2, None) for no limit"
     _refuse(f"<{tag}>: child_count is", count, advice)
 
 
 _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec", "wait_sec")
-"""The functions in a `Semantics`, which checks call."""
+"""The functions in a `Semantics` that checks call."""
 
 
 class _UsersFunction:
-    """A user's function in a `Semantics`: what it raises, or returns in place of an outcome set, is said with its class."""
+    """A user's function in a `Semantics`; errors and wrong results are reported with its class."""
 
     def __init__(self, whose: str, name: str, function: Callable[..., Any]) -> None:
         self._whose = whose
@@ -155,17 +154,17 @@ class _UsersFunction:
         try:
             found = self._function(bound, *others)
         except Exception as error:
-            message = f"{self._whose} raised {type(error).__name__}: {error}, for '{bound.name}' in line {bound.element.line}"
+            message = f"{self._whose} raised {type(error).__name__}: {error}, for '{bound.name}' on line {bound.element.line}"
             raise RegistrationError(message) from error
         if self._name == "possible" and not (isinstance(found, int) and 0 <= found <= ALL):
             raise RegistrationError(
-                f"{self._whose} returned {_quote(found)}; return a set of outcomes, such as that of a child"
+                f"{self._whose} returned {_quote(found)}; return an outcome set, for example that of a child"
             )
         return found
 
 
 def _guard_functions(tag: str, cls: type[Any], semantics: Semantics) -> Semantics:
-    """Return semantics whose functions, where they are the user's own, are guarded."""
+    """Return semantics whose user-defined functions are guarded."""
     guarded: dict[str, Any] = {}
     for name in _FUNCTIONS:
         function = getattr(semantics, name)
@@ -179,7 +178,7 @@ def _guard_functions(tag: str, cls: type[Any], semantics: Semantics) -> Semantic
 def _require_behaviour(tag: str, cls: object) -> None:
     if not (isinstance(cls, type) and issubclass(cls, Behaviour)):
         raise RegistrationError(
-            f"<{tag}>: {_quote(cls)} is no class of behaviours; derive one from py_trees.behaviour.Behaviour"
+            f"<{tag}>: {_quote(cls)} is not a behaviour class; derive it from py_trees.behaviour.Behaviour"
         )
 
 
@@ -216,7 +215,7 @@ def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answe
             _refuse(f"<{tag}>: answers holds one with the status", answer.status, advice)
     twice = [answer.name for index, answer in enumerate(said) if answer in said[:index]]
     if twice:
-        raise RegistrationError(f"<{tag}>: answers holds '{twice[0]}' twice")
+        raise RegistrationError(f"<{tag}>: answers contains '{twice[0]}' twice")
     return said
 
 
@@ -225,23 +224,23 @@ def _facts(tag: str, facts: object) -> Mapping[str, Fact]:
         _refuse(
             f"<{tag}>: facts is",
             facts,
-            "; write names and values at the start, for example {'zones_left': 3}",
+            "; write names and initial values, for example {'zones_left': 3}",
         )
     for name, value in facts.items():
         if not (isinstance(name, str) and is_fact_name(name)):
             raise RegistrationError(
-                f"<{tag}>: a fact cannot be called {_quote(name)}: it is a word of letters, digits and '_'"
+                f"<{tag}>: {_quote(name)} is not a valid fact name: use letters, digits and '_'"
             )
         if not isinstance(value, (bool, int, float, str)):
-            _refuse(f"<{tag}>: the fact '{name}' is", value, "; write a number, a text, True or False")
+            _refuse(f"<{tag}>: the fact '{name}' is", value, "; write a number, a string, True or False")
     return dict(facts)
 
 
 def _members(tag: str, argument: str, value: object, example: str) -> tuple[Any, ...]:
     if isinstance(value, Iterable) and not isinstance(value, str):
         return tuple(value)
-    _refuse(f"<{tag}>: {argument} is", value, f"; write several or one in brackets, as {example}")
+    _refuse(f"<{tag}>: {argument} is", value, f"; write a list or tuple, such as {example}")
 
 
 def _quote(value: object) -> str:
-    return f"the text '{value}'" if isinstance(value, str) else repr(value)
+    return f"the string '{value}'" if isinstance(value, str) else repr(value)

@@ -21,7 +21,7 @@ from sar_compiler.tree.model import SUBTREE_TAG
 ENTRY_POINTS = "sar_compiler.nodes"
 
 Named = str | ModuleType | type
-"""Leaves, as named by a user: the import path of a module, a module, or a class."""
+"""Modules of leaves named by a user: an import path, a module, or a class."""
 
 _REGISTERS = re.compile(r"^@(\w+\.)*register\(", re.MULTILINE)
 
@@ -45,10 +45,10 @@ class Registry:
             self.add(spec)
 
     def add(self, spec: NodeSpec) -> None:
-        """Add a tag, or (for a variant) one more meaning of it.
+        """Add a tag or, for a variant, another meaning of it.
 
         Raises:
-            RegistryError: If the tag already means another class.
+            RegistryError: If the tag is already registered for another class.
         """
         known = self._specs.setdefault(spec.tag, [])
         if any(_is_same(other, spec) for other in known):
@@ -59,11 +59,11 @@ class Registry:
         known.append(spec)
 
     def belongs_to(self, tag: str, entry_point: str) -> None:
-        """Note that a tag is known because it is installed, and by which entry point; nobody has asked for it."""
+        """Record that an installed entry point provides a tag that the user did not request."""
         self._installed.setdefault(tag, entry_point)
 
     def tags_like(self, tags: Iterable[str]) -> list[str]:
-        """Return the tags that a file with some tags may mean: of what is merely installed, only what comes with one of them."""
+        """Return the tags to suggest for a file; of installed modules, only those that it already uses."""
         used = {self._installed.get(tag) for tag in tags}
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
 
@@ -79,7 +79,7 @@ class Registry:
         """Add a class that is marked by `register`.
 
         Raises:
-            RegistryError: If it is not marked, or its tag already means another class.
+            RegistryError: If it is not marked, or its tag is already registered for another class.
         """
         if not is_marked(cls):
             name = f"{cls.__module__}.{cls.__qualname__}"
@@ -107,14 +107,14 @@ class Registry:
         return next(iter(self.variants(tag)), None)
 
     def variants(self, tag: str) -> list[NodeSpec]:
-        """Return all meanings of a tag; the written attributes decide between them.
+        """Return all meanings of a tag; the written attributes select one.
 
         Raises:
             RegistrationError: If the constructor of one of them cannot be written in a tree file.
         """
         found = self._specs.get(tag, [])
         for spec in found:
-            spec.parameters  # noqa: B018 - whoever means this tag is told of mistakes in its constructor
+            spec.parameters  # noqa: B018 - report errors in its constructor if the tag is used
         return [*found]
 
     def by_tag(self) -> dict[str, list[NodeSpec]]:
@@ -122,11 +122,11 @@ class Registry:
         return {tag: self.variants(tag) for tag in sorted(self._specs)}
 
     def specs(self) -> list[NodeSpec]:
-        """Return the registered specs, to make another registry."""
+        """Return the registered specs, for another registry."""
         return [spec for variants in self._specs.values() for spec in variants]
 
     def without(self, tags: Collection[str]) -> "Registry":
-        """Return a registry that does not have some tags."""
+        """Return a registry without some tags."""
         left = Registry()
         left._specs = {tag: variants for tag, variants in self._specs.items() if tag not in tags}
         left._installed = self._installed
@@ -137,29 +137,29 @@ class Registry:
         return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
 
     def nearest(self, tag: str) -> str | None:
-        """Return the tag that was probably meant, or None."""
+        """Return the tag that was probably intended, or None."""
         return nearest(tag, self._specs)
 
 
-@gc_paused()  # in what is imported there is nothing to collect
+@gc_paused()  # imports leave no garbage
 def load_registry(
     named: Iterable[Named] = (),
     configured: Iterable[str] = (),
     checkout: Path | None = None,
     palettes: Iterable[str] = (),
 ) -> Registry:
-    """Make the registry of all installed nodes and of those that are named.
+    """Create the registry of all installed and all requested nodes.
 
     Args:
         named: Modules of leaves or their import paths, named by the user, which may be in the current folder, and
             classes of leaves.
-        configured: Import paths that a configuration names; these are installed, or trusted.
-        checkout: A folder whose content does not count as installed.
-        palettes: Names of installed palettes (`nav2:jazzy`); what is registered under the tag of one of their nodes
-            takes its place.
+        configured: Import paths from a configuration, which are installed or trusted.
+        checkout: A folder whose content is not regarded as installed.
+        palettes: Names of installed palettes (`nav2:jazzy`); a class registered under the tag of one of their nodes
+            replaces that node.
 
     Raises:
-        RegistryError: If a module cannot be imported or has no leaves; names it and says why.
+        RegistryError: If a module cannot be imported or has no leaves; names it and the reason.
         PaletteError: If there is no such palette.
     """
 
@@ -190,7 +190,7 @@ def load_registry(
 
 @functools.cache
 def language() -> list[NodeSpec]:
-    """Return the records of the language's own nodes, and of `SubTree`."""
+    """Return the specs of the language's own nodes, and of `SubTree`."""
     from sar_compiler.nodes.language import SPECS
 
     return SPECS
@@ -198,19 +198,19 @@ def language() -> list[NodeSpec]:
 
 @functools.cache
 def subtree() -> NodeSpec:
-    """Return the record of `SubTree`."""
+    """Return the spec of `SubTree`."""
     return language_variants(SUBTREE_TAG)[0]
 
 
 @functools.cache
 def language_variants(tag: str) -> Sequence[NodeSpec]:
-    """Return all meanings that a tag has in the language, whatever is registered beside it."""
+    """Return all meanings of a tag in the language, without other registrations."""
     return [each for each in language() if each.tag == tag]
 
 
 @functools.cache
 def is_library_tag(tag: str) -> bool:
-    """Return whether a tag is a word of the language here that BehaviorTree.CPP does not have, such as py_trees' nodes."""
+    """Return whether the language has a tag that BehaviorTree.CPP lacks, for example of py_trees' nodes."""
     specs = language_variants(tag)
     return bool(specs) and not any(spec.semantics.counterpart.built_in for spec in specs)
 
@@ -232,19 +232,19 @@ def _add_import(registry: Registry, name: str, source: str, load: Callable[[str]
 
 
 def _as_module(path: Path) -> str:
-    """Return a hint for a file's path given in place of a module's import path."""
+    """Return a hint for a file path that is given in place of a module's import path."""
     try:
         here = path.resolve().relative_to(Path.cwd())
     except (OSError, ValueError):
         here = Path("..")
     parts = here.with_suffix("").parts
     if not parts or not all(part.isidentifier() for part in parts):
-        return "write it as a module that is installed or lies in the current folder: --nodes PKG.MOD"
-    return f"write it as a module: --nodes {'.'.join(parts)}"
+        return "write the import path of a module that is installed or in the current folder: --nodes PKG.MOD"
+    return f"write its import path: --nodes {'.'.join(parts)}"
 
 
 def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
-    """Find the modules of a package that register leaves, by their text, without an import."""
+    """Find the modules of a package that register leaves, by their source text, without importing them."""
     for folder in map(Path, getattr(package, "__path__", ())):
         for path in sorted(folder.rglob("*.py")):
             parts = path.relative_to(folder).with_suffix("").parts
@@ -255,7 +255,7 @@ def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
 
 
 def registered_leaves(package: str) -> "Registry":
-    """Return the leaves that a module registers, or the modules of a package, and nothing else.
+    """Return the leaves that a module or the modules of a package register, without any others.
 
     Args:
         package: Its import path, named by the user.
@@ -275,14 +275,14 @@ def registered_leaves(package: str) -> "Registry":
 def _import(name: str, source: str, load: Callable[[str], ModuleType]) -> ModuleType:
     try:
         return load(name)
-    except (Exception, SystemExit) as error:  # whatever a user's module does when it is imported
+    except (Exception, SystemExit) as error:  # a user's module may raise anything
         wrong = error.msg if isinstance(error, SyntaxError) else error
         text = f"the module of leaves '{name}' ({source}) cannot be imported: {type(error).__name__}: {wrong}"
         raise RegistryError(f"{_place_of(error)}{text}") from error
 
 
 def _place_of(error: BaseException) -> str:
-    """Return file, line and column at which a user's module has raised, with a colon behind each; empty if it has not begun."""
+    """Return `file:line:column: ` of an error in a user's module; empty if the module was not found."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{as_written(Path(error.filename))}:{error.lineno or 1}:{error.offset or 1}: "
     import traceback
@@ -293,12 +293,12 @@ def _place_of(error: BaseException) -> str:
     if not theirs:
         return ""
     last = theirs[-1]
-    column = (getattr(last, "colno", None) or 0) + 1  # Python 3.10 does not know it
+    column = (getattr(last, "colno", None) or 0) + 1  # Python 3.10 lacks it
     return f"{as_written(Path(last.filename))}:{last.lineno}:{column}: "
 
 
 def _is_same(first: NodeSpec, second: NodeSpec) -> bool:
-    """Return whether two records are of one class; of one that is named by its path, that counts."""
+    """Return whether two specs are of one class; a class that is named by its path is not imported for that."""
     if first.is_by_path or second.is_by_path:
         return first.maker_path == second.maker_path
     return first.class_or_path is second.class_or_path

@@ -1,6 +1,6 @@
-"""Fields of ROS messages as an attribute of a tree file writes them: YAML, in which `{key}` is a key of the blackboard.
+"""Parsing of ROS message fields in attributes of tree files: YAML in which `{key}` is a blackboard key.
 
-Only the text is read here, so that it works without ROS; `ros_interfaces` puts the values into messages.
+Only the text is parsed here, without ROS; `ros_interfaces` puts the values into messages.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ PlaceInText: TypeAlias = tuple[int, int]
 
 @dataclass(frozen=True)
 class KeyReference:
-    """A key of the blackboard, which is read when the message is made."""
+    """A blackboard key that is read when the message is created."""
 
     name: str
     place: PlaceInText
@@ -38,9 +38,9 @@ class Scalar:
     """A single value.
 
     Attributes:
-        text: Its text.
-        value: What YAML reads in it: a number, a truth value, a text, bytes, None.
-        place: Its place; None for a value that comes from the blackboard.
+        text: The text.
+        value: The YAML value: a number, a bool, a string, bytes or None.
+        place: Its location; None for a value that comes from the blackboard.
     """
 
     text: str
@@ -58,11 +58,11 @@ class Items:
 
 @dataclass(frozen=True)
 class Fields:
-    """Fields by their names, each with the place of its name.
+    """Fields by name, each with the location of its name.
 
     Attributes:
         fields: The fields.
-        text: All that was written, for the outermost ones.
+        text: The whole written text, for the outermost fields.
     """
 
     fields: "Mapping[str, tuple[FieldValue, PlaceInText | None]]"
@@ -75,7 +75,7 @@ class Fields:
 
 @dataclass(frozen=True)
 class Ready:
-    """A message, or a part of one, that a key holds."""
+    """A message, or a part of one, from a blackboard key."""
 
     message: object
     place: PlaceInText | None = None
@@ -85,7 +85,7 @@ FieldValue: TypeAlias = KeyReference | Scalar | Items | Fields | Ready
 
 
 def keys_of(value: FieldValue) -> Iterator[str]:
-    """Yield the keys in some fields, each as often as it is there."""
+    """Yield the keys in some fields, including repetitions."""
     if isinstance(value, KeyReference):
         yield value.name
     elif isinstance(value, Items):
@@ -97,11 +97,11 @@ def keys_of(value: FieldValue) -> Iterator[str]:
 
 
 def value_of(found: object, place: PlaceInText | None = None) -> FieldValue:
-    """Return a value of the blackboard as one of a message: numbers, texts, lists, mappings, or messages.
+    """Return a blackboard value as a message value: numbers, strings, lists, mappings, or messages.
 
     Args:
         found: The value.
-        place: Where its key is written.
+        place: The location of its key.
     """
     if found is None or isinstance(found, (bool, int, float, str, bytes)):
         return Scalar(str(found), found, place)
@@ -117,16 +117,18 @@ def value_of(found: object, place: PlaceInText | None = None) -> FieldValue:
 
 
 def read_fields(text: str) -> Fields:
-    """Read fields, with or without braces around them.
+    """Parse fields, with or without braces around them.
 
-    As `ros2 service call` does it reads YAML; `{key}` in the place of a value is a key of the blackboard, and a comma may
-    separate the outermost fields without braces.
+    The text is YAML as for `ros2 service call`, with two additions: `{key}` in place of a value is a blackboard key, and
+    commas may separate the outermost fields without braces.
 
     Raises:
-        ConversionError: If that is no YAML, or no fields; has the place.
+        ConversionError: If it is not YAML, or not fields; contains the location.
     """
     if len(text) > _MOST_CHARACTERS:
-        raise ConversionError(f"{len(text)} characters are more than the {_MOST_CHARACTERS} that are read")
+        raise ConversionError(
+            f"the text has {len(text)} characters, but at most {_MOST_CHARACTERS} are allowed"
+        )
     if not text.strip():
         return Fields({}, text=text)
     depth = max(itertools.accumulate((each in "[{") - (each in "]}") for each in text))
@@ -135,13 +137,13 @@ def read_fields(text: str) -> Fields:
     node, shift = _composed(masked(text))
     found = _Reader(text, shift).value(node)
     if not isinstance(found, Fields):
-        raise ConversionError(f"{_shown(text)} is no field with a value", hint=_EXAMPLE)
+        raise ConversionError(f"{_shown(text)} is not a field with a value", hint=_EXAMPLE)
     return dataclasses.replace(found, text=text)
 
 
 def _composed(text: str) -> tuple[yaml.Node, int]:
-    """Return the YAML in a text, and how many characters were put before it."""
-    # First as it is, which is what ROS reads. `a: 1, b: 2` is no YAML without braces.
+    """Return the parsed YAML of a text, and the number of characters added in front of the text."""
+    # First unchanged, as ROS parses it. Without braces, `a: 1, b: 2` is not YAML.
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except (yaml.YAMLError, ValueError):
@@ -161,7 +163,7 @@ def _no_yaml(text: str, error: yaml.YAMLError) -> ConversionError:
     mark = getattr(error, "problem_mark", None)
     at = min(max(mark.index - 1, 0), len(text) - 1) if mark is not None else 0
     return ConversionError(
-        f"{_shown(text)} is no YAML: {problem}", hint=_EXAMPLE, place=(at, at + 1) if mark else None
+        f"{_shown(text)} is not YAML: {problem}", hint=_EXAMPLE, place=(at, at + 1) if mark else None
     )
 
 
@@ -170,11 +172,11 @@ def _shown(text: str) -> str:
 
 
 class _Reader:
-    """Makes values of the nodes of YAML.
+    """Converts YAML nodes to values.
 
     Args:
-        text: The text, as it was written.
-        shift: How many characters stand before it in what YAML has read.
+        text: The text as written.
+        shift: The number of characters added in front of it for the YAML parser.
     """
 
     def __init__(self, text: str, shift: int) -> None:
@@ -183,12 +185,12 @@ class _Reader:
         self._constructor = yaml.constructor.SafeConstructor()
 
     def value(self, node: yaml.Node) -> FieldValue:
-        """Return the value of a node, and of all in it."""
+        """Return the value of a node and its descendants."""
         place = self._place(node)
         if id(node) in self._seen:
             # An alias of a list of aliases would be a value of any size.
             raise ConversionError(
-                "an alias (*) is not read here", hint="write the value once more", place=place
+                "a YAML alias (*) is not allowed here", hint="repeat the value", place=place
             )
         self._seen.add(id(node))
         if isinstance(node, yaml.SequenceNode):
@@ -200,12 +202,12 @@ class _Reader:
         except (yaml.YAMLError, ValueError) as error:
             problem = getattr(error, "problem", None) or error
             raise ConversionError(
-                f"'{node.value}' is no value: {problem}", hint="write it in quotes", place=place
+                f"'{node.value}' is not a value: {problem}", hint="write it in quotes", place=place
             ) from error
         return Scalar(unmasked(node.value), unmasked(found) if isinstance(found, str) else found, place)
 
     def _key(self, node: yaml.MappingNode, place: PlaceInText) -> KeyReference | None:
-        """Return the key that a mapping such as `{x}` is; None for any other."""
+        """Return the key if a mapping has the form `{x}`; None for any other mapping."""
         if len(node.value) != 1 or not node.flow_style:
             return None
         name, nothing = node.value[0]
@@ -222,7 +224,7 @@ class _Reader:
         for name, inner in node.value:
             at = self._place(name)
             if not isinstance(name, yaml.ScalarNode) or name.value == "<<":
-                raise ConversionError("a field has a name", hint=_EXAMPLE, place=at)
+                raise ConversionError("a field must have a name", hint=_EXAMPLE, place=at)
             field = unmasked(name.value)
             if field in found:
                 raise ConversionError(f"'{field}' is written twice", hint="delete one of the two", place=at)
@@ -253,27 +255,27 @@ class FieldPath:
 
 
 def read_path(text: str) -> FieldPath | None:
-    """Read the path of a field; None for an empty text.
+    """Parse the path of a field; None for an empty text.
 
     Raises:
-        ConversionError: If it is no path.
+        ConversionError: If it is not a path.
     """
     if not text:
         return None
     if not _PATH.fullmatch(text):
         raise ConversionError(
-            f"{_shown(text)} is no field", hint="write names with dots between them: pose.position.x"
+            f"{_shown(text)} is not a field path", hint="separate the names by dots: pose.position.x"
         )
     return FieldPath(text, (0, len(text)))
 
 
 @dataclass(frozen=True)
 class Destinations:
-    """Fields of a message that comes, and the keys that they are written to.
+    """Fields of a received message, and the keys that they are written to.
 
     Attributes:
         keys: The key of each field.
-        text: All that was written.
+        text: The whole written text.
     """
 
     keys: tuple[tuple[FieldPath, str], ...] = ()
@@ -284,10 +286,10 @@ class Destinations:
 
 
 def read_destinations(text: str) -> Destinations:
-    """Read fields with their keys: `error_code: {code}, error_msg: {message}`.
+    """Parse fields with their keys: `error_code: {code}, error_msg: {message}`.
 
     Raises:
-        ConversionError: If a field is none, or has no key; has the place.
+        ConversionError: If a field is invalid or has no key; contains the location.
     """
     return Destinations(tuple(_destinations(read_fields(text), "")), text)
 
@@ -297,7 +299,7 @@ def _destinations(fields: Fields, before: str) -> Iterator[tuple[FieldPath, str]
         path = f"{before}{name}"
         if not _PATH.fullmatch(path):
             raise ConversionError(
-                f"'{path}' is no field", hint="write names with dots between them: pose.x", place=place
+                f"'{path}' is not a field path", hint="separate the names by dots: pose.x", place=place
             )
         if isinstance(value, Fields):
             yield from _destinations(value, f"{path}.")
@@ -306,7 +308,7 @@ def _destinations(fields: Fields, before: str) -> Iterator[tuple[FieldPath, str]
         else:
             at = value.place if isinstance(value, (Scalar, Items)) else place
             raise ConversionError(
-                f"'{path}' needs the key that it is written to", hint=f"write {path}: {{key}}", place=at
+                f"'{path}' needs a key to write to", hint=f"write {path}: {{key}}", place=at
             )
 
 
@@ -327,7 +329,7 @@ FIELDS = ValueType(
     keys_in=_keys_in,
     takes_braces=True,
 )
-"""What is sent: the fields of a request, a goal or a message."""
+"""The type of the fields that are sent: of a request, a goal or a message."""
 DESTINATIONS = ValueType(
     "destinations",
     "fields with the keys that they are written to",
@@ -338,6 +340,6 @@ DESTINATIONS = ValueType(
     keys_in=_destination_keys,
     takes_braces=True,
 )
-"""Fields of what comes, each with a key."""
+"""The type of received fields, each with a key."""
 FIELD_PATH = ValueType("field.path", "a field", read_path, python=FieldPath, cpp="std::string", example="")
 """One field."""

@@ -1,4 +1,4 @@
-"""Leaves for what ROS offers, without a line of Python: `--model ros:jazzy`."""
+"""Leaves for any ROS action, service or topic, without Python code: `--model ros:jazzy`."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -24,8 +24,8 @@ VERSIONS = ("jazzy",)
 _HERE = "sar_compiler.ros.leaves.by_attributes"
 _WRITES = KeyRole(AccessKind.WRITE)
 _SENDS = "The {}'s fields as YAML, in which `{{key}}` is a key: `{}`. Or the key of a message."
-_VALUE = output_port("value", object, "Where it is written.", None)
-_SERVER = attribute("server_timeout_sec", Seconds, "How long to wait for a server, seconds.", 10.0)
+_VALUE = output_port("value", object, "The key that the value is written to.", None)
+_SERVER = attribute("server_timeout_sec", Seconds, "Time to wait for a server, in seconds.", 10.0)
 _SCOPE = handed_over("scope", SCOPE.target_path, SCOPE.doc, required=False)
 _RESULT = ("value", "fields")
 _NEVER: tuple[str, ...] = ()
@@ -42,11 +42,11 @@ def _fields(keyword: str, of: str, example: str) -> Any:
 
 
 def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], None]:
-    """Return the rule that checks a leaf's type, fields and values, where ROS is installed.
+    """Return the rule that checks a leaf's type, fields and values if ROS is installed.
 
     Args:
-        kind: What the type is of: `action`, `srv` or `msg`.
-        **parts: The attributes that name fields, each with the part of the interface; empty for the message itself.
+        kind: The kind of interface: `action`, `srv` or `msg`.
+        **parts: The attributes with fields, each with its part of the interface; empty for the message itself.
     """
 
     def rule(bound: NodeView, collector: FindingCollector) -> None:
@@ -68,7 +68,7 @@ def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], No
 
 
 def _mistake_in(value: object, cls: Any) -> InterfaceError | None:
-    """Return what is wrong with an attribute of fields, by a message's class."""
+    """Return the error in an attribute of fields, for a message class."""
     try:
         if isinstance(value, Fields):
             Filler().fill(cls(), value)
@@ -84,12 +84,12 @@ def _mistake_in(value: object, cls: Any) -> InterfaceError | None:
 
 def _check_value(bound: NodeView, collector: FindingCollector) -> None:
     if bound.values.get("field") is not None and "value" not in bound.keys:
-        message = "field: nothing says where it is written"
+        message = "field: add the attribute 'value' with the key to write to"
         collector.add("missing-attribute", message, bound.element, hint='write value="{key}"')
 
 
 def _worded(bound: NodeView, name: str, error: InterfaceError) -> tuple[str, Element, Span]:
-    """Return the message, the element and the place of a finding."""
+    """Return the message, the element and the location of a finding."""
     element, place = bound.element, error.place
     span = element.within_value(name, *place) if place else element.value_span(name)
     return f"{name}: {error.message}", element, span
@@ -105,16 +105,16 @@ def _advice(error: InterfaceError) -> Advice:
 _SPECS = (
     leaf_spec(
         f"{_HERE}:RosService",
-        "Call a service: SUCCESS when it has answered, and has not said no.",
+        "Call a service: SUCCESS when it has responded, unless the response reports failure.",
         input_port("service", str, "The service's name."),
         attribute("type_", str, "Its type, such as `std_srvs/srv/SetBool`."),
         input_port("request", FIELDS, _SENDS.format("request", "data: true"), None),
-        attribute("success", FIELD_PATH, "A field of the answer that must be true; empty for none.", None),
+        attribute("success", FIELD_PATH, "A field of the response that must be true; empty for none.", None),
         _field("answer", "location.x"),
         _VALUE,
         _fields("fields", "answer", "location.x: {x}, location.y: {y}"),
         _SERVER,
-        attribute("timeout_sec", Seconds, "How long to wait for the answer, seconds.", 5.0),
+        attribute("timeout_sec", Seconds, "Time to wait for the response, in seconds.", 5.0),
         _SCOPE,
         uses=(Use.service("{service}"),),
         effects="calls a service",
@@ -139,11 +139,11 @@ _SPECS = (
         _fields("feedback", "feedback", "distance_remaining: {left}"),
         _SERVER,
         attribute(
-            "acceptance_timeout_sec", Seconds, "How long to wait for the goal to be accepted, seconds.", 5.0
+            "acceptance_timeout_sec", Seconds, "Time to wait for the goal to be accepted, in seconds.", 5.0
         ),
         _SCOPE,
         uses=(Use.action("{action}"),),
-        effects="has a goal carried out",
+        effects="executes a goal",
         answers=(
             Answer("SUCCESS", "succeeded", writes=_RESULT),
             Answer("FAILURE", "aborted", writes=_RESULT),
@@ -155,7 +155,7 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTopic",
-        "Is there a message of a topic? SUCCESS if so, and fields of the latest one are written.",
+        "Check for a message on a topic: SUCCESS if there is one, and fields of the latest one are written.",
         input_port("topic", str, "The topic's name."),
         attribute("type_", str, "Its type, such as `sensor_msgs/msg/BatteryState`."),
         _field("message", "pose.position.x"),
@@ -164,19 +164,19 @@ _SPECS = (
         attribute(
             "max_age_sec",
             Seconds,
-            "How old a message may be, seconds of the node's clock; by default 5, and any age with `transient_local`.",
+            "Maximum age of a message in seconds of the node's clock; 5 by default, unlimited with `transient_local`.",
             None,
         ),
         attribute(
             "qos",
             Literal["sensor_data", "reliable", "transient_local"],
-            "`sensor_data`, `reliable`, or `transient_local` for what was published before.",
+            "`sensor_data`, `reliable`, or `transient_local` for messages published earlier.",
             "sensor_data",
         ),
         attribute(
             "waits",
             bool,
-            "Whether it is RUNNING, instead of FAILURE, while there is no message.",
+            "Whether it returns RUNNING, instead of FAILURE, while there is no message.",
             default=False,
         ),
         _SCOPE,
@@ -199,16 +199,16 @@ _SPECS = (
         attribute(
             "qos",
             Literal["reliable", "sensor_data", "transient_local"],
-            "`reliable`, `sensor_data`, or `transient_local` for subscribers that come later as well.",
+            "`reliable`, `sensor_data`, or `transient_local` to reach later subscribers, too.",
             "reliable",
         ),
         attribute(
             "waits",
             bool,
-            "Whether it is RUNNING until there is a subscriber; one that is `transient_local` never waits.",
+            "Whether it returns RUNNING until there is a subscriber; with `transient_local` it never waits.",
             default=True,
         ),
-        attribute("timeout_sec", Seconds, "How long to wait for one, seconds; then FAILURE.", 5.0),
+        attribute("timeout_sec", Seconds, "Time to wait for a subscriber, in seconds; then FAILURE.", 5.0),
         _SCOPE,
         effects="publishes a message",
         answers=(
@@ -220,17 +220,16 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTransform",
-        "Where is a frame in another one? SUCCESS if the transforms of `/tf` say so, and it is written; RUNNING while they do not.",
-        input_port("target_frame", str, "The frame in which it is told, such as `map`."),
-        input_port("source_frame", str, "The frame of which it is told, such as `base_link`."),
-        attribute("max_age_sec", Seconds, "How old the transforms may be, seconds of the node's clock.", 5.0),
-        attribute("timeout_sec", Seconds, "How long to wait for them, seconds; then FAILURE.", 5.0),
-        *(output_port(axis, float, f"Where {axis} is written, metres.", None) for axis in "xyz"),
-        output_port("yaw", float, "Where the turn about z is written, rad.", None),
-        *(
-            output_port(f"q{part}", float, f"Where the quaternion's {part} is written.", None)
-            for part in "xyzw"
+        "Look up the pose of a frame in another one: SUCCESS if `/tf` has the transforms, RUNNING while it does not.",
+        input_port("target_frame", str, "The reference frame, such as `map`."),
+        input_port("source_frame", str, "The frame to locate, such as `base_link`."),
+        attribute(
+            "max_age_sec", Seconds, "Maximum age of the transforms, in seconds of the node's clock.", 5.0
         ),
+        attribute("timeout_sec", Seconds, "Time to wait for them, in seconds; then FAILURE.", 5.0),
+        *(output_port(axis, float, f"The key for {axis}, in metres.", None) for axis in "xyz"),
+        output_port("yaw", float, "The key for the rotation about z, in rad.", None),
+        *(output_port(f"q{part}", float, f"The key for the quaternion's {part}.", None) for part in "xyzw"),
         uses=(Use.transforms(),),
         answers=(
             Answer("SUCCESS", "known", writes=("x", "y", "z", "yaw", "qx", "qy", "qz", "qw")),
@@ -243,5 +242,5 @@ _SPECS = (
 
 
 def specs(version: str) -> Sequence[NodeSpec]:  # noqa: ARG001 - they are the same in each
-    """Return the records of the leaves for a distribution of ROS 2."""
+    """Return the specs of the leaves for a ROS 2 distribution."""
     return _SPECS

@@ -1,6 +1,6 @@
 """The semantics of a node, independent of its class: the record used by checks, conversions and palettes.
 
-The registration of a node declares here how it ticks its children and what it makes of their results. Nothing else
+The registration of a node declares here how it ticks its children and how it uses their results. Nothing else
 in the project depends on a node's tag.
 """
 
@@ -38,7 +38,7 @@ class Gate(NamedTuple):
     """The condition under which a child is ticked.
 
     Attributes:
-        children: The indexes of the children of which at least one must have had such a result.
+        children: The indices of the children; at least one of them must have had such a result.
         answers: The results, an outcome set.
     """
 
@@ -56,15 +56,15 @@ class AccessKind(Enum):
     CHANGE = "change"
     """A script's `=` and the like: the key must have been written, or have a port."""
     BOTH = "both"
-    """A port that is both: its node may read first, or write first."""
+    """A port with both directions: its node may read first, or write first."""
     FIXED = "fixed"
     """Read when the tree is compiled: a parameter of the mission, or a constant."""
     NONE = "none"
-    """Neither: the key is only removed."""
+    """No access: the key is only removed."""
 
 
 class KeyRole(NamedTuple):
-    """A node's use of the key given to a port, where the port's direction does not tell.
+    """A node's use of the key given to a port, if it differs from the port's direction.
 
     Attributes:
         kind: The kind of access.
@@ -78,7 +78,7 @@ class KeyRole(NamedTuple):
 
 
 NO_HINT = "register a node of that name in C++"
-"""The remedy for a node without a counterpart, unless something else is known."""
+"""The remedy for a node without a counterpart, unless another is given."""
 
 
 class Counterpart(NamedTuple):
@@ -86,9 +86,9 @@ class Counterpart(NamedTuple):
 
     Attributes:
         built_in: Whether BehaviorTree.CPP has a node of this tag.
-        rewrite: Turns a node of this project into one of BehaviorTree.CPP's; None if the tag is kept.
-        hint: The remedy if there is no counterpart; empty where the same node is there in C++, in somebody's library.
-        since: The version that brought the node of this tag (`nodes.btcpp`); empty if all have it.
+        rewrite: Function that rewrites a node for BehaviorTree.CPP; None if the tag is kept.
+        hint: The remedy if there is no counterpart; empty if a C++ library provides the same node.
+        since: The version that introduced the node of this tag (`nodes.btcpp`); empty if all have it.
     """
 
     built_in: bool = False
@@ -111,20 +111,20 @@ class Semantics(NamedTuple):
             outcomes are known.
         order: The order in which it ticks its children.
         goes_on: The result of a child after which the next one is ticked, for `Order.IN_ORDER`: `S` or `F`.
-        gates: The children that are ticked only after certain results of others, by their indexes.
+        gates: The children that are ticked only after certain results of others, by their indices.
         reactive: Whether it re-evaluates all its children in every tick; an attribute `memory` may decide this instead.
-        steady: Whether each run of it ticks its child, in the first tick or after a delay, whatever the blackboard holds.
+        steady: Whether each of its runs ticks the child, at once or after a delay, independently of the blackboard.
         changes: The results of its child that it does not pass on.
         repeats: The results of its child after which it restarts the child.
         rounds: The number of times that it runs its child to an end; None for a node that does not count.
         once: Whether its child is executed only once in the whole run.
         limit_sec: The time limit of its child in seconds, `math.inf` for no limit; None for a node without a limit.
-        wait_sec: The time in seconds that it takes by itself: a leaf before it ends, a decorator before its child; None if unknown.
+        wait_sec: Its own time in seconds: of a leaf until it ends, of a decorator until its child starts; None if unknown.
         resumes: Whether it continues at its former place after a restart, or waits for other nodes.
         with_memory: The tag of its non-reactive counterpart, which ticks only the child that was running.
         keys: Its use of the keys of some of its ports.
         copies: The port of a key whose value it writes, with its type, to its other key; empty if it does not.
-        counts: The ports that are numbers of its children; negative ones are counted from the end.
+        counts: The ports whose values are numbers of its children; negative ones are counted from the end.
         counterpart: Its counterpart in BehaviorTree.CPP.
     """
 
@@ -156,7 +156,7 @@ class Semantics(NamedTuple):
         Args:
             reactive: Whether it re-evaluates all its children in every tick.
             pauses: Whether it returns RUNNING between two children.
-            keeps_place: Whether it begins with the child that failed after a restart.
+            keeps_place: Whether it begins with the failed child after a restart.
         """
         possible = outcome_sets.in_order(S, pauses=pauses, keeps_place=keeps_place)
         return cls(possible, Order.IN_ORDER, S, reactive=reactive, resumes=keeps_place)
@@ -247,7 +247,7 @@ class Semantics(NamedTuple):
 
 
 def _rounds_in(attribute: str, bound: "NodeView") -> float | None:
-    """Return a number of rounds in BehaviorTree.CPP's notation, in which -1 is endless and less is none."""
+    """Return a number of rounds in BehaviorTree.CPP's notation, in which -1 means endless and less means none."""
     count = outcome_sets.number(bound, attribute)
     if count is None:
         return None

@@ -1,4 +1,4 @@
-"""The record of a node, made by `register` or read from a model; for a registered class, its constructor is the manifest."""
+"""The declaration of a node, from `register` or a model; a registered class is declared by its constructor."""
 
 import functools
 import importlib
@@ -57,9 +57,9 @@ def load(path: str) -> Any:
 _PARENT = "sar_compiler.runtime.parents:EngineParent"
 _KERNEL = "sar_compiler.runtime.kernel."
 MARK = "__node_spec__"
-"""The attribute of a registered class that holds its record."""
+"""The attribute of a registered class that holds its spec."""
 Rule: TypeAlias = "Callable[[NodeView, FindingCollector], None]"
-"""Reports mistakes in a node whose attributes are each valid by themselves."""
+"""A function that reports errors in a node whose attributes are each valid."""
 
 
 class Kind(str, Enum):
@@ -76,7 +76,7 @@ class Kind(str, Enum):
         return self in (Kind.ACTION, Kind.CONDITION)
 
     def takes(self, children: int) -> bool:
-        """Return whether BehaviorTree.CPP reads such a node with a number of children."""
+        """Return whether BehaviorTree.CPP accepts such a node with a number of children."""
         if self is Kind.CONTROL:
             return children > 0
         return children == (0 if self.is_leaf else 1)
@@ -101,7 +101,7 @@ class SkipPossibility(Enum):
 
     NEVER = "never"
     FROM_CHILD = "from a child"
-    """If one of its children can."""
+    """If one of its children can be."""
     ALWAYS = "always"
 
 
@@ -123,26 +123,26 @@ class ParameterRole(Enum):
 
 
 class Provenance(Enum):
-    """Where the record of a node comes from, which decides how sure a finding about it is."""
+    """The source of a node's spec, which determines the certainty of findings about it."""
 
     INSTALLED = "an installed class"
     NAMED = "a named distribution"
     """A palette with a name and a version (`nav2:jazzy`), which lists every port."""
     DESCRIBED = "a file"
-    """The model of a tree file, or of a repository's palette; such files leave out ports that a node inherits."""
+    """The model of a tree file, or of a repository's palette; such files omit ports that a node inherits."""
     FROM_USE = "its use"
-    """A palette that `sar-compile nodes --from-use` has made: tags and ports that were used, types and directions guessed."""
+    """A palette from `sar-compile nodes --from-use`: used tags and ports, with guessed types and directions."""
 
     @property
     def is_description(self) -> bool:
-        """Whether only a file tells of the node."""
+        """Whether only a file describes the node."""
         return self in (Provenance.DESCRIBED, Provenance.FROM_USE)
 
     def severity_of_unlisted(self, *, is_near: bool) -> Severity:
         """Return the severity of an attribute that is not listed.
 
         Args:
-            is_near: Whether the name of one that is listed was probably meant.
+            is_near: Whether its name is similar to a listed one.
         """
         if not self.is_description:
             return Severity.ERROR
@@ -165,27 +165,27 @@ class Use:
 
     @classmethod
     def action(cls, name: str) -> "Use":
-        """Name an action that must have a server."""
+        """Require a server of an action."""
         return cls("action", name)
 
     @classmethod
     def service(cls, name: str) -> "Use":
-        """Name a service that must have a server."""
+        """Require a server of a service."""
         return cls("service", name)
 
     @classmethod
     def topic(cls, name: str) -> "Use":
-        """Name a topic that must have a publisher."""
+        """Require a publisher of a topic."""
         return cls("topic", name)
 
     @classmethod
     def transforms(cls) -> "Use":
-        """Ask for transforms, on `/tf` or `/tf_static`, each frame from one publisher."""
+        """Require transforms on `/tf` or `/tf_static`, with one publisher for each frame."""
         return cls("transforms")
 
     @classmethod
     def nav2(cls) -> "Use":
-        """Ask for a Nav2 that has an initial pose and reports itself active."""
+        """Require a Nav2 that has an initial pose and reports itself active."""
         return cls("nav2")
 
 
@@ -194,7 +194,7 @@ class Parameter:
     """One constructor parameter of a node's class.
 
     Attributes:
-        name: The attribute's name: the parameter's without a trailing `_`.
+        name: The attribute's name: the parameter's name without a trailing `_`.
         role: Its role.
         required: Whether a file (or, for the context, a mission) must provide it.
         default: Its value if it is not written.
@@ -218,28 +218,28 @@ class Parameter:
 
     @functools.cached_property
     def target(self) -> type | None:
-        """That class, imported if necessary."""
+        """The class of *target_or_path*, imported if necessary."""
         return load(self.target_or_path) if isinstance(self.target_or_path, str) else self.target_or_path
 
     @functools.cached_property
     def target_path(self) -> str:
-        """The import path of that class; empty if there is none."""
+        """The import path of the class; empty if there is none."""
         return _path(self.target_or_path)
 
     @property
     def target_name(self) -> str:
-        """The name of that class."""
+        """The name of the class."""
         return self.target_path.rpartition(":")[2].rpartition(".")[2]
 
     @property
     def help(self) -> str:
-        """Its description for editors; for a port with the direction before it."""
+        """Its description for editors, with the direction of a port."""
         direction = f"{self.direction.words}.".capitalize() if self.direction else ""
         return f"{direction} {self.doc}".strip()
 
     @property
     def is_whole_number(self) -> bool:
-        """Whether it is a whole number that is fixed when the tree is compiled."""
+        """Whether it is an integer that is fixed at compile time."""
         return (
             self.role is ParameterRole.ATTRIBUTE and self.direction is None and self.value_type.python is int
         )
@@ -256,7 +256,7 @@ def _default_port(port: Parameter) -> Input[Any] | None:
 
 
 def any_port(name: str, doc: str = "") -> Parameter:
-    """Return a port of which only the name is known: anything may be read from it, and written to it."""
+    """Return a port with only a name: any value may be read from it, and written to it."""
     anything, inout = ANYTHING, Direction.INOUT
     return Parameter(
         name, ParameterRole.ATTRIBUTE, required=False, value_type=anything, direction=inout, doc=doc
@@ -277,7 +277,7 @@ CHILD_COUNTS: dict[Kind, tuple[int, int | None]] = {
     Kind.ACTION: (0, 0),
     Kind.CONDITION: (0, 0),
 }
-"""The smallest and largest number of children by kind of node."""
+"""The minimum and maximum number of children by kind of node."""
 
 
 class SkipSupport(NamedTuple):
@@ -285,7 +285,7 @@ class SkipSupport(NamedTuple):
 
     Attributes:
         possible: Whether a tick of the node can be skipped.
-        replacement: The record of what replaces the node if a child can be skipped.
+        replacement: The spec of the node that replaces it if a child can be skipped.
         only_if: The attribute and value required for the node itself to skip a tick; None if there is no such
             requirement.
         advice: An equivalent node that supports skipped children, if there is one.
@@ -300,14 +300,14 @@ class SkipSupport(NamedTuple):
 
 
 class Signature(NamedTuple):
-    """What is said of a node's attributes where its constructor is not asked.
+    """Declarations about a node's attributes that its constructor does not contain.
 
     Attributes:
-        described: All parameters by name, in their order (`nodes.declaring`), or what reads them; None for those of the constructor.
+        described: All parameters by name, in their order (`nodes.declaring`), or their factory; None: read from the constructor.
         doc: The node's description; empty for that of the class.
-        fixed: What the tag implies: values of parameters (`ReactiveSequence`: `memory` is false), or what only the class asks for.
-        factory: The import path of the function that creates the node of its record and the arguments; empty for none.
-        from_use: Whether it was made from the node's use.
+        fixed: Values that the tag implies (`ReactiveSequence`: `memory` is false), also of arguments without an attribute.
+        factory: The import path of the function that creates the node from its spec and arguments; empty for none.
+        from_use: Whether it was derived from the node's use.
     """
 
     described: Mapping[str, Parameter] | Callable[[], Mapping[str, Parameter]] | None = None
@@ -321,9 +321,9 @@ class Signature(NamedTuple):
 class NodeSpec:
     """The meaning of a tag.
 
-    A class that is registered is its own manifest: its constructor, which may name classes defined later, is inspected
-    at the first access to `parameters`. A node of this project names its class by the import path and describes the
-    parameters itself, so that trees of it are checked without an import.
+    A registered class is declared by its constructor, which may name classes defined later and is therefore inspected at the
+    first access to `parameters`. A node of this project names its class by the import path and describes the
+    parameters itself, so that its trees are checked without importing it.
 
     Attributes:
         tag: The tag in a tree file.
@@ -333,23 +333,23 @@ class NodeSpec:
         outcomes: The names of the statuses that a tick can return.
         effects: Its effect on the world, in a few words; empty if it has none.
         uses: The resources that it needs outside the tree.
-        answers: For a leaf: the possible results of a tick in a simulation; by default one for each outcome. For another
-            node with a stand-in: what the world answers when the node asks it.
-        facts: The facts that these answers use, with their initial values.
+        answers: For a leaf: its possible outcomes in a simulation; by default one for each status. For another node with a
+            stand-in: the outcomes of the world that the node queries.
+        facts: The facts that these outcomes use, with their initial values.
         reads: Further facts or blackboard keys that its behaviour depends on.
         writes: Further facts or blackboard keys that it changes.
         semantics: Its treatment of its children, of time, and of the blackboard.
         skipping: Its treatment of skipped ticks.
         signature: Declarations about its attributes in addition to the constructor.
-        child_count: The smallest and largest number of children (None: no limit); by default that of its
+        child_count: The minimum and maximum number of children (None: no limit); by default those of its
             kind.
         variant: Whether it is a further meaning of an existing tag: the attributes written in a file decide
             between them.
         former_tags: Its names in earlier versions of BehaviorTree.CPP and py_trees.
-        former_attributes: The attributes that it had in BehaviorTree.CPP 3, with those of today.
-        rule: Reports attributes that do not fit each other or the children.
-        stand_in: For a control or decorator without a class: the record of what is made of it where there is no robot. It asks
-            the leaf that answers for the world, if there are answers.
+        former_attributes: The attributes that it had in BehaviorTree.CPP 3, with their current names.
+        rule: Function that reports attributes that conflict with each other or the children.
+        stand_in: For a control or decorator without a class: the spec of its replacement in runs without a robot, which
+            queries a leaf that represents the world if there are outcomes.
     """
 
     tag: str
@@ -383,7 +383,7 @@ class NodeSpec:
         """The parameters of its constructor by name, in their order.
 
         Raises:
-            RegistrationError: If the constructor cannot be written in a tree file; names the parameter.
+            RegistrationError: If the constructor cannot be written in a tree file; the message names the parameter.
         """
         described = self.signature.described
         if described is not None:
@@ -392,7 +392,7 @@ class NodeSpec:
 
     @functools.cached_property
     def doc(self) -> str:
-        """The first paragraph of its description."""
+        """The first paragraph of the description."""
         if self.signature.doc or self.is_by_path:
             return self.signature.doc
         return _documentation(self.cls)[0]
@@ -430,25 +430,25 @@ class NodeSpec:
 
     @functools.cached_property
     def maker(self) -> Callable[..., Any] | None:
-        """The factory of its instances, imported if necessary: a function of its own, or the class."""
+        """The function that creates its instances, imported if necessary: its own factory, or the class."""
         if self.signature.factory:
             return functools.partial(load(self.signature.factory), self)
         if not self._is_of_kernel:
             return self.cls
         unwritten = {p.keyword or p.name: _default_port(p) for p in self.ports if not p.required}
         made: Callable[..., Any] | None = self.cls
-        assert made is not None  # noqa: S101 - it is named
+        assert made is not None  # noqa: S101 - it has a path
         return functools.partial(made, **{**unwritten, **self.fixed})
 
     @property
     def maker_path(self) -> str:
-        """The import path of that; empty if there is none."""
+        """The import path of the factory; empty if there is none."""
         return self.signature.factory or self.class_path
 
     def is_of(self, parameter: Parameter) -> bool:
-        """Return whether a reference may name such a node: its class is that of the parameter, or derives from it.
+        """Return whether a reference may name such a node: its class is that of the parameter or a subclass.
 
-        Where both classes are named by their paths, neither is imported: of those one does not derive from another.
+        If both classes are named by their paths, they are compared without importing them: neither derives from the other.
         """
         if self.is_by_path and isinstance(parameter.target_or_path, str):
             return self.class_path == parameter.target_path
@@ -456,7 +456,7 @@ class NodeSpec:
 
     @property
     def misreads_skips(self) -> bool:
-        """Whether it takes a skipped child for an interruption, and this project has no class to replace it."""
+        """Whether it treats a skipped child as an interruption, without a class of this project to replace it."""
         if self.kind.is_leaf or self.is_only_described:
             return False
         if self.is_by_path:
@@ -468,30 +468,30 @@ class NodeSpec:
 
     @functools.cached_property
     def _ancestry(self) -> frozenset[str]:
-        """The import paths of its class and of those that it derives from; none where py_trees is too old to have it."""
+        """The import paths of its class and its base classes; empty if the installed py_trees lacks the class."""
         with suppress(AttributeError):
             return frozenset(map(path_of, self.cls.__mro__)) if self.cls is not None else frozenset()
         return frozenset()
 
     @functools.cached_property
     def absent_methods(self) -> tuple[str, ...]:
-        """The methods that its class leaves to others: nothing can be made of an abstract class."""
+        """The abstract methods of its class; an abstract class cannot be instantiated."""
         return tuple(sorted(() if self.is_by_path else getattr(self.cls, "__abstractmethods__", ())))
 
     @property
     def provenance(self) -> Provenance:
-        """Where this record comes from; that of a named palette says so itself (`palettes.KnownSpec`)."""
+        """The source of this spec; named palettes have their own (`palettes.KnownSpec`)."""
         if not self.is_foreign:
             return Provenance.INSTALLED
         return Provenance.FROM_USE if self.signature.from_use else Provenance.DESCRIBED
 
     @property
     def is_only_described(self) -> bool:
-        """Whether only a model tells of it: it is foreign, and no palette knows more."""
+        """Whether only a model describes it: no class is registered, and no palette knows more."""
         return self.provenance.is_description
 
     def listing(self, unlisted: Parameter) -> "NodeSpec":
-        """Return the record of a described node with a further port."""
+        """Return the spec of a described node with a further port."""
         described = {**self.parameters, unlisted.name: unlisted}
         return replace(self, signature=self.signature._replace(described=described))
 
@@ -502,7 +502,7 @@ class NodeSpec:
 
     @property
     def asks(self) -> bool:
-        """Whether a leaf answers for the world around it where there is no robot."""
+        """Whether a leaf represents the world around it in runs without a robot."""
         return not self.kind.is_leaf and bool(self.answers)
 
     @functools.cached_property
@@ -511,7 +511,7 @@ class NodeSpec:
         return self.signature.fixed
 
     def texts_of_fixed(self, parameter: Parameter) -> list[str]:
-        """Return the texts that a parameter may have in a file whose value the tag implies."""
+        """Return the texts that a file may have for a parameter whose value the tag implies."""
         kind, value = parameter.value_type, self.fixed[parameter.name]
         return [text for text in kind.choices if kind.convert(text) == value]
 
@@ -524,20 +524,20 @@ class NodeSpec:
 
     @functools.cached_property
     def required(self) -> list[Parameter]:
-        """The attributes that a file has to write."""
+        """The attributes that are required in a file."""
         attributes = (p for p in self.parameters.values() if p.role is ParameterRole.ATTRIBUTE)
         return [p for p in attributes if p.required and p.name not in self.fixed]
 
     @functools.cached_property
     def plain(self) -> list[Parameter]:
-        """The attributes whose values are fixed when the tree is compiled."""
+        """The attributes whose values are fixed at compile time."""
         return [
             p for p in self.parameters.values() if p.role is ParameterRole.ATTRIBUTE and p.direction is None
         ]
 
     @functools.cached_property
     def plain_defaults(self) -> dict[str, object]:
-        """The defaults of those attributes."""
+        """The defaults of the fixed attributes."""
         return {p.name: self.fixed.get(p.name, p.default) for p in self.plain}
 
     @functools.cached_property
@@ -556,7 +556,7 @@ class NodeSpec:
 
     @functools.cached_property
     def needs_context(self) -> bool:
-        """Whether there is more to an instance than its values and children."""
+        """Whether an instance depends on more than its values and children."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
         return bool(around) or self.is_foreign
 
@@ -574,15 +574,15 @@ class NodeSpec:
     def skips_by_itself(self) -> bool:
         """Whether a tick can be skipped independently of the children.
 
-        A leaf that is only described may be, as any leaf of BehaviorTree.CPP may; hardly any is (a precondition skips a
-        node, not its own tick), so nothing is concluded from that until somebody says that it is.
+        Any leaf of BehaviorTree.CPP can return SKIPPED, but hardly any does (a precondition skips a node, not its own
+        tick). So a leaf that is only described is not assumed to, unless its declaration says so.
         """
         leaf = self.kind.is_leaf and not self.is_only_described and "SKIPPED" in self.outcomes
         return self.skipping.possible is SkipPossibility.ALWAYS or leaf
 
     @functools.cached_property
     def is_plain(self) -> bool:
-        """Whether there is nothing about an instance but its values, which are no scripts."""
+        """Whether an instance has only values, and no scripts."""
         is_special = self.references or self.needs_context or self.takes_script or self.skips_by_itself
         return self.kind.is_leaf and self.rule is None and not is_special
 
@@ -602,7 +602,7 @@ def _parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
     """Return the parameters of the constructor of a node's class by attribute name, in their order.
 
     Raises:
-        RegistrationError: If one cannot be written in a tree file, or the answers use unknown ones.
+        RegistrationError: If one cannot be written in a tree file, or the outcomes use unknown ones.
     """
     constructor: Callable[..., Any] = spec.cls.__init__  # type: ignore[misc]
     try:
@@ -650,9 +650,9 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     if value_type is not None:
         return Parameter(name, ParameterRole.ATTRIBUTE, value_type=value_type, direction=direction, **common)
     if is_class(target) and is_mission_context(target):
-        # It is written in no tag, nor is what stands in for it.
+        # Neither the parameter nor its placeholder is written in a tag.
         return Parameter(name, ParameterRole.CONTEXT, target_or_path=target, **{**common, "default": None})
-    # What is only described is read without py_trees.
+    # Nodes that are only described are read without py_trees.
     from py_trees.behaviour import Behaviour
 
     if is_class(target) and issubclass(target, Behaviour):
@@ -693,7 +693,7 @@ def _complain_of_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -
     for placeholder in placeholders(text):
         if placeholder not in known:
             braced = ", ".join(f"{{{name}}}" for name in known)
-            message = f"<{spec.tag}>: '{text}': nothing is called {{{placeholder}}}; there is {braced}"
+            message = f"<{spec.tag}>: '{text}': unknown placeholder {{{placeholder}}} (known: {braced})"
             raise RegistrationError(message)
 
 
@@ -708,7 +708,7 @@ def _name_of(spec: NodeSpec) -> str:
 
 
 def _inherited_documentation(cls: type | None) -> dict[str, str]:
-    """Return the descriptions of parameters in the docstrings of a class and its bases, but not of py_trees' own."""
+    """Return the descriptions of parameters in the docstrings of a class and its bases, except for py_trees' own."""
     described: dict[str, str] = {}
     for base in reversed(cls.__mro__ if cls is not None else ()):
         if base is cls or not base.__module__.startswith("py_trees."):

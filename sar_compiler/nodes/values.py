@@ -1,4 +1,4 @@
-"""Conversion of an attribute's whole text to a typed value."""
+"""Conversion of attribute texts to typed values."""
 
 import enum
 import functools
@@ -40,7 +40,7 @@ from sar_compiler.tree.guessing import nearest
 T = TypeVar("T")
 
 _INT64 = range(-(2**63), 2**63)
-# As std::from_chars reads them: in any case, and without a plus.
+# The format of std::from_chars: in any case, and without a plus.
 _NO_DIGITS = r"-?([iI][nN][fF]([iI][nN][iI][tT][yY])?|[nN][aA][nN])"
 _NOT_BLANK = r"[\s\S]*\S[\s\S]*"
 _SEPARATOR = ";"
@@ -71,9 +71,9 @@ class ConversionError(ValueError):
     """A text is not a value of the required type.
 
     Attributes:
-        message: What is wrong, in the user's terms.
-        suggestion: What to write instead, if it can be guessed.
-        hint: The remedy, if there is no replacement text.
+        message: The error, in the user's terms.
+        suggestion: The replacement, if it can be guessed.
+        hint: A short instruction, if there is no replacement.
         place: The start and end of the wrong part of the text; None for all of it.
     """
 
@@ -91,20 +91,20 @@ class ValueType(NamedTuple):
 
     Attributes:
         name: Its name in a schema.
-        label: Its name in a sentence, with its article: `a whole number`.
-        convert: Converts a text to the value or raises `ConversionError`.
+        label: Its name in a sentence, with its article: `an integer`.
+        convert: Function that converts a text to the value or raises `ConversionError`.
         pattern: A regular expression (as XSD and JSON Schema both read it) of its texts; empty: any.
         choices: All its texts, if they can be listed.
         python: The type of its values; None for any.
         cpp: Its name in a `TreeNodesModel`; empty for values of any type.
-        least: The smallest value, for whole numbers that have one.
-        most: The largest value, for whole numbers that have one.
-        example: The text of such a value.
+        least: The smallest value, for integers with a limit.
+        most: The largest value, for integers with a limit.
+        example: The text of an example value.
         names_key: Whether it is the name of a key: `{goal}` is then equivalent to `goal`.
-        keys_in: Returns the names of the keys in a value that is not itself a name; None if there are none.
+        keys_in: Function that returns the names of the keys in a value that is not itself a name; None for values without keys.
         unit: For a duration, the unit of its plain numbers: `ms` or `s`.
-        usual: The numbers that make sense to whoever reads them, where others are values as well.
-        takes_braces: Whether braces are around a value as well; a name alone between them is a key all the same.
+        usual: The plausible numbers, if others are valid as well.
+        takes_braces: Whether a value may have braces, too; a single name in braces is still a key.
     """
 
     name: str
@@ -124,7 +124,7 @@ class ValueType(NamedTuple):
     takes_braces: bool = False
 
     def key_in(self, text: str, port: str) -> str | None:
-        """Return the key that the text of a port refers to, as `blackboard_key` does; None if it is a value."""
+        """Return the key that a port's text refers to, as `blackboard_key` does; None if it is a value."""
         key = blackboard_key(text, port)
         if key is not None and self.takes_braces and not re.fullmatch(_NAME_OF_KEY, key):
             return None
@@ -132,17 +132,17 @@ class ValueType(NamedTuple):
 
     @property
     def kept(self) -> type | None:
-        """The type whose values `fit` returns as they are; None if it looks at each."""
+        """The type whose values `fit` returns unchanged; None if it checks each value."""
         return self.python if self.least is None and self.most is None else None
 
     def fit(self, value: object) -> object:
         """Convert a value on the blackboard to this type.
 
-        Texts are read as in a file, numbers as if they were written there; a whole number is accepted for a
-        number, and a number for a whole number if nothing is lost.
+        Strings are read as in a file, numbers as if they were written there; an integer is accepted as a number,
+        and a number as an integer if no precision is lost.
 
         Raises:
-            ConversionError: If the value does not fit; the message names it.
+            ConversionError: If the value is invalid; the message names it.
         """
         fitted = self._as_python(value)
         if isinstance(fitted, int) and not self._within(fitted):
@@ -166,14 +166,14 @@ class ValueType(NamedTuple):
                 return self.convert(as_text(int(value) if whole else value))
             if self.python is bool and isinstance(value, float) and not value < 0:
                 return value != 0  # as C++ casts it
-            with suppress(OverflowError, ValueError):  # infinity, or a whole number beyond every float
+            with suppress(OverflowError, ValueError):  # infinity, or an integer that is too large for a float
                 if value == self.python(value):
                     return self.python(value)
         raise ConversionError(f"{value!r} is not {self.label}")
 
 
 def literal_value(text: str) -> int | float | str:
-    """Return the constant that a text given to a subtree represents: a number if all of it is one, else a text."""
+    """Return the constant for a text given to a subtree: a number if all of it is one, else a string."""
     if text.startswith("+"):
         return text
     if re.fullmatch(_NO_DIGITS, text):
@@ -186,23 +186,23 @@ def literal_value(text: str) -> int | float | str:
 
 
 def as_text(value: bool | float) -> str:
-    """Write a number as BehaviorTree.CPP does where a text is required."""
+    """Format a number as BehaviorTree.CPP does if a string is required."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value) if isinstance(value, int) else f"{value:f}"
 
 
 def _odd(value: object, wanted: type) -> bool:
-    """Return whether Python accepts a value for a type that a reader would not: True for a number."""
+    """Return whether Python accepts a value for a type, but a reader would not: True for a number."""
     return isinstance(value, bool) and wanted is not bool
 
 
 def join_words(words: Collection[str], count: int | None = None) -> str:
-    """Return words with commas between them; of many the first ones, and the number of the others.
+    """Return words separated by commas; for many words, the first ones and the number of the others.
 
     Args:
         words: The words, or the first `MOST_LISTED` of them.
-        count: How many there are, if these are not all.
+        count: The total number, if these are not all.
     """
     more = (len(words) if count is None else count) - MOST_LISTED
     shown = ", ".join(itertools.islice(words, MOST_LISTED))
@@ -216,7 +216,7 @@ def blackboard_key(text: str, port: str = "") -> str | None:
         text: The text.
         port: The name of the port that it is written for, which `{=}` refers to.
     """
-    if "{" not in text:  # nearly every text
+    if "{" not in text:  # nearly all texts
         return port or None if text.strip(" ") == "=" else None
     stripped = text.strip(" ")
     if port and stripped == "{=}":
@@ -230,7 +230,7 @@ def value_type_of(annotation: object) -> ValueType | None:
     """Return the type of an annotated constructor parameter.
 
     Args:
-        annotation: The resolved annotation; `Optional[T]` counts as `T`, and `Annotated[T, value_type]` has that type.
+        annotation: The resolved annotation; `Optional[T]` is treated as `T`, and `Annotated[T, value_type]` as that type.
 
     Returns:
         The type, or None if no text can become such a value.
@@ -266,7 +266,7 @@ def port_type_of(annotation: object) -> ValueType | None:
 
 
 def type_of(annotation: object) -> ValueType:
-    """Return the type of an annotation that is known to have one.
+    """Return the type of an annotation that must have one.
 
     Raises:
         TypeError: If it has none.
@@ -287,12 +287,12 @@ def type_of_cpp_name(name: str) -> ValueType | None:
 
 
 def port_type_of_cpp_name(name: str) -> ValueType:
-    """Return the type of a port that a model describes; of an unknown type, values of any kind, under its name."""
+    """Return the type of a port that a model describes; an unknown type accepts any value, under its own name."""
     return type_of_cpp_name(name) or ANYTHING._replace(cpp=normalized(name))
 
 
 def is_class(annotation: object) -> TypeGuard[type]:
-    """Return whether an annotation is a plain class (Python 3.10 takes `dict[str, int]` for one)."""
+    """Return whether an annotation is a plain class; Python 3.10 treats `dict[str, int]` as one."""
     return isinstance(annotation, type) and typing.get_origin(annotation) is None
 
 
@@ -303,7 +303,7 @@ def _said_type(annotation: object) -> ValueType | None:
 
 
 def without_none(annotation: object) -> object:
-    """Return `T` for `T | None`, and for `Annotated[T, ...]` with notes of others; anything else as it is."""
+    """Return `T` for `T | None` and for `Annotated[T, ...]` with foreign metadata; anything else unchanged."""
     if typing.get_origin(annotation) is Annotated and _said_type(annotation) is None:
         return without_none(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
@@ -322,21 +322,21 @@ def _boolean(text: str) -> bool:
 
 
 def whole_number(text: str, least: float = -math.inf, most: float = math.inf) -> int:
-    """Return the whole number that a text represents.
+    """Return the integer that a text represents.
 
     Args:
         text: The text.
-        least: The smallest number that may be suggested.
-        most: The largest one.
+        least: The smallest number to suggest.
+        most: The largest number to suggest.
 
     Raises:
         ConversionError: If the text is invalid.
     """
     if re.fullmatch(INTEGER, text):
         if len(text) > LONGEST:
-            raise ConversionError(f"a whole number of {len(text)} digits is too large")
+            raise ConversionError(f"an integer of {len(text)} digits is too large")
         return int(text)
-    message, meant = f"'{text}' is not a whole number", meant_whole_number(text)
+    message, meant = f"'{text}' is not an integer", meant_whole_number(text)
     fits = meant is not None and least <= int(meant) <= most
     raise ConversionError(message, meant if fits else None, number_hint(text))
 
@@ -349,11 +349,11 @@ def _unsigned(text: str) -> int:
 
 
 def at_least(least: int) -> ValueType:
-    """Return the type of whole numbers with a lower limit.
+    """Return the type of integers with a lower limit.
 
     It is used in an annotation: `attempts: Annotated[int, at_least(1)]`.
     """
-    label = f"a whole number, {least} or more"
+    label = f"an integer, {least} or more"
     return ValueType(
         f"integer.from.{least}",
         label,
@@ -367,22 +367,22 @@ def at_least(least: int) -> ValueType:
 
 
 def sensible(least: float, most: float = math.inf, *, is_open: bool = False) -> ValueType:
-    """Return the type of numbers of which those outside of bounds are warned of before anything runs.
+    """Return the type of numbers with a plausible range; others get a warning before the run.
 
     It is used in an annotation: `share: Annotated[float, sensible(0, 1)]`.
 
     Args:
-        least: The smallest number that makes sense.
-        most: The largest one.
-        is_open: Whether the smallest one itself does not.
+        least: The smallest plausible number.
+        most: The largest plausible number.
+        is_open: Whether the smallest one itself is excluded.
     """
     return _PLAIN[float]._replace(usual=SensibleNumbers(least, most, is_open))
 
 
 def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
-    """Return the type of C++'s whole numbers of a size, which BehaviorTree.CPP refuses to leave."""
+    """Return the type of C++ integers of a size; BehaviorTree.CPP rejects others."""
     least, most = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
-    label = f"a whole number from {least} to {most}"
+    label = f"an integer from {least} to {most}"
     convert = functools.partial(_between, least, most, label)
     return ValueType("integer", label, convert, pattern=INTEGER, python=int, cpp=cpp, least=least, most=most)
 
@@ -395,7 +395,7 @@ def _between(least: float, most: float, label: str, text: str) -> int:
 
 
 def _up_to(largest: int) -> str:
-    """Return a regular expression of the whole numbers from 0 to a given one of several digits."""
+    """Return a regular expression of the integers from 0 to *largest*, which has several digits."""
     digits = str(largest)
     shorter = f"[0-9]{{1,{len(digits) - 1}}}"
     smaller = [
@@ -449,14 +449,14 @@ def _milliseconds(text: str) -> int:
     if milliseconds is None:
         raise _no_duration(text, MILLISECONDS.label, meant_whole_number(text), _milliseconds)
     if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
-        raise ConversionError(f"'{text}' is not a whole number of milliseconds from 0 to {_LARGEST_UNSIGNED}")
+        raise ConversionError(f"'{text}' is not an integer of milliseconds from 0 to {_LARGEST_UNSIGNED}")
     return int(milliseconds)
 
 
 def _no_duration(
     text: str, label: str, number: str | None, convert: Callable[[str], object]
 ) -> ConversionError:
-    """Return the error of a text that is no duration, with the number that it means if it has no unit."""
+    """Return the error for a text that is no duration, with the intended number if it has no unit."""
     label = label.removeprefix("a duration (").removesuffix(")")
     message, hint = f"'{text}' is not a duration ({label})", number_hint(text)
     ambiguous = hint is not None and "comma" in hint
@@ -478,7 +478,7 @@ def _script(text: str, *, allow_empty: bool = True) -> object:
         raise ConversionError(str(error), error.suggestion, error.hint, (error.start, error.end)) from None
 
 
-# A script that comes from the blackboard is asked for in every tick.
+# A script from the blackboard is parsed in every tick.
 _parse = functools.lru_cache(maxsize=256)(parse)
 _parse_any = functools.lru_cache(maxsize=256)(functools.partial(parse, allow_empty=True))
 
@@ -498,14 +498,14 @@ def _choose_text(names: tuple[str, ...], text: str) -> str:
 
 
 def _member(kind: type[enum.Enum], text: str) -> enum.Enum:
-    """Return the member of an enumeration that has a name, or is a whole number."""
+    """Return the member of an enumeration for its name or integer."""
     members, texts = _texts_of(kind)
     return texts[text] if text in texts else members[_choose_text(tuple(members), text)]
 
 
 @functools.lru_cache(maxsize=64)
 def _texts_of(kind: type[enum.Enum]) -> tuple[dict[str, enum.Enum], dict[str, enum.Enum]]:
-    """Return the members of an enumeration by their names, and by all that may be written for them."""
+    """Return the members of an enumeration by name, and by all accepted texts."""
     members: dict[str, enum.Enum] = {member.name: member for member in kind}
     return members, {**_by_number(members), **members}
 
@@ -519,9 +519,9 @@ def list_of(item: ValueType) -> ValueType:
     pattern = f"(({item.pattern})(;({item.pattern}))*)?" if item.pattern else ""
     article, _, noun = item.label.partition(" ")
     label = (
-        f"{noun}s with ; between them"
+        f"{noun}s separated by ;"
         if article in ("a", "an")
-        else f"several with ; between them, each {item.label}"
+        else f"several values separated by ;, each {item.label}"
     )
     cpp = f"std::vector<{item.cpp}>"
     if pattern:
@@ -531,28 +531,26 @@ def list_of(item: ValueType) -> ValueType:
 
 
 def _list(item: ValueType, label: str, text: str) -> list[object]:
-    """Read items between semicolons, or a list in JSON as BehaviorTree.CPP does for some types."""
+    """Read items separated by semicolons, or a JSON list as BehaviorTree.CPP does for some types."""
     if not text.startswith(JSON):
         return items_of(text, item.convert)
     items = _anything(text)
     are_texts = item.python is str
     if not isinstance(items, list) or any(isinstance(each, str) is not are_texts for each in items):
-        raise ConversionError(
-            f"'{text}' is not a list of {label.removesuffix(' with ; between them')} in JSON"
-        )
+        raise ConversionError(f"'{text}' is not a list of {label.removesuffix(' separated by ;')} in JSON")
     return [item.fit(each) for each in items]
 
 
 def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) -> list[T]:
-    """Return the items between the semicolons of a text.
+    """Return the items of a text, which semicolons separate.
 
     Args:
         text: The text; an empty one has no items.
-        convert: Converts the text of an item or raises `ConversionError`.
-        blanks: Whether there may be blanks around an item.
+        convert: Function that converts the text of an item or raises `ConversionError`.
+        blanks: Whether blanks are allowed around an item.
 
     Raises:
-        ConversionError: If an item is invalid; has its place.
+        ConversionError: If an item is invalid; contains its location.
     """
     items, start = [], 0
     for part in text.split(_SEPARATOR) if text else ():
@@ -569,15 +567,15 @@ def items_of(text: str, convert: Callable[[str], T], *, blanks: bool = False) ->
 
 
 def _anything(text: str) -> object:
-    """Read a text that begins with `json:` as JSON; any other is a text."""
+    """Parse a text that begins with `json:` as JSON; any other remains a string."""
     if not text.startswith(JSON):
         return text
     try:
         return json.loads(text.removeprefix(JSON))
     except RecursionError:
-        raise ConversionError("what follows json: is nested too deeply") from None
+        raise ConversionError("the text after json: is nested too deeply") from None
     except ValueError as error:
-        raise ConversionError(f"what follows json: is not JSON: {error}") from None
+        raise ConversionError(f"the text after json: is not JSON: {error}") from None
 
 
 _PLAIN: dict[type, ValueType] = {
@@ -590,9 +588,9 @@ _PLAIN: dict[type, ValueType] = {
         cpp="bool",
         example="true",
     ),
-    int: ValueType("integer", "a whole number", whole_number, pattern=INTEGER, python=int, cpp="int"),
+    int: ValueType("integer", "an integer", whole_number, pattern=INTEGER, python=int, cpp="int"),
     float: ValueType("number", "a number", real_number, pattern=REAL, python=float, cpp="double"),
-    str: ValueType("string", "a text", str, python=str, cpp=TEXT),
+    str: ValueType("string", "a string", str, python=str, cpp=TEXT),
     Path: ValueType("path", "a path", Path, python=Path, cpp=TEXT),
     Script: ValueType("script", "a script", _script, python=Script, cpp=TEXT),
     timedelta: ValueType(
@@ -603,7 +601,7 @@ PLAIN = {value_type.name: value_type for value_type in _PLAIN.values()}
 """The types of annotations that are classes, by their names."""
 UNSIGNED = ValueType(
     "unsigned",
-    f"a whole number from 0 to {_LARGEST_UNSIGNED}",
+    f"an integer from 0 to {_LARGEST_UNSIGNED}",
     _unsigned,
     pattern=_up_to(_LARGEST_UNSIGNED),
     python=int,
@@ -625,7 +623,7 @@ SECONDS = ValueType(
     cpp="double",
     unit="s",
 )
-"""Durations of which a plain number is seconds."""
+"""Durations whose plain numbers are in seconds."""
 MILLISECONDS = ValueType(
     "milliseconds",
     f"a duration (milliseconds from 0 to {_LARGEST_UNSIGNED}, or a number with ms, s or min)",
@@ -637,20 +635,20 @@ MILLISECONDS = ValueType(
     most=UNSIGNED.most,
     unit="ms",
 )
-"""Durations of which a plain number is milliseconds, as in BehaviorTree.CPP."""
+"""Durations whose plain numbers are in milliseconds, as in BehaviorTree.CPP."""
 Seconds: TypeAlias = Annotated[float, SECONDS]
-"""The annotation of a leaf's parameter or port: seconds; in a file also a number with its unit, as `500ms`."""
+"""The annotation of a parameter or port in seconds; a file can also write a number with a unit, such as `500ms`."""
 Milliseconds: TypeAlias = Annotated[int, MILLISECONDS]
-"""The same with whole milliseconds."""
+"""The annotation of a parameter or port in whole milliseconds."""
 _condition = functools.partial(_script, allow_empty=False)
 CONDITION = ValueType("condition", "a script", _condition, pattern=_NOT_BLANK, python=Script, cpp=TEXT)
 """The scripts of pre- and post-conditions, which must not be empty."""
 ANYTHING = ValueType("anything", "a value", _anything)
 """The type of a port for any object; not a type for plain parameters."""
 AS_WRITTEN = ValueType("anything", "a value", str)
-"""The type of a port for any object, for which a text in the file is a text whatever its prefix."""
+"""The type of a port for any object, which reads a text in the file as a string whatever its prefix."""
 NO_VALUE = ValueType("", "", str, python=object, cpp=TEXT)
-"""In place of the type of a value, for what is none: another node, whose name is written, or an object of the mission."""
+"""Replaces the type of a parameter without values: of another node, or of an object of the mission."""
 
 _OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
 STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")

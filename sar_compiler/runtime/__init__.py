@@ -1,1 +1,1 @@
-"""The ticking of trees: nodes, scripts, clocks, and what leaves and runners agree on; py_trees only, no ROS."""
+"""Ticking of trees: nodes, scripts, clocks, and the interface between leaves and runners; with py_trees, without ROS."""

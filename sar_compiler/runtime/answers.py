@@ -1,4 +1,4 @@
-"""The possible answers of a leaf to a tick, as plain data, for runs without a robot."""
+"""The possible outcomes of a leaf's tick, as plain data, for runs without a robot."""
 
 import enum
 from collections import defaultdict
@@ -14,7 +14,7 @@ Fact: TypeAlias = bool | int | float | str
 
 
 class Outcome(enum.Enum):
-    """An outcome of a tick that an attribute of a tree file chooses."""
+    """An outcome of a tick, as chosen by an attribute of a tree file."""
 
     SUCCESS = "SUCCESS"
     FAILURE = "FAILURE"
@@ -23,7 +23,7 @@ class Outcome(enum.Enum):
 
     @property
     def status(self) -> "Status":
-        """The outcome that a tick returns."""
+        """The status that a tick returns."""
         from py_trees.common import Status
 
         from sar_compiler.runtime.skipping import SKIPPED
@@ -32,25 +32,25 @@ class Outcome(enum.Enum):
 
 
 STATUSES = tuple(Outcome.__members__)
-"""The statuses of an answer, the usual ones first."""
+"""The statuses of an outcome, the most common ones first."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """One possible answer of a leaf to a tick.
+    """One possible outcome of a leaf's tick.
 
-    In the scripts, and in the names of facts, `{self}` stands for the node's name as an identifier, and
-    `{parameter}` for that of the node that a reference parameter refers to. In the scripts it also stands for
-    the value of a parameter that is a whole number.
+    In the scripts, and in the names of facts, `{self}` is replaced by the node's name as an identifier, and
+    `{parameter}` by the name of the node that a reference parameter refers to. In the scripts, it is also replaced by
+    the value of an integer parameter.
 
     Attributes:
         status: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
-        label: What it means, in a word or two: "found", "refused"; empty for the status's own name.
-        when: A script over facts; the answer is possible only if it is true. Empty: always.
-        then: A script that changes facts when the answer is given.
-        p: How likely it is that it ends what the leaf has begun, at least and at most; None if nobody knows.
-        sec: How long the leaf runs before, at least and at most, in seconds; every time between is as likely.
-        writes: The attributes whose keys it has written then; None if that is not known.
+        label: Its meaning in one or two words, such as "found" or "refused"; empty for the status's own name.
+        when: A script over facts; the outcome is possible only if it is true. Empty means always.
+        then: A script that changes facts when the outcome occurs.
+        p: The minimum and maximum probability that a run of the leaf ends with it; None if unknown.
+        sec: The minimum and maximum run time of the leaf in seconds, uniformly distributed.
+        writes: The attributes whose keys it has written; None if unknown.
     """
 
     status: str
@@ -63,20 +63,20 @@ class Answer:
 
     @property
     def name(self) -> str:
-        """Its label, or else its status."""
+        """The label, or else the status."""
         return self.label or self.status
 
 
 def nominal(options: Sequence[Answer]) -> Answer:
-    """Return the first answer that is not RUNNING, or else the first one."""
+    """Return the first outcome that is not RUNNING, or else the first one."""
     return next((answer for answer in options if answer.status != "RUNNING"), options[0])
 
 
 def probabilities(answers: Sequence[Answer]) -> list[tuple[float, float]]:
-    """Return how likely each of some answers is, at least and at most, where it will be one of them.
+    """Return the minimum and maximum probability of each outcome, given that one of them occurs.
 
-    Where all have a chance, these count in relation to each other, as some of a leaf's answers may be impossible now. One
-    that has none has what the others leave. Where none can be, of all that are possible, nothing is known.
+    If all have a probability, they are normalised, because some of a leaf's outcomes may be impossible now. An outcome
+    without a probability gets the rest. If all probabilities are zero, nothing is known.
     """
     known = [answer.p for answer in answers if answer.p is not None]
     low, high = sum(p[0] for p in known), sum(p[1] for p in known)
@@ -92,7 +92,7 @@ def probabilities(answers: Sequence[Answer]) -> list[tuple[float, float]]:
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
-    """Return chances that add up to 1, each as far between its bounds as the others are."""
+    """Return probabilities that add up to 1, each at the same relative position between its bounds."""
     room = sum(high - low for low, high in bounds)
     part = (1.0 - sum(low for low, _ in bounds)) / room if room else 0.0
     return [low + part * (high - low) for low, high in bounds]
@@ -103,10 +103,10 @@ def _share(weight: float, others: float) -> float:
 
 
 class DeclaredAnswers:
-    """The answers that a live leaf has declared, among which its status and its `answer_label` are looked up.
+    """The declared outcomes of a live leaf, for looking up its status and `answer_label`.
 
     Args:
-        answers: The answers.
+        answers: The outcomes.
     """
 
     def __init__(self, answers: Iterable[Answer]) -> None:
@@ -117,9 +117,9 @@ class DeclaredAnswers:
         self._all = {label for labels in self._labels.values() for label in labels}
 
     def label(self, status: str, said: str) -> str:
-        """Return the label of the answer that a leaf has given; empty if that is not known.
+        """Return the label of the outcome that a leaf returned; empty if it is unknown.
 
-        The only answer of a status need not be said. What was said of another status counts for nothing then.
+        The only outcome of a status needs no `answer_label`. A label of another status is ignored then.
 
         Args:
             status: The leaf's status.
@@ -131,9 +131,9 @@ class DeclaredAnswers:
         return labels[0] if len(labels) == 1 else ""
 
     def objection(self, status: str, said: str) -> str:
-        """Return why what a leaf has said cannot be so, in words; empty if it can."""
+        """Return why a leaf's `answer_label` is invalid, in words; empty if it is valid."""
         labels = self._labels.get(status, [])
         if said in ("", *labels) or (said in self._all and len(labels) == 1):
             return ""
         known = ", ".join(filter(None, labels)) or "none"
-        return f"its answer_label is '{said}' with {status}, of which it has declared: {known}"
+        return f"its answer_label '{said}' is not declared for {status}, only: {known}"

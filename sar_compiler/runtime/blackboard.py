@@ -1,7 +1,7 @@
 """The keys of a compiled tree, on py_trees' blackboard.
 
-py_trees has one store for the whole process. Each compiled tree has a prefix of its own in it, and each
-instance of a subtree a path below that, so which entry a key means is settled when the tree is compiled:
+py_trees has one store for the whole process. Each compiled tree has a unique prefix in it, and each instance of a
+subtree a path below that, so the entry of a key is determined when the tree is compiled:
 `Scope.resolve` follows the subtree's remapping up to the scope that owns the entry.
 """
 
@@ -22,21 +22,21 @@ ROOT_SIGN = "@"
 """The prefix of a key of the root scope."""
 _PRIVATE = "_"
 STROKE = "%2F"
-"""The replacement of a `/` of a key or of a subtree's name in the absolute name of an entry."""
+"""The replacement of `/` in a key or in a subtree's name, for the absolute name of an entry."""
 
 _instances = itertools.count()
 
 
 class MissingEntryError(SarError, KeyError):
-    """A key is read to which nothing has been written.
+    """A key is read that has no value.
 
     Attributes:
-        key: The key, as it was written.
+        key: The key, as written.
     """
 
     def __init__(self, key: str) -> None:
         self.key = key
-        super().__init__(f"nothing has been written to '{key}' yet")
+        super().__init__(f"the key '{key}' has no value yet")
 
     def __str__(self) -> str:
         # A KeyError would show its text in quotes.
@@ -47,13 +47,13 @@ class Board:
     """All entries of one compiled tree.
 
     Args:
-        name: What its keys on py_trees' blackboard begin with; made unique in this process.
+        name: The prefix of its keys on py_trees' blackboard; made unique in this process.
 
     Attributes:
-        is_numbered: Whether what its entries hold are numbers; see `NumberedBoard`.
-        stamps: How often each entry was written; an entry is there if it has a number here.
-        kinds: The entries that somebody has named, written or not, with their types; None for those of any type. Both tables are
-            changed in place, and never replaced: functions of scripts have them as arguments.
+        is_numbered: Whether its entries hold numbers in place of values; see `NumberedBoard`.
+        stamps: The number of writes of each entry; an entry exists if it is in this table.
+        kinds: The declared entries, written or not, with their types; None for those of any type. Both tables are
+            changed in place and never replaced, because functions of scripts have them as arguments.
     """
 
     def __init__(self, name: str) -> None:
@@ -61,13 +61,13 @@ class Board:
         self.stamps: dict[str, int] = {}
         self.kinds: dict[str, type | None] = {}
         self._name = name
-        # The entries of which it counts how often they were written.
+        # The entries whose writes are counted.
         self._watched: set[str] = set()
         weakref.finalize(self, _forget, self.stamps)
 
     @functools.cached_property
     def storage(self) -> dict[str, Any]:
-        """py_trees' blackboard, which need not be imported to check a tree."""
+        """py_trees' blackboard, which is not imported to check a tree."""
         return _storage()
 
     @functools.cached_property
@@ -81,40 +81,40 @@ class Board:
         return name in self.storage
 
     def get(self, name: str) -> object:
-        """Return an entry's value; a `KeyError` if there is none."""
+        """Return an entry's value, or raise a `KeyError` if there is none."""
         return self.storage[name]
 
     def set(self, name: str, value: object) -> None:
-        """Write an entry, which is made if there is none."""
+        """Write an entry, and create it if there is none."""
         self.storage[name] = value
         self.stamps[name] = self.stamps.get(name, 0) + 1
 
     def declare(self, name: str, kind: type | None) -> None:
-        """Name an entry, which stays empty until it is written; the first type that it is given counts."""
+        """Declare an entry, which stays empty until it is written; its first type is kept."""
         if name not in self.kinds:
             self.kinds[name] = kind
 
     def settle(self, name: str, kind: type) -> None:
-        """Give an entry a type, if it has none of its own."""
+        """Set the type of an entry that has none."""
         if self.kinds.get(name) is None:
             self.kinds[name] = kind
 
     def is_declared(self, name: str) -> bool:
-        """Return whether an entry is named."""
+        """Return whether an entry is declared."""
         return name in self.kinds
 
     def kind(self, name: str) -> type | None:
-        """Return the type of an entry; None if it has none of its own."""
+        """Return the type of an entry; None if it has none."""
         return self.kinds.get(name)
 
     def remove(self, name: str) -> None:
-        """Remove an entry, if there is one, and forget its type."""
+        """Remove an entry, if there is one, and its type."""
         self.storage.pop(name, None)
         self.stamps.pop(name, None)
         self.kinds.pop(name, None)
 
     def stamp(self, name: str) -> int:
-        """Return how often an entry was written; 0 if there is none."""
+        """Return the number of writes of an entry; 0 if there is none."""
         return self.stamps.get(name, 0)
 
     def names(self) -> Iterator[str]:
@@ -122,32 +122,32 @@ class Board:
         yield from list(self.stamps)
 
     def values(self) -> dict[str, object]:
-        """Return its entries by their names below the prefix, in the order in which they were made."""
+        """Return the entries by their names below the prefix, in the order of their creation."""
         begin = len(self.prefix) + 1
         return {name[begin:]: self.get(name) for name in self.names()}
 
     def watch(self, name: str) -> None:
-        """Have it count how often an entry is written, because a node's behaviour depends on it."""
+        """Count the writes of an entry from now on, because a node's behaviour depends on it."""
         self._watched.add(name)
 
     def memo(self, entries: "Sequence[Entry]") -> "Memo | None":  # noqa: ARG002 - for numbered ones
-        """Return what remembers the effect of code on some entries; None unless the board is numbered."""
+        """Return a memory of the effects of code on some entries; None unless the board is numbered."""
         return None
 
     def restamp(self, name: str, stamp: int) -> None:
-        """Have an entry, if there is one, count as written so often."""
+        """Set the number of writes of an entry, if there is one."""
         if self.stamps.get(name, stamp) != stamp:
             self.stamps[name] = stamp
 
 
 class Entry(NamedTuple):
-    """One entry, which may not have been written yet.
+    """An entry, which may not have been written yet.
 
     Attributes:
-        board: Where it is.
+        board: The board that holds it.
         name: Its absolute name.
-        key: The key as it was written in the tree file.
-        passed_on: Whether the key stands for one of a tree around it.
+        key: The key as written in the tree file.
+        passed_on: Whether the key is remapped to one of an enclosing tree.
     """
 
     board: Board
@@ -162,17 +162,17 @@ class Entry(NamedTuple):
 
     @property
     def is_declared(self) -> bool:
-        """Whether a port, a write or the mission has named it."""
+        """Whether a port, a write or the mission has declared it."""
         return self.board.is_declared(self.name)
 
     @property
     def kind(self) -> type | None:
-        """The type that a text given to it is read as: `bool`, `int`, `float` or `str`; None if it has none."""
+        """The type that a string is parsed as: `bool`, `int`, `float` or `str`; None if it has none."""
         return self.board.kind(self.name)
 
     @property
     def stamp(self) -> int:
-        """How often it has been written."""
+        """The number of writes."""
         return self.board.stamp(self.name)
 
     def read(self) -> object:
@@ -180,7 +180,7 @@ class Entry(NamedTuple):
 
         Raises:
             MissingEntryError: If it has not been written.
-            UnknownValueError: If its value is not known.
+            UnknownValueError: If its value is unknown.
         """
         try:
             held = self.board.get(self.name)
@@ -192,11 +192,11 @@ class Entry(NamedTuple):
 
     @property
     def is_unknown(self) -> bool:
-        """Whether it was written, and its value is not known."""
+        """Whether it was written with an unknown value."""
         return self.exists and isinstance(self.board.get(self.name), UnknownValue)
 
     def declare(self, kind: type | None = None) -> None:
-        """Name it; the first type that it is given counts."""
+        """Declare the entry; its first type is kept."""
         self.board.declare(self.name, kind)
 
     def write(self, value: object) -> None:
@@ -213,12 +213,12 @@ class Scope:
     """The keys of one tree instance: the main tree's or a subtree's.
 
     Args:
-        board: Where the entries are.
+        board: The board with the entries.
         path: The instance's path; empty for the main tree.
-        parent: The scope of the tree around it.
-        remapping: Which key of the parent each of these keys stands for.
-        autoremap: Whether every other key stands for the parent's of the same name.
-        own: Keys that are this scope's own, whatever else is said (they were given as constants).
+        parent: The scope of the enclosing tree.
+        remapping: The parent's key for each remapped key.
+        autoremap: Whether every other key is remapped to the parent's key of the same name.
+        own: Keys that always belong to this scope, because they are constants.
     """
 
     def __init__(
@@ -244,10 +244,10 @@ class Scope:
         return self if self._parent is None else self._parent.root
 
     def resolve(self, key: str) -> Entry:
-        """Return the entry that a key means here."""
+        """Return the entry of a key in this scope."""
         scope, name = self.owner(key)
         folder = scope._folder
-        # A stroke in a key must not lead into the folder of a subtree.
+        # A slash in a key must not lead into the folder of a subtree.
         passed_on = scope is not self and not key.startswith(ROOT_SIGN)
         return Entry(self.board, f"{folder}/{name.replace('/', STROKE)}", key, passed_on)
 
@@ -256,7 +256,7 @@ class Scope:
         return f"{self.board.prefix}/{self.path}" if self.path else self.board.prefix
 
     def entries(self) -> Iterator[tuple[str, Entry]]:
-        """Yield the keys that were written here, and those that stand for others by a remapping, with their entries."""
+        """Yield the keys written in this scope and its remapped keys, with their entries."""
         for name in self.board.names():
             folder, _, key = name.rpartition("/")
             if folder == self._folder:
@@ -265,7 +265,7 @@ class Scope:
             yield key, self.resolve(key)
 
     def owner(self, key: str) -> "tuple[Scope, str]":
-        """Return the scope that owns what a key means here, and the key there."""
+        """Return the scope that owns the entry of a key, and the key there."""
         scope = self
         while scope._parent is not None and not key.startswith(ROOT_SIGN) and key not in scope._own:
             if key in scope._remapping:
@@ -282,7 +282,7 @@ def entry_of(variable: str) -> str:
 
 
 def _forget(stamps: dict[str, int]) -> None:
-    """Remove the entries of a board that was garbage-collected from py_trees' blackboard."""
+    """Remove the entries of a garbage-collected board from py_trees' blackboard."""
     for name in stamps:
         _storage().pop(name, None)
 

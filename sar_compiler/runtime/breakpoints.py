@@ -12,16 +12,16 @@ from sar_compiler.runtime.kernel.tree_nodes import TreeNode, Visit
 
 
 class Breakpoints:
-    """The breakpoints of a tree. They are set in one thread, and the tree is ticked in another.
+    """The breakpoints of a tree, set in one thread while another ticks the tree.
 
     Args:
-        log: Called with what a breakpoint does, in words, in the thread that ticks.
-        patience_sec: Breakpoints hold nothing once `keep_alive` was not called for so many seconds of the steady clock:
-            a browser that was closed must not hold a robot's tree.
+        log: Function for messages about breakpoints, called in the thread that ticks.
+        patience_sec: The time without a call of `keep_alive`, in seconds of the steady clock, after which breakpoints have no
+            effect: a closed browser must not block a robot's tree.
 
     Attributes:
-        held_at: The behaviour before which a tick waits; None if none waits.
-        wake: Called when a tick that waits may continue, from the thread that sets breakpoints.
+        held_at: The behaviour at which a tick waits; None if none waits.
+        wake: Function called when a waiting tick may continue, from the thread that sets breakpoints.
     """
 
     def __init__(self, log: Callable[[str], object], patience_sec: float) -> None:
@@ -37,12 +37,12 @@ class Breakpoints:
         return id(behaviour) in self._behaviours
 
     def add(self, behaviour: Behaviour) -> None:
-        """Set a breakpoint before a node."""
+        """Set a breakpoint at a node."""
         with self._lock:
             self._behaviours[id(behaviour)] = behaviour
 
     def remove(self, behaviour: Behaviour) -> None:
-        """Remove the breakpoint before a node, if there is one; a tick that waits there continues."""
+        """Remove the breakpoint at a node, if there is one; a tick that waits there continues."""
         with self._lock:
             self._behaviours.pop(id(behaviour), None)
         self.wake()
@@ -54,25 +54,25 @@ class Breakpoints:
         self.wake()
 
     def resume(self) -> None:
-        """Continue the tick that waits; its breakpoint stays for the next tick."""
+        """Continue the waiting tick; its breakpoint stays for the next tick."""
         self._is_continued = True
         self.wake()
 
     def keep_alive(self) -> None:
-        """Record that someone still looks at the tree."""
+        """Record that a user still watches the tree."""
         self._alive_at = time.monotonic()
 
     def release_if_abandoned(self) -> None:
-        """Continue a tick that waits although nobody looks at the tree any more; called now and then."""
+        """Continue a waiting tick if no user watches the tree any more; called regularly."""
         if self.held_at is not None and self._is_abandoned():
             self.wake()
 
     def before(self, behaviour: Behaviour) -> Generator[None, None, None]:
-        """Yield as long as a tick has to wait before a node."""
+        """Yield as long as a tick has to wait at a node."""
         if behaviour not in self or self._is_abandoned():
             return
         self.held_at, self._is_continued = behaviour, False
-        self._log(f"A breakpoint holds the tree before '{behaviour.name}': it is not ticked until it goes on")
+        self._log(f"A breakpoint pauses the tree at '{behaviour.name}': continue to tick it")
         try:
             while behaviour in self and not self._is_continued and not self._is_abandoned():
                 yield
@@ -87,12 +87,12 @@ class Breakpoints:
 def tick_with_breakpoints(
     tree: LiveTree, breakpoints: Breakpoints, visits: list[Visit]
 ) -> Generator[None, None, None]:
-    """Tick a tree once; yield wherever the tick has to wait. To close the generator breaks the tick off.
+    """Tick a tree once, and yield whenever the tick has to wait; closing the generator aborts the tick.
 
     Args:
         tree: The tree.
-        breakpoints: Where it waits. Nodes below other people's controls and decorators, which only these tick, have none.
-        visits: Receives the nodes that are ticked, in the order of their ends; may be emptied meanwhile.
+        breakpoints: The breakpoints. Nodes below foreign controls and decorators, which only these tick, have none.
+        visits: Receives the ticked nodes, in the order of their ends; the caller may clear it between steps.
     """
     ticker = tree.ticker
     ticker.enter()

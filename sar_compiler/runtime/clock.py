@@ -1,4 +1,4 @@
-"""Time as a tree sees it; injected, so that a test, a simulator and a robot each bring their own."""
+"""The time source of a tree, injected so that tests, simulators and robots can each provide their own."""
 
 import time
 from typing import Protocol
@@ -10,15 +10,15 @@ class WallClock:
     """Seconds of the machine's steady clock."""
 
     def now(self) -> float:
-        """Return the time in seconds; only differences mean anything."""
+        """Return the time in seconds; only differences are meaningful."""
         return time.monotonic()
 
 
 class ManualClock:
-    """A clock that stands still until it is moved: for tests and simulated runs.
+    """A clock that changes only when it is moved, for tests and simulated runs.
 
     Args:
-        start: The time it shows first, in seconds.
+        start: The initial time, in seconds.
     """
 
     def __init__(self, start: float = 0.0) -> None:
@@ -29,7 +29,7 @@ class ManualClock:
         return self._now
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward (or back, as a simulator that is reset does)."""
+        """Move the clock forward (or back, as after a reset of a simulator)."""
         self._now += seconds
 
 
@@ -38,12 +38,12 @@ class Clock(Protocol):
     """A source of time for the durations written in a tree."""
 
     def now(self) -> float:
-        """Return the time in seconds; only differences mean anything."""
+        """Return the time in seconds; only differences are meaningful."""
         ...
 
 
 def clock_text(seconds: float) -> str:
-    """Return a duration as minutes and seconds, and hours if there are any: `1:05`, `2:00:00`."""
+    """Return a duration as minutes and seconds, with hours if necessary: `1:05`, `2:00:00`."""
     whole = max(0, int(seconds))
     hours, minutes = divmod(whole // 60, 60)
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"

@@ -2,8 +2,8 @@
 
 A comparison of a variable with literals changes its result only at these literals. So it is enough to evaluate
 the condition with one value of each interval between them, for all combinations of the variables. A comparison
-of anything else, such as `x < y + 1`, becomes a variable of its own that is true or false; equal comparisons become
-the same variable, and opposite ones its negation.
+of anything else, such as `x < y + 1`, is replaced by a Boolean variable; equal comparisons by the same variable, and
+opposite ones by its negation.
 """
 
 import functools
@@ -31,7 +31,7 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.variables import PlainVariables, RefusedValueError, ScriptValue, number_of
 
 _MOST_COMBINATIONS = 4096
-"""Conditions with more combinations of values are not judged."""
+"""The maximum number of combinations; conditions with more are not analysed."""
 _LOGICAL = frozenset({"&&", "||"})
 _OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
 """The results of comparing a value with itself."""
@@ -46,14 +46,14 @@ def constant_truth(script: Script) -> bool | None:
     Returns:
         True or False; None if the values decide, if it assigns a variable, or if it raises for every value.
     """
-    # Most scripts need no evaluation, and to look for them in the cache takes longer than to see that.
+    # Most scripts need no evaluation, and a cache lookup takes longer than this check.
     if not script.statements or _is_decided_by_a_value(script):
         return None
     return _sampled_truth(script)
 
 
 def constant_clauses(script: Script) -> Iterator[tuple[Expression, bool]]:
-    """Yield the largest parts of a condition that compare variables and have the same truth for all values, each with its truth.
+    """Yield the largest constant parts of a condition that compare variables, each with its truth.
 
     Args:
         script: The condition; its parts are the operands of `&&`, `||` and `!`.
@@ -86,7 +86,7 @@ def _is_decided_by_a_value(script: Script) -> bool:
 
 
 class _SampledCondition:
-    """A condition, rewritten so that a few values of each variable stand for all of them.
+    """A condition, rewritten so that a few values of each variable represent all of them.
 
     Args:
         script: The condition, without assignments.
@@ -99,7 +99,7 @@ class _SampledCondition:
         self._script = replace(script, statements=(self._rewrite(script.statements[-1]),))
 
     def constant_truth(self) -> bool | None:
-        """Return its truth, if it has the same for all values for which it does not raise."""
+        """Return the truth, if it is the same for all values for which it does not raise an error."""
         choices = [{0, 1, *_representatives(literals)} for literals in self._literals.values()]
         if math.prod(map(len, choices)) > _MOST_COMBINATIONS:
             return None
@@ -126,7 +126,7 @@ class _SampledCondition:
         if isinstance(node, ComparisonChain):
             lefts = (node.first, *(step.operand for step in node.steps))
             links = [self._compare(left, step) for left, step in zip(lefts, node.steps, strict=False)]
-            # As in a run, a comparison is not evaluated where the one before it is false.
+            # As in a run, a comparison is not evaluated if the previous one is false.
             no = Literal(0, **_place(node))
             return functools.reduce(
                 lambda rest, link: Conditional(link, rest, no, **_place(node)), reversed(links)
@@ -134,7 +134,7 @@ class _SampledCondition:
         return self._unknown(node) if any(isinstance(part, Name) for part in parts(node)) else node
 
     def _compare(self, left: Expression, step: OperatorTerm) -> Expression:
-        """Return the comparison of two neighbours, in which at most one variable meets a literal."""
+        """Return the comparison of two neighbours, in which a literal is compared with at most one variable."""
         operator, right = step.operator, step.operand
         if not any(isinstance(part, Name) for side in (left, right) for part in parts(side)):
             return _comparison(left, operator, right)
@@ -154,20 +154,20 @@ class _SampledCondition:
         return self._unknown(_comparison(left, operator, right))
 
     def _unknown(self, node: Expression) -> Name:
-        """Return the variable that stands for a part that is not judged; equal parts have the same one."""
+        """Return the variable that replaces an unanalysed part; equal parts have the same variable."""
         name = self._unjudged.setdefault(node, Name(f"?{len(self._unjudged)}", **_place(node)))
         self._literals.setdefault(name.name, set())
         return name
 
 
 def _representatives(literals: Iterable[ScriptValue]) -> Iterator[ScriptValue]:
-    """Yield a value of each interval into which literals divide the numbers and the texts, and the literals."""
+    """Yield a value of each interval between the literals, for numbers and strings, and the literals."""
     numbers, texts = set(), {""}
     for literal in literals:
         if not isinstance(literal, str):
             numbers.add(float(literal))
             continue
-        texts |= {literal, literal + "\x01"}  # the second one comes next in the order of texts
+        texts |= {literal, literal + "\x01"}  # the second one is the next string in order
         with suppress(RefusedValueError):
             numbers.add(float(number_of(literal)))
     if len(texts) > 1:

@@ -1,4 +1,4 @@
-"""The mission context: objects handed to leaves by their type."""
+"""The mission context: objects injected into leaves by type."""
 
 from collections.abc import Callable
 from typing import TypeVar, overload
@@ -11,7 +11,7 @@ _MARK = "__mission_context__"
 
 
 class PreviewError(SarError):
-    """A stand-in for an object of the mission context cannot be made."""
+    """A placeholder for an object of the mission context cannot be created."""
 
 
 @overload
@@ -24,15 +24,14 @@ def mission_context(
     """Mark a class as part of the mission context: `@mission_context`, or `@mission_context(preview=make)`.
 
     A leaf's constructor parameter that is annotated with such a class is not an attribute of its tag:
-    whoever compiles the tree for a mission hands the object over.
+    the mission that compiles the tree provides the object.
 
     Args:
         cls: The class.
-        preview: Makes a stand-in, for a tree that is compiled only to be looked at or tested; by default the class
-            does.
+        preview: Creates a placeholder, for a tree that is compiled only for display or tests; the class itself by default.
 
     Returns:
-        The class; without it, a decorator that marks one.
+        The class; without an argument, a decorator that marks a class.
     """
 
     def mark(marked: type[T]) -> type[T]:
@@ -48,16 +47,16 @@ def is_mission_context(cls: type) -> bool:
 
 
 def preview_of(cls: type) -> object:
-    """Make the stand-in that the class was marked with.
+    """Create the placeholder that the class was marked with.
 
     Raises:
-        PreviewError: If that fails.
+        PreviewError: If the placeholder cannot be created.
     """
     factory: Callable[[], object] = getattr(cls, _MARK)
     try:
         return factory()
     except Exception as error:
         raise PreviewError(
-            f"no stand-in for the context object {cls.__name__} can be made ({type(error).__name__}: {error}); "
-            "mark its class with a function that makes one: @mission_context(preview=make)"
+            f"a placeholder for the context object {cls.__name__} cannot be created ({type(error).__name__}: {error}): "
+            "mark its class with a function that creates one, @mission_context(preview=make)"
         ) from error

@@ -1,4 +1,4 @@
-"""Entries keep their type: what an entry of the blackboard makes of a value that it is given."""
+"""Conversion of new values to the types of blackboard entries."""
 
 import enum
 from collections.abc import Mapping
@@ -20,26 +20,26 @@ _BOOLS = ("True", "TRUE", "False", "FALSE")
 
 
 def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> object:
-    """Return what is stored when an entry that holds one value is given another.
+    """Return the value to store when an entry that holds one value is given another.
 
     Args:
-        current: What the entry holds; None if nothing yet.
-        value: What it is given.
-        enums: The names that stand for numbers.
+        current: The current value; None if there is none.
+        value: The new value.
+        enums: The named constants.
 
     Returns:
-        The value, as one of the current value's type: numbers and texts are converted where nothing is lost. A truth
-        value is a whole number to a script, so any other one may take its place.
+        The new value with the current value's type: numbers and strings are converted if no precision is lost. A bool
+            may be replaced by any other value, because it is an integer to a script.
 
     Raises:
-        RefusedValueError: If it is none.
+        RefusedValueError: If the value cannot be converted.
     """
     kind = type(current)
     if isinstance(current, UnknownValue | None) or (isinstance(value, kind) and not isinstance(value, bool)):
         return value
     plain = value_of(value)
     if plain is None or (kind not in _PLAIN and not isinstance(current, enum.Enum)):
-        message = f"the entry holds a value of type {kind.__name__}, which one of type {type(value).__name__} cannot replace"
+        message = f"the entry has the type {kind.__name__}, but the new value has {type(value).__name__}"
         raise RefusedValueError(message)
     if issubclass(kind, enum.Enum):
         return _member(kind, plain, enums)
@@ -50,14 +50,14 @@ def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> o
 
 
 def read_as(text: str, kind: type) -> ScriptValue:
-    """Return what an entry that was made with a type reads in a text.
+    """Return the value of a string for an entry that was declared with a type.
 
     Args:
-        text: The text.
+        text: The string.
         kind: The type: `bool`, `int`, `float` or `str`.
 
     Raises:
-        RefusedValueError: If the text says no such value.
+        RefusedValueError: If the string is not such a value.
     """
     if kind is str:
         return text
@@ -65,19 +65,19 @@ def read_as(text: str, kind: type) -> ScriptValue:
 
 
 def value_to_assign(held: object, kind: type | None, value: ScriptValue, enums: Mapping[str, int]) -> object:
-    """Return what an entry stores that a script gives a value.
+    """Return the value to store when a script assigns to an entry.
 
     Args:
-        held: What the entry holds; None if nothing yet.
-        kind: The type that it was made with; None if it has no other than that of its value.
-        value: What it is given.
-        enums: The names that stand for numbers.
+        held: The current value; None if there is none.
+        kind: The declared type; None if it has only that of its value.
+        value: The new value.
+        enums: The named constants.
 
     Returns:
-        The value, as one of the entry's type; a text given to a number without a type of its own is a real number.
+        The value with the entry's type; a string for a number without a declared type becomes a real number.
 
     Raises:
-        RefusedValueError: If it is none.
+        RefusedValueError: If the value cannot be converted.
     """
     if isinstance(value, str) and not isinstance(held, str):
         if kind is not None:
@@ -88,7 +88,7 @@ def value_to_assign(held: object, kind: type | None, value: ScriptValue, enums: 
 
 
 def value_to_write(held: object, value: object) -> object:
-    """Return what an entry stores that a port gives a value: a number stays whole or real, where nothing is lost."""
+    """Return the value to store when a port writes to an entry: a number stays integer or real if no precision is lost."""
     numbers = type(held) in _NUMBERS and type(value) in _NUMBERS
     if numbers and type(held) is not type(value) and held is not None:
         with suppress(RefusedValueError):
@@ -97,12 +97,12 @@ def value_to_write(held: object, value: object) -> object:
 
 
 def value_of(value: object) -> ScriptValue | None:
-    """Return what a script sees of an entry's value; None if it cannot calculate with it.
+    """Return the value that a script reads from an entry; None if it cannot calculate with it.
 
-    A truth value is 1 or 0 to it, and a member of an enumeration is its number.
+    A bool is read as 1 or 0, and a member of an enumeration as its number.
 
     Raises:
-        UnknownValueError: If the value is not known.
+        UnknownValueError: If the value is unknown.
     """
     if isinstance(value, UnknownValue):
         raise UnknownValueError(value)
@@ -118,4 +118,4 @@ def _member(kind: type[enum.Enum], value: ScriptValue, enums: Mapping[str, int])
     try:
         return kind(number)
     except ValueError:
-        raise RefusedValueError(f"the entry holds a {kind.__name__}, and none of these is {number}") from None
+        raise RefusedValueError(f"the type {kind.__name__} of the entry has no member {number}") from None

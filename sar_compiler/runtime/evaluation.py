@@ -1,4 +1,4 @@
-"""Evaluating scripts: each is compiled to functions once, which every tick then calls."""
+"""Evaluation of scripts, which are compiled to functions once and called in each tick."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -35,13 +35,13 @@ _NO_ENUMS: Mapping[str, int] = {}
 
 
 class EvaluationError(SarError):
-    """A script cannot be run with the values that its variables have.
+    """A script cannot be evaluated with the current values of its variables.
 
     Attributes:
-        message: What is wrong.
-        start: Where the expression begins that cannot be calculated, in characters of the script's text.
-        end: Where it ends.
-        hint: What to do, where that can be said.
+        message: The error.
+        start: The start of the expression that failed, in characters of the script's text.
+        end: The end of that expression.
+        hint: A short instruction, if there is one.
     """
 
     def __init__(self, message: str, start: int, end: int, hint: str | None = None) -> None:
@@ -53,15 +53,15 @@ class EvaluationError(SarError):
 
 
 class Program:
-    """A script that is ready to run, as often as wanted.
+    """A script that can be run repeatedly.
 
     Args:
         script: The script.
-        enums: The numbers that names stand for; such a name is never a variable where it is read.
+        enums: The named constants; such a name is never read as a variable.
 
     Attributes:
         script: The script.
-        statements: What evaluates each statement.
+        statements: A function for each statement.
     """
 
     def __init__(self, script: Script, enums: Mapping[str, int] = _NO_ENUMS) -> None:
@@ -76,7 +76,7 @@ class Program:
             The value of its last expression; 0.0 if it has none.
 
         Raises:
-            EvaluationError: If a variable is missing or a value does not fit. What was assigned before stays.
+            EvaluationError: If a variable is missing or a value is invalid. Earlier assignments remain.
         """
         value: ScriptValue = 0.0
         for statement in self.statements:
@@ -87,12 +87,12 @@ class Program:
         """Evaluate the script as a condition.
 
         Raises:
-            EvaluationError: As `run`, and if its value is neither 0 nor 1.
+            EvaluationError: As for `run`, or if its value is neither 0 nor 1.
         """
         return self.as_condition(self.run(variables))
 
     def as_condition(self, value: ScriptValue) -> bool:
-        """Return the script's value as the answer to a condition.
+        """Return the script's value as the result of a condition.
 
         Raises:
             EvaluationError: If it is neither 0 nor 1.
@@ -200,7 +200,7 @@ class _Maker:
             result = value(variables)
             try:
                 if calculate is not None:
-                    # Not through an enumeration: what is assigned to is a variable.
+                    # Not through an enumeration, because the target of an assignment is a variable.
                     result = self._calculated(node, calculate, variables.read(name), result)
                 return variables.create(name, result) if creates else variables.assign(name, result)
             except VariableError as error:
@@ -216,10 +216,10 @@ class _Maker:
 
 
 def no_condition(script: Script, error: RefusedValueError) -> EvaluationError:
-    """Return the error that the value of a script is neither true nor false."""
-    hint = "'=' gives a variable a value; write '==' to compare" if script.closing_assignment else None
+    """Return the error for a script's value that is neither true nor false."""
+    hint = "'=' assigns a value; write '==' to compare" if script.closing_assignment else None
     start, end = (script.statements[-1].start, script.statements[-1].end) if script.statements else (0, 0)
-    message = f"'{excerpt(script.text[start:end])}' is no condition: {error}"
+    message = f"'{excerpt(script.text[start:end])}' is not a condition: {error}"
     return EvaluationError(message, start, end, hint)
 
 
@@ -231,11 +231,11 @@ def step_failure(
     left: ScriptValue,
     right: ScriptValue,
 ) -> EvaluationError:
-    """Return the error of a chain, which points at it up to the operand with which it failed."""
+    """Return the error of a chain, located from its start to the operand that failed."""
     following = next((later.start for later in node.steps if later.start > step.start), None)
     end = node.end if following is None else len(text[:following].rstrip())
     one_text = isinstance(left, str) != isinstance(right, str)
-    hint = "'..' joins a text and a number" if step.operator == "+" and one_text else None
+    hint = "'..' joins a string and a number" if step.operator == "+" and one_text else None
     message = f"'{excerpt(text[node.start : end])}' cannot be calculated: {error}"
     return EvaluationError(message, node.start, end, hint)
 
@@ -245,7 +245,7 @@ def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationErr
     if isinstance(error, UnknownVariableError | UnknownValueError):
         hint = _makes(target.name) if isinstance(error, UnknownVariableError) else None
         return EvaluationError(str(error), target.start, target.end, hint)
-    message = f"'{target.name}' cannot be given this value: {error}"
+    message = f"this value cannot be assigned to '{target.name}': {error}"
     return EvaluationError(message, node.start, node.end, "a variable keeps the type of its first value")
 
 
@@ -256,11 +256,11 @@ def failure(text: str, node: Expression, error: VariableError) -> EvaluationErro
 
 
 def _how_to_define(name: str) -> str:
-    # To assign one of the names of a C++ program's enumerations would hide its number.
+    # An assignment to a name of a C++ program's enumerations would hide its number.
     if name.isupper():
-        return f"if it is an enumeration of the C++ program, give its number in sar.toml, under [language.enums]; '{name} := ...' makes a variable"
+        return f"if it is an enumeration of the C++ program, add its number to sar.toml under [language.enums]; '{name} := ...' creates a variable"
     return _makes(name)
 
 
 def _makes(name: str) -> str:
-    return f"'{name} := ...' makes one"
+    return f"'{name} := ...' creates it"

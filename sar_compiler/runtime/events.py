@@ -1,7 +1,7 @@
-"""What happens in a tree, answer by answer: of the same event speak runs, proofs and journals.
+"""Events of a tree at the level of leaf outcomes, shared by runs, proofs and journals.
 
-An event says what a leaf did, and which of its answers it was: nobody downstream concludes an answer from a status. The last event of a tick
-is its end.
+An event contains the action of a leaf and its outcome, so that its consumers need not derive outcomes from statuses. The
+last event of a tick is its end.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,13 +10,13 @@ from typing import NamedTuple
 from uuid import UUID
 
 STARTED, ANSWERED, HALTED, TICKED = "started", "answered", "halted", "ticked"
-"""What an event is: a leaf starts, answers, is stopped while it runs; a tick of the tree is over."""
+"""The kinds of events: a leaf starts, returns an outcome, is halted while it runs; a tick of the tree ends."""
 
 DECIDED = "decided"
-"""A node with children has ended by itself: a time limit, a condition by script, a loop over nothing. Recorded runs alone have it."""
+"""A node with children has ended by itself: a time limit, a script condition, a loop without items. Only in recorded runs."""
 
 RESET = "reset"
-"""A leaf that had ended is at rest again; recorded runs alone tell that, because they leave out answers as in the tick before."""
+"""A leaf that had ended was reset; only in recorded runs, because they omit outcomes that equal those of the previous tick."""
 
 
 FactChanges = tuple[tuple[str, object], ...]
@@ -24,19 +24,19 @@ FactChanges = tuple[tuple[str, object], ...]
 
 
 class Event(NamedTuple):
-    """Something that a leaf did, or the end of a tick.
+    """An action of a leaf, or the end of a tick.
 
     Attributes:
-        path: The names of the nodes around the leaf, from the root down, and its own; of the end of a tick, the root's alone.
-        number: The leaf's number, from 0 in pre-order, as journals number nodes; of the end of a tick, the root's.
+        path: The names of the leaf's ancestors from the root down, and its own; for the end of a tick, only the root's.
+        number: The leaf's number, from 0 in pre-order, as journals number nodes; for the end of a tick, the root's.
         what: `STARTED`, `ANSWERED`, `HALTED`, `DECIDED`, `RESET` or `TICKED`.
-        status: What the leaf answered, or the node decided; what the root came to, empty if the tick was not finished.
-        label: What the leaf means by it, or the node says; empty for nothing more than the status.
-        facts: The facts that the answer has changed; of a recorded run, those that were noted, by kind, with their data.
-        tick: The number of the tick in its run, from 1; 0 where there is no run.
-        time_sec: When it was, seconds from the run's beginning; None where any time may have passed.
-        ran_sec: How long a node had run that has decided by itself, seconds; 0 for any other event.
-        statuses: Of the end of a recorded tick, the statuses that nodes were recorded with in it, in their order, each with the node's number.
+        status: The status of the leaf, the node or the root; empty for the root if the tick was not finished.
+        label: The label of the outcome, or the reason of the node; empty if there is only the status.
+        facts: The facts that the outcome has changed; in a recorded run, the recorded ones by kind, with their data.
+        tick: The number of the tick in its run, from 1; 0 without a run.
+        time_sec: The time since the start of the run, in seconds; None if any time may have passed.
+        ran_sec: The run time of a node that has ended by itself, in seconds; 0 for other events.
+        statuses: For the end of a recorded tick, the recorded statuses in their order, each with the node's number.
     """
 
     path: tuple[str, ...]
@@ -57,26 +57,26 @@ class Event(NamedTuple):
 
     @property
     def answer(self) -> str:
-        """The answer's label, or else its status; empty if it is no answer."""
+        """The outcome's label, or else its status; empty for other events."""
         return (self.label or self.status) if self.what == ANSWERED else ""
 
     @property
     def deed(self) -> str:
-        """What the leaf did, in a word: its answer, or else what the event is."""
+        """The action in one word: the outcome, or else the kind of event."""
         return self.answer or self.what
 
 
 def changes_in(before: Mapping[str, object], after: Mapping[str, object]) -> FactChanges:
-    """Return the facts that have another value than before."""
+    """Return the facts whose values have changed."""
     return tuple((name, after[name]) for name in sorted(after) if before.get(name) != after[name])
 
 
 ValueChange = tuple[object, object]
-"""A value before and after; None where there is none."""
+"""A value before and after; None if there is none."""
 
 
 def value_changes(before: Mapping[str, object], after: Mapping[str, object]) -> dict[str, ValueChange]:
-    """Return the values that are others than before, by their names."""
+    """Return the changed values, by their names."""
     names = {**before, **after}
     return {
         name: (before.get(name), after.get(name)) for name in names if before.get(name) != after.get(name)
@@ -84,14 +84,14 @@ def value_changes(before: Mapping[str, object], after: Mapping[str, object]) -> 
 
 
 class TickRecord(NamedTuple):
-    """What a tick has come to.
+    """The result of a tick.
 
     Attributes:
-        events: What leaves did, in order; the last one is the end of the tick.
+        events: The events of leaves, in order; the last one is the end of the tick.
         facts: The facts that have changed.
-        keys: The keys of the blackboard that have changed, likewise.
-        statuses: The status of each node that was ticked, by its id, where that is known.
-        error: What was raised in it, in words, where that is known; else empty.
+        keys: The keys of the blackboard that have changed.
+        statuses: The status of each ticked node, by its id, if known.
+        error: The error raised in it, in words; empty if there is none or it is unknown.
     """
 
     events: tuple[Event, ...]
@@ -107,7 +107,7 @@ class TickRecord(NamedTuple):
 
     @property
     def time_sec(self) -> float:
-        """When it was, seconds from the first one; 0 where any time may have passed."""
+        """The time since the first tick, in seconds; 0 if any time may have passed."""
         return self.events[-1].time_sec or 0.0
 
     @property
@@ -119,12 +119,12 @@ class TickRecord(NamedTuple):
 def with_end(
     events: Iterable[Event], root: str, status: str, tick: int = 0, time_sec: float | None = None
 ) -> tuple[Event, ...]:
-    """Return the events of a tick and its end.
+    """Return the events of a tick, with its end.
 
     Args:
-        events: What leaves did.
+        events: The events of leaves.
         root: The name of the root.
-        status: What it came to; empty if the tick was not finished.
+        status: The root's status; empty if the tick was not finished.
         tick: The number of the tick.
         time_sec: Its time.
     """

@@ -1,4 +1,4 @@
-"""Parsed scripts: expressions with their places, and what can be told of them without running them."""
+"""Parsed scripts: expressions with their locations, and their static analysis."""
 
 import enum
 import functools
@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Union
 
 
-# Nobody changes one. To freeze them would double what it takes to read a script.
+# Instances are never changed. Freezing them would double the time to parse a script.
 @dataclass(slots=True, kw_only=True, unsafe_hash=True)
 class ScriptPart:
-    """A part of a script's text: where it begins, and the first character behind it; equal ones may stand elsewhere."""
+    """A part of a script's text, from its start to the first character after it; parts at other locations may be equal."""
 
     start: int = field(compare=False)
     end: int = field(compare=False)
@@ -18,7 +18,7 @@ class ScriptPart:
 
 @dataclass(slots=True, unsafe_hash=True)
 class Literal(ScriptPart):
-    """A number or a text; `true` and `false` are 1.0 and 0.0."""
+    """A number or a string; `true` and `false` are 1.0 and 0.0."""
 
     value: int | float | str
 
@@ -32,7 +32,7 @@ class Name(ScriptPart):
 
 @dataclass(slots=True, unsafe_hash=True)
 class Prefix(ScriptPart):
-    """An operand with `-`, `~` or `!` before it."""
+    """An operand with a leading `-`, `~` or `!`."""
 
     operator: str
     operand: "Expression"
@@ -40,7 +40,7 @@ class Prefix(ScriptPart):
 
 @dataclass(slots=True, unsafe_hash=True)
 class OperatorTerm(ScriptPart):
-    """An operator with the operand on its right; the place is the operator's."""
+    """An operator with the operand on its right; the location is the operator's."""
 
     operator: str
     operand: "Expression"
@@ -56,7 +56,7 @@ class Operation(ScriptPart):
 
 @dataclass(slots=True, unsafe_hash=True)
 class ComparisonChain(ScriptPart):
-    """Neighbours compared: `a < b <= c` is true if `a < b` and `b <= c` are."""
+    """A chain of comparisons: `a < b <= c` is true if `a < b` and `b <= c` are."""
 
     first: "Expression"
     steps: tuple[OperatorTerm, ...]
@@ -73,7 +73,7 @@ class Conditional(ScriptPart):
 
 @dataclass(slots=True, unsafe_hash=True)
 class Assignment(ScriptPart):
-    """A variable is given a value, by one of `:= = += -= *= /=`."""
+    """An assignment to a variable, by one of `:= = += -= *= /=`."""
 
     operator: str
     target: Name
@@ -87,12 +87,12 @@ Expression = Union[  # noqa: UP007 - the union names classes by text
 
 @dataclass(frozen=True)
 class Script:
-    """A script that could be read.
+    """A parsed script.
 
-    All places in it count characters of its text, from 0; an end is the first character that is no part.
+    All locations in it count characters of its text, from 0; an end is the first character after the part.
 
     Attributes:
-        text: How it was written.
+        text: The text as written.
         statements: Its expressions, in order; the last one's value is the script's.
     """
 
@@ -104,12 +104,12 @@ class Script:
 
     @functools.cached_property
     def by_start(self) -> Mapping[int, Expression]:
-        """The statements by the places where they begin."""
+        """The statements by their start."""
         return {each.start: each for each in self.statements}
 
     @functools.cached_property
     def plain_form(self) -> type[Assignment] | type[ComparisonChain] | None:
-        """What it is, where it only gives a variable a value or compares, with names and literals, as most do; None of any other."""
+        """Its kind, if it is a plain assignment or comparison of names and literals, as most scripts are; else None."""
         if len(self.statements) != 1:
             return None
         (statement,) = self.statements
@@ -122,7 +122,7 @@ class Script:
 
     @property
     def closing_assignment(self) -> Assignment | None:
-        """The assignment whose value is the script's: `level = 2` where `level == 2` may be meant."""
+        """The assignment whose value is that of the script: `level = 2`, probably intended as `level == 2`."""
         last = self.statements[-1] if self.statements else None
         return last if isinstance(last, Assignment) else None
 
@@ -142,10 +142,10 @@ class NameUse(NamedTuple):
 
     Attributes:
         name: The name.
-        access: What is done with it.
-        start: Its place.
-        end: Where it ends.
-        certain: Whether every run of the script comes here; if not, it is a branch of `?:`, or behind the
+        access: The kind of access.
+        start: The start of the name.
+        end: The end of the name.
+        certain: Whether every run of the script evaluates it; if not, it is in a branch of `?:`, or after the
             second operand of a chain of comparisons.
     """
 
@@ -157,16 +157,16 @@ class NameUse(NamedTuple):
 
 
 def name_uses(script: Script) -> Iterator[NameUse]:
-    """Yield what a script does with names, in the order in which it does so when it is run.
+    """Yield the uses of names in a script, in the order of evaluation.
 
-    `x += 1` reads `x`, and changes it. Names of enumerations are read as variables are.
+    `x += 1` reads `x` and changes it. Names of enumerations are read like variables.
     """
     for statement in script.statements:
         yield from _uses(statement, certain=True)
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """Return the parts of an expression, in the order in which they are evaluated; not an assignment's target."""
+    """Return the parts of an expression in the order of evaluation, without an assignment's target."""
     if isinstance(expression, Prefix):
         return (expression.operand,)
     if isinstance(expression, (Operation, ComparisonChain)):
@@ -203,7 +203,7 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return how many of an expression's parts every evaluation reaches."""
+    """Return the number of an expression's parts that every evaluation reaches."""
     if isinstance(expression, Conditional):
         return 1
     if isinstance(expression, ComparisonChain):

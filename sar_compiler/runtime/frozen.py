@@ -1,4 +1,4 @@
-"""Values that can be compared and kept: what an entry of the blackboard holds, whatever happens to it afterwards."""
+"""Immutable, comparable copies of blackboard values, which later changes do not affect."""
 
 import math
 from collections import deque
@@ -8,27 +8,27 @@ from typing import Any
 from sar_compiler.errors import UndecidableError
 
 PLAIN = (bool, int, str, bytes, type(None))
-"""The types of values that are kept as they are, with their type before them."""
-# What is copied item by item; dictionaries are, too.
+"""The types of values that are not copied, but stored with their type."""
+# Types that are copied item by item, in addition to dictionaries.
 _COLLECTIONS = (list, tuple, deque, set, frozenset)
 _NAN = "nan"
 
 
 class FrozenValueError(UndecidableError):
-    """A value can neither be copied nor kept as it is."""
+    """A value can neither be copied nor hashed."""
 
 
 def freeze(value: object) -> Hashable:
-    """Return a copy of a value that can be hashed, and is equal to that of an equal value of the same type.
+    """Return a hashable copy of a value; copies of equal values of the same type are equal.
 
-    Lists, tuples, sets, dictionaries and double-ended queues are copied with all that is in them. Anything else is
-    taken as it is, so whoever compares states must not change it in place.
+    Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are used directly, so they
+    must not be changed in place while states are compared.
 
     Raises:
         FrozenValueError: If it cannot be hashed.
     """
     kind = type(value)
-    # With its type: 1, 1.0 and True are equal to Python.
+    # With its type, because 1, 1.0 and True are equal in Python.
     if kind in PLAIN:
         return kind, value
     if kind is float:
@@ -46,14 +46,14 @@ def freeze(value: object) -> Hashable:
         hash(value)
     except TypeError:
         raise FrozenValueError(
-            f"a value of type {kind.__name__}, which can neither be copied nor hashed; "
-            "keep lists, dictionaries, numbers and texts on the blackboard, or give its class a __hash__"
+            f"a value of type {kind.__name__}, which can neither be copied nor hashed: "
+            "store lists, dictionaries, numbers and strings on the blackboard, or add a __hash__ to its class"
         ) from None
     return kind, value
 
 
 def thaw(frozen: Any) -> Any:
-    """Return the value that was frozen, or a copy of it where it can be changed in place."""
+    """Return the value that was frozen, or a copy of it if it can be changed in place."""
     kind, held, *others = frozen
     if kind is float:
         return math.nan if held == _NAN else held
@@ -67,6 +67,6 @@ def thaw(frozen: Any) -> Any:
 
 
 def can_change(value: object) -> bool:
-    """Return whether a value of the kinds that are copied can be changed in place."""
+    """Return whether a value of the copied types can be changed in place."""
     kind = type(value)
     return kind is dict or (kind in _COLLECTIONS and kind is not frozenset)

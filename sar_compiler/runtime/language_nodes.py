@@ -1,4 +1,4 @@
-"""Nodes of the language that are behaviours by themselves: leaves for scripts and entries, and the conditions of any node.
+"""Behaviours of the language without a kernel node: leaves for scripts and entries, and the conditions of any node.
 
 py_trees has checks and assignments of single blackboard variables, but no expressions.
 """
@@ -19,13 +19,13 @@ from sar_compiler.runtime.scripting import NodeScript
 from sar_compiler.runtime.ticking import Decorator
 from sar_compiler.runtime.variables import Enums, RefusedValueError, describe_value
 
-# Looked up once: Python takes a while to find a member of an enumeration.
+# Looked up once, because access to a member of an enumeration is slow.
 _SUCCESS, _FAILURE = Status.SUCCESS, Status.FAILURE
 _NUMBERS = (int, float)
 
 
 class EntryTypeError(SarError):
-    """An entry is given a value that it cannot take."""
+    """An entry cannot take the value that it is given."""
 
 
 class _ScriptLeaf(Behaviour):
@@ -34,8 +34,8 @@ class _ScriptLeaf(Behaviour):
     Args:
         name: The node's name.
         code: The script.
-        scope: Where its variables are.
-        enums: The names that stand for numbers.
+        scope: The scope of its variables.
+        enums: The named constants.
 
     Attributes:
         script: The script.
@@ -49,12 +49,12 @@ class _ScriptLeaf(Behaviour):
         self._quick: Callable[[], Status] | None = None
 
     def update(self) -> Status:
-        """Run the script; where its quick form is known by then, that stands in for this method from now on."""
+        """Run the script; once its compiled form is known, that replaces this method."""
         if self._quick is None:
             self._quick = self.script.quick_update(_SUCCESS, _FAILURE if self.is_condition else None)
         quick = self._quick
         if quick is not None:
-            # Somebody else's may be around this one.
+            # Another wrapper may be around this method.
             if type(self).update is _ScriptLeaf.update and "update" not in vars(self):
                 setattr(self, "update", quick)  # noqa: B010 - for the type checker
             return quick()
@@ -75,17 +75,17 @@ class ScriptCondition(_ScriptLeaf):
 
 
 class SetBlackboard(Behaviour):
-    """Writes an entry: another entry's value, with its type, or a text; fails if the other entry is empty.
+    """Writes an entry: another entry's value, with its type, or a string; fails if the other entry is empty.
 
-    An entry with a type keeps it: a port's, that of a literal, or the mission's. Any other takes the new one.
-    py_trees' SetBlackboardVariable knows neither scopes nor ports.
+    An entry with a type keeps it: that of a port, of a literal, or of the mission. Any other takes the new type.
+    py_trees' SetBlackboardVariable supports neither scopes nor ports.
 
     Args:
         name: The node's name.
-        value: What to write.
-        output_key: The entry's key, without braces; or a key with them, of an entry that has it.
-        scope: Where the key is looked up.
-        enums: The names that stand for numbers.
+        value: The value to write.
+        output_key: The entry's key without braces, or, in braces, the key of an entry that contains it.
+        scope: The scope in which the key is looked up.
+        enums: The named constants.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class SetBlackboard(Behaviour):
             kind, count = board.kinds[name], board.stamps[name] + 1
             if kind is not None and not _is_kept(value, kind, board.storage[name]):
                 return self._write_any()
-        except KeyError:  # it is not there, or not named: that is the first time
+        except KeyError:  # the first time it does not exist, or is not declared
             return self._write_any()
         board.storage[name], board.stamps[name] = value, count
         if self.feedback_message:
@@ -120,7 +120,7 @@ class SetBlackboard(Behaviour):
         entry, source = self._target(), self._value.entry
         if source is not None and source.is_declared and not source.exists:
             entry.declare(source.kind)
-            self.feedback_message = f"nothing has been written to '{source.key}' yet"
+            self.feedback_message = f"the key '{source.key}' has no value yet"
             return _FAILURE
         self.feedback_message = ""
         is_copied = source is not None and source.is_unknown
@@ -138,7 +138,7 @@ class SetBlackboard(Behaviour):
             return self._known
         key = self._output_key.get()
         if not isinstance(key, str):
-            raise EntryTypeError(f"'{self.name}': output_key: {describe_value(key)} is no key")
+            raise EntryTypeError(f"'{self.name}': output_key: {describe_value(key)} is not a key")
         entry = self._scope.resolve(key)
         if self._output_key.entry is None:
             self._known = entry
@@ -152,20 +152,20 @@ class SetBlackboard(Behaviour):
 
 
 def _is_kept(value: object, kind: type, held: object) -> bool:
-    """Return whether an entry of a type that holds something surely takes a value as it is."""
+    """Return whether an entry of a type certainly accepts a value unchanged."""
     given = type(value)
     return given is kind is str or (given in _NUMBERS and given is type(held))
 
 
 class UnsetBlackboard(Behaviour):
-    """Removes an entry of its own tree instance; one that belongs to another instance stays.
+    """Removes an entry of its own tree instance; entries of other instances stay.
 
-    py_trees' UnsetBlackboardVariable knows no scopes.
+    py_trees' UnsetBlackboardVariable does not support scopes.
 
     Args:
         name: The node's name.
         key: The entry's key, without braces.
-        scope: Where the key is looked up.
+        scope: The scope in which the key is looked up.
     """
 
     def __init__(self, name: str, key: Input[str], scope: Scope) -> None:
@@ -179,7 +179,7 @@ class UnsetBlackboard(Behaviour):
         key = self._key.get()
         if key.startswith(ROOT_SIGN):
             self.feedback_message = (
-                f"'{key}' stays: only keys of its own tree are removed, written without {ROOT_SIGN}"
+                f"'{key}' stays: a tree can remove only its own keys, written without {ROOT_SIGN}"
             )
             return _SUCCESS
         if self._known is None or self._known.key != key:
@@ -190,15 +190,15 @@ class UnsetBlackboard(Behaviour):
 
 
 class Conditions(Decorator):
-    """A node's pre- and post-conditions. They belong to the node: it and they have one status between them.
+    """A node's pre- and post-conditions, which share the node's status.
 
-    Stock py_trees has guards that can only fail, and nothing that runs when a node ends.
+    Stock py_trees has guards that can only fail, and no hook that runs when a node ends.
 
     Args:
         child: The node.
         scripts: The conditions, by their attributes' names.
-        scope: Where the scripts' variables are.
-        enums: The names that stand for numbers.
+        scope: The scope of the scripts' variables.
+        enums: The named constants.
     """
 
     node_class = ConditionsNode
@@ -223,7 +223,7 @@ class Conditions(Decorator):
         self.runs_after = self._post is not None or any(self._after.values())
 
     def run_after(self, outcome: int) -> None:
-        """Run what is to be run after an end; INVALID means that the node was halted while it ran."""
+        """Run the scripts for an end; INVALID means that the node was halted while it ran."""
         for script in (self._after[outcome], self._post):
             if script is not None:
                 script.run()

@@ -1,7 +1,7 @@
-"""Hearing what the leaves of a tree do while it is ticked, at the moment when they do it.
+"""Observation of a tree's leaves at the moment of each event while the tree is ticked.
 
-A visitor is told of each node when its tick is over, and of what was halted when the whole tick is. The order of events within a tick is known only to
-the leaves themselves. So their methods are taken in hand, each leaf's own: they are what every engine calls.
+A visitor sees each node only after its tick, and halted nodes only after the whole tick. Only the leaves know the order
+of events within a tick. So this module wraps the methods of each leaf, which every engine calls.
 """
 
 from typing import Protocol
@@ -15,28 +15,28 @@ _WORDS = {outcome.status: outcome.name for outcome in Outcome}
 
 
 class LeafListener(Protocol):
-    """Who is told what a leaf does."""
+    """The receiver of a leaf's events."""
 
     def looks(self, number: int) -> None:
-        """Be told that something will be done, before anything is changed by that."""
+        """React before the leaf acts, while nothing has changed."""
 
     def starts(self, number: int) -> None:
-        """Be told that a leaf starts."""
+        """React to the start of a leaf."""
 
     def answers(self, number: int, status: str) -> None:
-        """Be told what status a leaf has answered, once it has done so."""
+        """React to the status that a leaf has returned."""
 
     def halts(self, number: int) -> None:
-        """Be told that a leaf is stopped while it was running."""
+        """React to a leaf that is halted while it runs."""
 
 
 def hear(leaf: Behaviour, number: int, ear: LeafListener) -> None:
-    """Tell what a leaf does, from now on; to be called before its tree is ticked for the first time.
+    """Report a leaf's events from now on; call it before its tree is ticked for the first time.
 
     Args:
         leaf: The leaf.
-        number: Its number, by which it is told of.
-        ear: Who is told.
+        number: Its number, which is reported with the events.
+        ear: The receiver of the events.
     """
     initialise, update, terminate = leaf.initialise, leaf.update, leaf.terminate
 

@@ -2,9 +2,9 @@
 
 A leaf is an ordinary py_trees behaviour. A runner passes these keyword arguments to `setup`:
 
-* `node`: the rclpy node that the leaf makes its clients and publishers with;
-* `wake`: a `Wake`, to be called (from the runner's own thread) when there is good news, so that the
-  tree is ticked at once instead of at the next period.
+* `node`: the rclpy node with which the leaf creates its clients and publishers;
+* `wake`: a `Wake`, to be called (from the runner's own thread) when a result has arrived, so that the
+  tree is ticked at once instead of in the next period.
 """
 
 from collections.abc import Callable
@@ -23,25 +23,23 @@ def stay_asleep() -> None:
 
 @runtime_checkable
 class Settling(Protocol):
-    """A leaf that may leave something in the world after it was stopped, such as a cancel under way."""
+    """A leaf that may leave something active after it was stopped, such as a pending cancellation."""
 
     def settled(self) -> bool:
-        """Return whether nothing of the leaf is under way any more; called after the tree was stopped."""
+        """Return whether nothing of the leaf is active any more; called after the tree was stopped."""
         ...
 
 
 class NoStatusError(SarError, TypeError):
-    """A method, `update()` as a rule, did not return a status.
+    """A method, usually `update()`, did not return a status.
 
     Attributes:
-        behaviour: Whose it is.
+        behaviour: The behaviour with the method.
     """
 
     def __init__(self, behaviour: Behaviour, returned: object, method: str = "") -> None:
         self.behaviour = behaviour
-        message = (
-            f"update() returned {returned!r}, which is no status; return Status.SUCCESS, FAILURE or RUNNING"
-        )
+        message = f"update() returned {returned!r}, which is not a status: return Status.SUCCESS, FAILURE or RUNNING"
         if method:
-            message = f"{message.replace('update', method, 1)}, or the child that is to be ticked next"
+            message = f"{message.replace('update', method, 1)}, or the child to tick next"
         super().__init__(message)

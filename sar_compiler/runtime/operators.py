@@ -1,6 +1,6 @@
 """The operators of scripts: BehaviorTree.CPP's rules, on Python's numbers and strings.
 
-Every number that comes out is a real one. A `RefusedValueError` says which operand does not fit.
+Every numeric result is real. A `RefusedValueError` names the operand that is invalid.
 """
 
 import functools
@@ -19,21 +19,21 @@ from sar_compiler.runtime.variables import (
 )
 
 EPSILON = 2.0**-23
-"""Numbers that differ by no more are equal: the step from 1 to the next number of 32 bits."""
+"""The tolerance of equality: the step from 1 to the next 32-bit number."""
 
 LONGEST_TEXT = 4096
-"""The most characters of a text that a script makes: one that is joined to itself in a loop would fill the memory."""
+"""The maximum length of a string made by a script; joining a string to itself in a loop would fill the memory."""
 
 
 def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Add two numbers or join two texts."""
+    """Add two numbers, or join two strings."""
     if isinstance(left, str) and isinstance(right, str):
         return _join(left, right)
     return as_real(left) + as_real(right)
 
 
 def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Divide numbers; by zero gives an infinite number, or none (NaN) for zero by zero."""
+    """Divide numbers; division by zero returns infinity, or NaN for zero by zero."""
     dividend, divisor = as_real(left), as_real(right)
     if divisor:
         return dividend / divisor
@@ -43,14 +43,14 @@ def divide(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 
 
 def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
-    """Join two texts, or a text and a number."""
+    """Join two strings, or a string and a number."""
     if not isinstance(left, str) and not isinstance(right, str):
-        raise RefusedValueError(f"neither {describe_value(left)} nor {describe_value(right)} is a text")
+        raise RefusedValueError(f"neither {describe_value(left)} nor {describe_value(right)} is a string")
     return _join(_written(left), _written(right))
 
 
 def complement(value: ScriptValue) -> ScriptValue:
-    """Invert the bits of a number, of which only the whole part counts."""
+    """Invert the bits of a number, of which only the integer part is used."""
     number = as_real(value)
     return float(~as_whole(float(math.trunc(number)) if math.isfinite(number) else number))
 
@@ -64,26 +64,26 @@ BINARY: Mapping[str, Callable[[ScriptValue, ScriptValue], ScriptValue]] = {
     "&": lambda left, right: float(_bits(left) & _bits(right)),
     "|": lambda left, right: float(_bits(left) | _bits(right)),
     "^": lambda left, right: float(_bits(left) ^ _bits(right)),
-    # Both sides are calculated, and refused if they are no truth values, whatever the other is.
+    # Both operands are evaluated, and rejected if they are not bools, whatever the other one is.
     "&&": lambda left, right: float(_truth(left) & _truth(right)),
     "||": lambda left, right: float(_truth(left) | _truth(right)),
 }
-"""The operators between two values that are no comparisons."""
+"""The binary operators that are not comparisons."""
 
 PREFIX: Mapping[str, Callable[[ScriptValue], ScriptValue]] = {
     "-": lambda value: -as_real(value),
     "~": complement,
     "!": lambda value: float(as_real(value) == 0),
 }
-"""The operators before a value."""
+"""The unary operators."""
 
 
 def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping[str, int]) -> bool:
     """Return whether a comparison is true.
 
-    Two texts are compared letter by letter, so that '10' is less than '9'. Of a text and a number, the text
-    is the number that it says. What is not a number (NaN) is different from everything, and as no order
-    between it and a number can be denied, `<`, `>`, `<=` and `>=` are true of it, as in BehaviorTree.CPP.
+    Two strings are compared character by character, so '10' is less than '9'. A string that is compared with a
+    number is read as a number. NaN differs from everything, and because no order between it and a number can be
+    denied, `<`, `>`, `<=` and `>=` are true for it, as in BehaviorTree.CPP.
     """
     if not (isinstance(left, str) and isinstance(right, str)):
         left, right = _comparable(left, enums), _comparable(right, enums)
@@ -91,14 +91,14 @@ def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping
 
 
 def is_chosen(condition: ScriptValue) -> bool:
-    """Return whether the condition of `?:` chooses the first value: a number but zero, or a text that says one."""
+    """Return whether the condition of `?:` chooses the first value: a number other than zero, or a string of one."""
     if isinstance(condition, str):
         condition = float(number_of(condition))
     return as_real(condition) != 0
 
 
 def as_condition(value: ScriptValue) -> bool:
-    """Return a script's value as the answer to a condition: of whole numbers 1 or 0, of real ones 0 or any above.
+    """Return a script's value as the result of a condition: an integer must be 1 or 0, a real number 0 or more.
 
     Raises:
         RefusedValueError: If it is anything else.
@@ -112,7 +112,7 @@ def _same(left: Any, right: Any) -> bool:
     return bool(left == right if isinstance(left, str) else abs(left - right) <= EPSILON)
 
 
-# True unless the opposite is, which differs for NaN only.
+# True unless the opposite is true, which differs only for NaN.
 _COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
     "==": _same,
     "!=": lambda left, right: not _same(left, right),
@@ -131,20 +131,20 @@ def _join(left: str, right: str) -> str:
     length = len(left) + len(right)
     if length > LONGEST_TEXT:
         raise RefusedValueError(
-            f"the text would have {length:,} characters, and a script makes texts of {LONGEST_TEXT:,} at most"
+            f"the string would have {length:,} characters, but the limit is {LONGEST_TEXT:,}"
         )
     return left + right
 
 
 def _written(value: object) -> str:
-    """Return a value as a part of a text; real numbers have six digits after the point."""
+    """Return a value as a part of a string; real numbers have six digits after the point."""
     if isinstance(value, str):
         return value
     if isinstance(value, int):
         return str(as_whole(value))
     if isinstance(value, float):
         return f"{value:f}"
-    raise RefusedValueError(f"{describe_value(value)} is neither a text nor a number")
+    raise RefusedValueError(f"{describe_value(value)} is neither a string nor a number")
 
 
 def _bits(value: ScriptValue) -> int:
@@ -153,7 +153,7 @@ def _bits(value: ScriptValue) -> int:
 
 
 def _truth(value: ScriptValue) -> bool:
-    """Return what a number is where true or false is wanted, as `as_condition` has it."""
+    """Return the truth of a number, as for `as_condition`."""
     number = as_real(value)
     if number < 0 or (isinstance(value, int) and value not in {0, 1}):
         raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
@@ -161,14 +161,14 @@ def _truth(value: ScriptValue) -> bool:
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Return whether two texts are equal for a Switch: as they are, as whole numbers, or as real numbers."""
+    """Return whether two strings are equal for a Switch: as strings, as integers, or as real numbers."""
     if first == second:
         return True
     one, other = (float(names[text]) if text in names else _number_in(text) for text in (first, second))
     return one is not None and other is not None and abs(one - other) <= EPSILON
 
 
-@functools.lru_cache(maxsize=256)  # a Switch asks in every tick for the same cases
+@functools.lru_cache(maxsize=256)  # a Switch compares the same cases in each tick
 def _number_in(text: str) -> float | None:
     try:
         return float(number_of(text))

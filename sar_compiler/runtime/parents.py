@@ -1,11 +1,11 @@
 """The common base of nodes with children that follow BehaviorTree.CPP's rules.
 
-Stock py_trees classes know no SKIPPED, and keep the statuses of children that have ended until these are started
-again. The classes on top of these ask what the outcome of a child's tick was, and reset children when BehaviorTree.CPP
-does: one that is running is halted, one that has ended only forgets how it did.
+Stock py_trees classes do not know SKIPPED, and keep the statuses of ended children until these are restarted.
+The classes derived from these use the outcome of a child's tick, and reset children like BehaviorTree.CPP:
+a running child is halted, and an ended one only loses its status.
 
-What a node does in a tick, and when it is halted, is said by its class in the kernel (`node_class`), whether it is ticked by
-itself or in a tree.
+The class of a node in the kernel (`node_class`) defines its behaviour in a tick and when it is halted, whether it is ticked
+by itself or in a tree.
 """
 
 from collections.abc import Callable, Hashable, Iterator
@@ -27,18 +27,18 @@ class Children(list[Behaviour]):
     """The children of a behaviour, in a list that counts the changes of all lists of its kind.
 
     Attributes:
-        changes: How often any such list was changed, so far.
+        changes: The number of changes of all such lists so far.
     """
 
     changes: ClassVar[int] = 0
 
     @classmethod
     def of(cls, children: list[Behaviour]) -> "Children":
-        """Return children as such a list, which may be the one that they are in."""
+        """Return children as such a list; a list of this kind is returned unchanged."""
         return children if isinstance(children, cls) else cls(children)
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        """Be copied as a list."""
+        """Pickle and copy it as a list."""
         return list, (list(self),)
 
 
@@ -59,24 +59,24 @@ for _name in (*_PLAIN, "__delitem__", "__iadd__", "__imul__", "__setitem__"):
 
 
 class TickedTree(Protocol):
-    """A tree of the kernel, as a behaviour that has a node in it sees it; see `LiveTree`."""
+    """The view of a kernel tree for a behaviour that has a node in it; see `LiveTree`."""
 
     def is_whole(self) -> bool:
-        """Return whether all nodes still have the children that they had."""
+        """Return whether all nodes still have the same children."""
 
     def tick(self, visits: "list[Visit] | None" = None, index: int = 0) -> int:
-        """Tick a node once, and note the nodes below it that were ticked."""
+        """Tick a node once, and record the ticked nodes below it."""
 
     def stop(self, index: int = 0) -> None:
         """Stop a node."""
 
 
 class KernelTicking(NamedTuple):
-    """How a behaviour is ticked that py_trees ticks.
+    """Define how py_trees ticks a behaviour through the kernel.
 
     Attributes:
-        make_tree: Makes the tree of a root and all that is below it, of the kernel's nodes; takes over from a former tree.
-        show_visits: Yields the behaviours that were ticked, each as it was then.
+        make_tree: Function that builds the kernel tree of a root and its descendants, and takes over the state of an earlier tree.
+        show_visits: Function that yields the ticked behaviours, each with its status at that time.
     """
 
     make_tree: Callable[..., TickedTree]
@@ -84,19 +84,19 @@ class KernelTicking(NamedTuple):
 
 
 class EngineBehaviour(Behaviour):
-    """A behaviour that ticks and stops as its node in the kernel says.
+    """A behaviour that its node in the kernel ticks and stops.
 
-    Ticked by its own methods, as py_trees does, it is the root of a tree of such nodes, with all that is below it.
+    If py_trees ticks it by its own methods, it is the root of a kernel tree with all its descendants.
 
     Args:
         name: The node's name.
-        clock: What the time is measured with.
-        enums: The names that stand for numbers.
+        clock: The clock that measures the time.
+        enums: The named constants.
 
     Attributes:
         node_class: The class of the node; None for a class that is only a base.
-        ticking: How it is ticked, as `runtime.ticking` says, where all classes are that are no base.
-        clock: What the node measures time with.
+        ticking: The functions for ticking, which `runtime.ticking` sets.
+        clock: The clock of the node.
         skipped: Whether the last tick was skipped; the status is then not the tick's, see `runtime.skipping`.
     """
 
@@ -105,25 +105,25 @@ class EngineBehaviour(Behaviour):
     skipped = False
     clock: Clock = WallClock()
     place: tuple[TickedTree, int] | None = None
-    """The tree that has its node, and the node's index there."""
+    """The tree that contains its node, and the node's index in it."""
     wake: Wake = staticmethod(stay_asleep)
-    """Asks for the next tick at once, for a node that pauses by RUNNING, so that the rest of the tree gets its turn."""
+    """Requests the next tick at once, for a node that returns RUNNING between children, so that other nodes are ticked."""
 
     def setup(self, **kwargs: Any) -> None:
-        """Take what the runner offers.
+        """Store the runner's `wake` function.
 
         Args:
-            **kwargs: Perhaps `wake`, to be called when the tree is to be ticked again at once.
+            **kwargs: The runner's arguments; `wake` is optional and requests another tick at once.
         """
         self.wake = kwargs.get("wake", stay_asleep)
 
     def build_node(self, part: "NodeBuilder") -> "TreeNode":
-        """Build the node, of what the kernel offers."""
-        assert self.node_class is not None  # noqa: S101 - others are not asked
+        """Build the node with the kernel's builder."""
+        assert self.node_class is not None  # noqa: S101 - only called with a class
         return self.node_class(part)
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick once; then yield every node that was ticked on the way as it was after its tick, and this one last."""
+        """Tick once, then yield each ticked node with its status after its tick, and this one last."""
         visits: list[Visit] = []
         try:
             tree, index = self._place()
@@ -135,7 +135,7 @@ class EngineBehaviour(Behaviour):
     def _place(self) -> tuple[TickedTree, int]:
         if self.place is None or not self.place[0].is_whole():
             self.ticking.make_tree(self, former=self.place[0] if self.place else None)
-        assert self.place is not None  # noqa: S101 - the tree has said so
+        assert self.place is not None  # noqa: S101 - set by the tree
         return self.place
 
     def update(self) -> Status:
@@ -143,7 +143,7 @@ class EngineBehaviour(Behaviour):
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
-        """End; with INVALID the node is halted, and its children with it."""
+        """Stop the node; with INVALID, the node and its children are halted."""
         if new_status == Status.INVALID:
             tree, index = self._place()
             tree.stop(index)
@@ -151,12 +151,12 @@ class EngineBehaviour(Behaviour):
 
 
 class Cell(NamedTuple):
-    """A place for what a control or decorator remembers.
+    """A memory cell of a control or decorator.
 
     Attributes:
-        number: Its index among those of the node.
-        first: What it holds at first.
-        keeps: Whether it goes on holding what it does when the node ends or is halted.
+        number: Its index among the node's cells.
+        first: Its initial value.
+        keeps: Whether it keeps its value when the node ends or is halted.
     """
 
     number: int
@@ -165,32 +165,32 @@ class Cell(NamedTuple):
 
 
 class EngineParent(EngineBehaviour):
-    """A node with children that keeps BehaviorTree.CPP's rules.
+    """A node with children that follows BehaviorTree.CPP's rules.
 
-    One without a `node_class` says itself, in `begin` and `resume`, which child it needs next. Between two of these calls, and between two
-    ticks, it remembers only what is in cells: so `verify` can put it back to any state that it was in.
+    A class without a `node_class` chooses the next child in `begin` and `resume`. Between these calls, and between ticks, it
+    stores its state only in cells, so that `verify` can restore any of its states.
 
     Attributes:
         is_its_child: Whether it and its child are one node, with one status.
-        cells: The cells that it has asked for.
+        cells: Its cells.
     """
 
     is_its_child = False
     cells: tuple[Cell, ...] = ()
 
     def cell(self, first: Hashable = 0, *, keeps: bool = False) -> Cell:
-        """Add a cell, in the constructor; `tick[cell]` is what it holds: anything that can be hashed, and never changes in place.
+        """Add a cell, in the constructor; `tick[cell]` is its value, which must be hashable and immutable.
 
         Args:
-            first: What it holds at first, and again after the node has ended or was halted.
-            keeps: Whether it goes on holding what it does then.
+            first: The initial value, which is restored when the node ends or is halted.
+            keeps: Whether the value is kept instead.
         """
         added = Cell(len(self.cells), first, keeps)
         self.cells = (*self.cells, added)
         return added
 
     def ask(self, leaf: Behaviour) -> None:
-        """Take a leaf that answers for the world around the node, before the children."""
+        """Insert a leaf that represents the world around the node, before the children."""
         self.children.insert(0, leaf)
         leaf.parent = self
 
@@ -198,28 +198,28 @@ class EngineParent(EngineBehaviour):
         """Begin a tick.
 
         Args:
-            tick: What there is to be seen and done in it.
+            tick: The access to the tick's state and functions.
 
         Returns:
-            The child that is to be ticked first; or the outcome, if no child is needed. With `SKIPPED` the node is
-            passed over, and with any outcome but RUNNING its work is over: its children are brought to rest.
+            The child to tick first; or the outcome, if no child is needed. With `SKIPPED` the node is skipped, and with any
+                outcome but RUNNING it has ended, and its children are reset.
         """
         raise NotImplementedError
 
     def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:
-        """Go on with a tick, after a child.
+        """Continue a tick after a child.
 
         Args:
-            tick: What there is to be seen and done in it.
-            outcome: What the child has come to; `SKIPPED` if it was skipped.
+            tick: The access to the tick's state and functions.
+            outcome: The outcome of the child; `SKIPPED` if it was skipped.
 
         Returns:
-            As `begin`. A child that has ended starts anew if it is ticked once more.
+            As for `begin`. A child that has ended is restarted if it is ticked again.
         """
         raise NotImplementedError
 
     def build_node(self, part: "NodeBuilder") -> "TreeNode":
-        """Build the node, of what the kernel offers."""
+        """Build the node with the kernel's builder."""
         if self.node_class is not None:
             return self.node_class(part)
         from sar_compiler.runtime.kernel.user_nodes import UserNode

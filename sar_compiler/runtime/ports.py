@@ -1,7 +1,7 @@
-"""Ports: values of a leaf that are read and written on the blackboard while the tree runs.
+"""Ports: values that a leaf reads and writes on the blackboard while the tree runs.
 
-A constructor parameter annotated with one of these types is an attribute of the tag, as any other value is;
-a literal in the file is a value that never changes, `{key}` an entry of the blackboard::
+A constructor parameter annotated with one of these types is an attribute of the tag, like any other value;
+a literal in the file is a constant, and `{key}` is an entry of the blackboard::
 
     class Say(py_trees.behaviour.Behaviour):
         def __init__(self, name: str, message: Input[str], said: Output[int] | None = None) -> None: ...
@@ -22,15 +22,15 @@ T = TypeVar("T")
 D = TypeVar("D")
 
 Convert = Callable[[object], Any]
-"""Makes a port's value of what is on the blackboard, or raises `ValueError`."""
+"""Converts a value on the blackboard to a port's value, or raises `ValueError`."""
 
 
 class PortError(SarError):
-    """A port cannot give its value: nothing was written to its key, or what was does not fit.
+    """A port has no value: its key was not written, or the value is invalid.
 
     Attributes:
-        port: The port's name; empty where it is not known.
-        source: The key that it reads, as it belongs to the entry.
+        port: The port's name; empty if it is unknown.
+        source: The key that it reads, as the entry has it.
     """
 
     def __init__(self, message: str, port: str = "", source: str = "") -> None:
@@ -44,7 +44,7 @@ class Input(Generic[T]):
 
     Args:
         source: The entry to read, or a constant.
-        convert: Makes the port's value of the entry's.
+        convert: Function that converts the entry's value to the port's.
         name: The port's name, for messages.
         kind: The type whose values need not be converted.
 
@@ -70,13 +70,13 @@ class Input(Generic[T]):
     @overload
     def get(self, default: D, /) -> T | D: ...
     def get(self, *default: Any) -> Any:
-        """Return the value that the port has now.
+        """Return the current value of the port.
 
         Args:
-            default: What to return if nothing has been written to its key.
+            default: The value to return if its key has no value.
 
         Raises:
-            PortError: If nothing has been written and there is no default, or the value does not fit.
+            PortError: If the key has no value and there is no default, or the value is invalid.
         """
         entry = self.entry
         if entry is None:
@@ -106,11 +106,11 @@ class Output(Generic[T]):
     """A value that a node writes.
 
     Args:
-        entry: The entry to write; None where the file names none, and what is written is of no interest.
+        entry: The entry to write; None if the file names none, and the value is dropped.
         kind: The type that its values give to an entry without one: `bool`, `int`, `float` or `str`.
 
     Attributes:
-        value: What the node wrote last, for a test of the node; None until then.
+        value: The last value that the node wrote, for tests of the node; None until then.
     """
 
     def __init__(self, entry: Entry | None = None, kind: type | None = None) -> None:
@@ -119,7 +119,7 @@ class Output(Generic[T]):
         self._kind = kind
 
     def set(self, value: T) -> None:
-        """Write the value; a number in an entry with a type stays whole or real, where nothing is lost."""
+        """Write the value; a number in an entry with a type stays integer or real if no precision is lost."""
         self.value = value
         if self.entry is not None:
             _write(self.entry, value, self._kind)
@@ -135,7 +135,9 @@ class InOut(Input[T]):
             PortError: If the port is a constant.
         """
         if self.entry is None:
-            message = f"{self._name or 'the port'} is a constant and cannot be written; give it a {{key}}"
+            message = (
+                f"{self._name or 'the port'} is a constant and cannot be written; write a {{key}} in the file"
+            )
             raise PortError(message, self._name)
         _write(self.entry, value)
 
@@ -143,7 +145,7 @@ class InOut(Input[T]):
 def _write(entry: Entry, value: object, kind: type | None = None) -> None:
     board, name = entry.board, entry.name
     if entry.passed_on:
-        pass  # as in BehaviorTree.CPP, which looks only at entries of the node's own tree
+        pass  # as in BehaviorTree.CPP, which checks only entries of the node's own tree
     elif board.kind(name) is None:
         if kind is not None:
             board.settle(name, kind)

@@ -8,18 +8,18 @@ from sar_compiler.runtime.entry_types import read_as, value_of
 from sar_compiler.runtime.variables import RefusedValueError, fit
 
 _SEPARATOR = ";"
-_LABELS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+_LABELS = {int: "an integer", float: "a number", bool: "true or false", str: "a string"}
 
 
 class QueueError(NodeError):
-    """The value that a loop should iterate over is no queue, or an item of it has the wrong type."""
+    """The value that a loop iterates over is not a queue, or an item has the wrong type."""
 
 
 def queue_items(held: object, kind: type) -> list[Any]:
     """Return the items of a queue.
 
     Args:
-        held: A text with items between semicolons, or a list.
+        held: A string with items separated by semicolons, or a list.
         kind: The type of the items: `bool`, `int`, `float` or `str`.
 
     Raises:
@@ -32,8 +32,8 @@ def queue_items(held: object, kind: type) -> list[Any]:
         parts = held
     else:
         raise QueueError(
-            f"a value of type {type(held).__name__} is no queue; "
-            "write a list, or a text with items between semicolons"
+            f"a value of type {type(held).__name__} is not a queue: "
+            "write a list, or a string with items separated by semicolons"
         )
     return [_item(part, kind) for part in parts]
 

@@ -1,6 +1,6 @@
-"""Parsing scripts: the `code` of `<Script>`, and pre- and postconditions.
+"""Parser of scripts: the `code` of `<Script>`, and pre- and postconditions.
 
-By precedence climbing, in the ranks of BehaviorTree.CPP 4; a higher rank binds tighter:
+It uses precedence climbing with the ranks of BehaviorTree.CPP 4; a higher rank binds tighter:
 
 ==== =========================== =======================================
 rank operators
@@ -41,7 +41,7 @@ MAX_DEPTH = 100
 """The deepest nesting of expressions."""
 
 MAX_WORDS = 100_000
-"""The most words (numbers, texts, names and signs) of a script."""
+"""The maximum number of tokens (numbers, strings, names and signs) of a script."""
 
 # Looked up once, as in `tokens`.
 _END, _LITERAL, _NAME, _SIGN = TokenKind.END, TokenKind.LITERAL, TokenKind.NAME, TokenKind.SIGN
@@ -66,9 +66,9 @@ _SIMPLE = r"""
     """
 _NO_NAMES = frozenset(("true", "false", "not", "and", "or"))
 _PREFIXES = {"-", "~", "!"}
-# Words of other languages, with the operators they stand for there.
+# Words of other languages, with the operators that they mean there.
 _WORDS = {"and": "&&", "or": "||"}
-# Operators of other languages, as the two signs that are read in their place.
+# Operators of other languages, as the two tokens that are read in their place.
 _OTHER_OPERATORS = {
     ("==", "="): "==",
     ("!=", "="): "!=",
@@ -82,7 +82,7 @@ _OTHER_OPERATORS = {
 }
 _NO_OPERATORS = {
     ("+", "+"): "write 'x += 1'",
-    ("*", "*"): "there are no powers; multiply, or let a leaf calculate it",
+    ("*", "*"): "there are no powers: multiply, or calculate it in a leaf",
     ("/", "/"): "a script has no comments",
     ("/", "*"): "a script has no comments",
     ("<", "<"): "bits cannot be shifted; multiply by 2, 4, 8...",
@@ -96,15 +96,15 @@ _NO_OPERATORS = {
 
 
 def parse(text: str, *, allow_empty: bool = False) -> Script:
-    """Read a script.
+    """Parse a script.
 
     Args:
-        text: Its text, with entities and the like resolved.
-        allow_empty: Whether a text without any expression is a script (of a `<Script>` node it is, of an
-            attribute such as `_skipIf` it is not).
+        text: Its text, with XML entities resolved.
+        allow_empty: Whether a text without any expression is a script, as for a `<Script>` node, but not for an
+            attribute such as `_skipIf`.
 
     Raises:
-        ScriptError: At the first mistake.
+        ScriptError: At the first error.
     """
     simple = _simple(text)
     script = _ScriptParser(text).script() if simple is None else Script(text, (simple,))
@@ -117,12 +117,12 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
 
 @functools.cache
 def _simple_pattern() -> re.Pattern[str]:
-    """Return the pattern of most scripts, which files without one need not wait for."""
+    """Return the pattern of most scripts, compiled late because files without scripts do not need it."""
     return re.compile(_SIMPLE, re.VERBOSE)
 
 
 def _simple(text: str) -> Expression | None:
-    """Return what a script of a variable, an operator and a value says, as most do; None of any other."""
+    """Return the expression of a script with a variable, an operator and a value, as most are; else None."""
     match = _simple_pattern().fullmatch(text)
     if match is None:
         return None
@@ -145,7 +145,7 @@ def _simple(text: str) -> Expression | None:
 
 
 class _ScriptParser:
-    """Reads one text, once."""
+    """Parses one text, once."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -153,17 +153,17 @@ class _ScriptParser:
         if len(self._tokens) > MAX_WORDS:
             last = self._tokens[-1]
             message = f"the script has more than {MAX_WORDS:,} words"
-            raise ScriptError(message, last.start, last.end, hint="let a leaf calculate it")
+            raise ScriptError(message, last.start, last.end, hint="calculate it in a leaf")
         self._index = 0
         self._next = self._tokens[0]
         self._depth = 0
 
     def script(self) -> Script:
-        """Return what the text says."""
+        """Return the parsed script."""
         statements: list[Expression] = []
         while self._next.kind is not _END:
             statements.append(self._expression(_ANY))
-            if len(self._tokens) > MAX_DEPTH:  # each level has a token at least
+            if len(self._tokens) > MAX_DEPTH:  # each level has at least one token
                 _check_depth(statements[-1])
             self._refuse_word()
             while self._take(";"):
@@ -171,7 +171,7 @@ class _ScriptParser:
         return Script(self._text, tuple(statements))
 
     def _before(self, count: int = 1) -> Token | None:
-        """Return the token a number of places before the next one."""
+        """Return the token *count* positions before the next one."""
         return self._tokens[self._index - count] if self._index >= count else None
 
     def _advance(self) -> Token:
@@ -182,7 +182,7 @@ class _ScriptParser:
         return token
 
     def _at(self, sign: str) -> bool:
-        return self._next.text == sign  # no other token is written like a sign
+        return self._next.text == sign  # no other token looks like a sign
 
     def _take(self, sign: str) -> bool:
         found = self._at(sign)
@@ -196,11 +196,11 @@ class _ScriptParser:
         return self._tokens[self._index - 1].end if self._index else 0
 
     def _rank(self) -> int:
-        """Return the rank of the operator that is next, or less than any."""
+        """Return the rank of the next operator; less than any rank if there is none."""
         return _RANKS.get(self._next.text, -1)
 
     def _expression(self, least: int) -> Expression:
-        """Read an expression, as far as its operators are of a rank or a higher one."""
+        """Parse an expression whose operators have at least a given rank."""
         start = self._next.start
         self._depth += 1
         if self._depth > MAX_DEPTH:
@@ -249,11 +249,13 @@ class _ScriptParser:
         operator = self._advance()
         if not isinstance(target, Name):
             end = self._tokens[self._index - 2].end
-            message = f"only a variable can be given a value, and '{excerpt(self._text[start:end])}' is none"
+            message = (
+                f"only variables can be assigned to, and '{excerpt(self._text[start:end])}' is not a variable"
+            )
             if operator.text == "=":
-                hint = "'=' gives a variable a value, '==' compares; brackets may be missing"
+                hint = "'=' assigns a value and '==' compares, or brackets are missing"
                 raise ScriptError(message, start, operator.end, hint=hint)
-            raise ScriptError(message, start, operator.end, hint="brackets may be missing")
+            raise ScriptError(message, start, operator.end, hint="add brackets around the assignment")
         value = self._expression(_ANY)
         return Assignment(operator.text, target, value, start=start, end=self._end)
 
@@ -280,18 +282,18 @@ class _ScriptParser:
         return Operation(first, tuple(steps), start=start, end=self._end)
 
     def _check_name(self, name: Token) -> None:
-        """Refuse a name that is meant as an operator or a function; it has just been read."""
+        """Reject the name that was just read if it is intended as an operator or a function."""
         following = self._next
         opens = following.kind is _SIGN and following.text in {"(", "!", "~"}
         if name.text == "not" and (opens or following.kind in {_NAME, _LITERAL}):
             raise ScriptError("there is no operator 'not'", name.start, name.end, suggestion="!")
         if self._at("(") and following.start == name.end and name.text not in _WORDS:
             message = f"a script cannot call '{excerpt(name.text)}': there are no functions"
-            hint = "let a leaf calculate it; if two expressions are meant, write ';' between them"
+            hint = "calculate it in a leaf, or separate two expressions by ';'"
             raise ScriptError(message, name.start, following.end, hint=hint)
 
     def _refuse_word(self) -> None:
-        """Refuse `and` and `or` after an expression, where no variable of such a name can be."""
+        """Reject `and` and `or` after an expression, where they cannot be variables."""
         word = self._next
         if word.kind is not _NAME or word.text not in _WORDS:
             return
@@ -302,7 +304,7 @@ class _ScriptParser:
         raise ScriptError(message, word.start, word.end, suggestion=_WORDS[word.text])
 
     def _explain_no_operand(self) -> ScriptError:
-        """Explain why there is no operand at the next token."""
+        """Return the error for a missing operand at the next token."""
         token, before = self._next, self._before()
         if before is not None and before.kind is _SIGN:
             other = self._other_operator(before, token)
@@ -322,7 +324,7 @@ class _ScriptParser:
         return ScriptError(message, sign.start, sign.end)
 
     def _other_operator(self, before: Token, token: Token) -> ScriptError | None:
-        """Recognise an operator of another language."""
+        """Return the error for an operator of another language; None for any other token."""
         signs = (before.text, token.text)
         if before.end != token.start or token.kind is not _SIGN:
             return None
@@ -335,7 +337,7 @@ class _ScriptParser:
 
 
 def _check_depth(statement: Expression) -> None:
-    """Refuse what would be evaluated through too many levels: `((a * b + c) * d + e) * ...`."""
+    """Reject statements whose evaluation has too many levels: `((a * b + c) * d + e) * ...`."""
     level: tuple[Expression, ...] = (statement,)
     for _ in range(MAX_DEPTH):
         level = tuple(part for expression in level for part in children(expression))
@@ -350,15 +352,15 @@ def _too_deep(start: int, end: int) -> ScriptError:
 
 
 def _explain_misplaced(token: Token) -> ScriptError:
-    """Explain why a token cannot begin an expression."""
+    """Return the error for a token that cannot begin an expression."""
     if token.text == ")":
         return ScriptError("this ')' has no '('", token.start, token.end)
     if token.text == ":":
         hint = "write 'condition ? value : other value'"
         return ScriptError("this ':' has no '?'", token.start, token.end, hint=hint)
     if token.text in _ASSIGNMENTS:
-        message = f"only a variable can be given a value, and there is none before '{token.text}'"
+        message = f"only variables can be assigned to, and there is none in front of '{token.text}'"
         hint = "put an assignment within another expression in brackets"
         return ScriptError(message, token.start, token.end, hint=hint)
-    advice = "a number has no '+' before it" if token.text == "+" else None
+    advice = "write the number without '+'" if token.text == "+" else None
     return ScriptError(f"a value is missing before '{token.text}'", token.start, token.end, hint=advice)

@@ -1,11 +1,11 @@
-"""Scripts as Python functions, for the usual case: numbers and texts in entries that exist.
+"""Scripts as Python functions, for the common case: numbers and strings in existing entries.
 
-`evaluation` says what a script means, and what is wrong with one. This module saves the way from one operator to the next, and to the
-entries. What is unusual makes the quick form of a statement raise one of `FALLBACK_ERRORS` before it has written anything; the statement is
-evaluated by `evaluation` then, from the start.
+`evaluation` defines the meaning of scripts and reports their errors. This module avoids the calls from operator to operator
+and to the entries. In uncommon cases, the fast path of a statement raises one of `FALLBACK_ERRORS` before it has written
+anything, and `evaluation` then evaluates the statement from the start.
 
-No other module makes code, and nothing that a file says gets into what is made here: it is made of a skeleton, which has signs of a
-closed list and numbers. The names of the entries and the constants are arguments, and the code reaches no builtins, only `_REACHED`.
+No other module generates code, and no text of a file becomes part of it. The skeleton contains only numbers and signs of a
+closed list, the names of entries and the constants are arguments, and the code can access no builtins, only `_REACHED`.
 """
 
 import ast
@@ -35,10 +35,10 @@ from sar_compiler.runtime.variables import (
 )
 
 FALLBACK_ERRORS = (KeyError, ArithmeticError, VariableError)
-"""What a statement raises in its quick form if it has to be evaluated in the usual way."""
+"""The errors of a statement's fast path after which it has to be evaluated by `evaluation`."""
 
 _LONGEST = 1_000
-"""The length of a script, in characters, up to which it is worth it."""
+"""The maximum length of a script, in characters, for which code is generated."""
 
 _ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
     "+": ast.Add,
@@ -47,10 +47,10 @@ _ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
     "/": ast.Div,
 }
 _JUNCTIONS: Mapping[str, Callable[[], ast.operator]] = {"&&": ast.BitAnd, "||": ast.BitOr}
-# What an order denies: NaN is in every order, as `operators.compare` has it.
+# The opposites of the orders: NaN fulfils every order, as in `operators.compare`.
 _DENIED: Mapping[str, Callable[[], ast.cmpop]] = {"<": ast.GtE, ">": ast.LtE, "<=": ast.Gt, ">=": ast.Lt}
 _COMPARISONS = frozenset(("==", "!=", *_DENIED))
-# What calculates with any values, by its name in the code.
+# Functions that calculate with any values, by their names in the code.
 _CALCULATE = {"+": "add", "..": "join", "&": "bits_of_both", "|": "bits_of_any", "^": "bits_of_one"}
 
 
@@ -62,15 +62,15 @@ def quick_script(
     condition: Callable[[ScriptValue], bool] | None = None,
     answers: tuple[object, object] | None = None,
 ) -> Callable[[], Any] | None:
-    """Return what evaluates a script; None if it is too long for that.
+    """Return a function that evaluates a script; None if the script is too long.
 
     Args:
         script: The script.
-        entry: Returns the entry that a name means.
-        enums: The numbers that names stand for.
-        usual: What evaluates each of its statements in the usual way.
-        condition: If the script is a condition, what makes true or false of its value.
-        answers: What is returned in place of true, or of any value of a script that is no condition, and in place of false.
+        entry: Function that returns the entry of a name.
+        enums: The named constants.
+        usual: The functions of `evaluation` for its statements.
+        condition: For a condition, the function that converts its value to a bool.
+        answers: The results in place of true (or of any value, if the script is no condition) and of false.
     """
     if len(script.text) > _LONGEST:
         return None
@@ -86,17 +86,17 @@ def quick_script(
 
 
 class _Return(NamedTuple):
-    """What the function of a script returns: its value, or whether that holds; or other answers in place of these."""
+    """The result of a script's function: its value or its truth, or other results in place of these."""
 
     is_condition: bool
     has_answers: bool
 
     def made_of(self, holds: ast.expr) -> ast.expr:
-        """Return the code of what is returned for something that is true or false."""
+        """Return the code of the result for an expression that is true or false."""
         return ast.IfExp(holds, _load("then"), _load("otherwise")) if self.has_answers else holds
 
     def made_of_given(self) -> ast.expr:
-        """Return the code of what is returned for the value `given`."""
+        """Return the code of the result for the value `given`."""
         given = _load("given")
         if self.is_condition:
             return self.made_of(_call("condition", given))
@@ -107,10 +107,10 @@ class _Return(NamedTuple):
 def _function_of(
     statements: Sequence[SkeletonPart | None], names: int, constants: int, ending: _Return
 ) -> types.FunctionType:
-    """Return what makes the function of a script.
+    """Return a factory of a script's function.
 
-    Its arguments are tables of the board, the numbers that names stand for, what makes true or false of a value, what is returned in
-    place of these, the usual ways of all statements, the names of the entries, and the constants, once as they are and once as real numbers.
+    Its arguments are tables of the board, the named constants, the function that converts a value to a bool, the results in place
+    of these, the fallbacks of all statements, the names of the entries, and the constants, both unchanged and as real numbers.
     """
     numbers = {"usual": len(statements), "name": names, "constant": constants, "real": constants}
     taken = [f"{name}{at}" for name, count in numbers.items() for at in range(count)]
@@ -140,7 +140,7 @@ class _FastPath:
     """The code of one statement.
 
     Attributes:
-        reads: What reads the entries, before anything is done with them.
+        reads: The code that reads the entries, before they are used.
     """
 
     def __init__(self) -> None:
@@ -148,7 +148,7 @@ class _FastPath:
         self._names: set[str] = set()
 
     def answer(self, part: SkeletonPart, ending: _Return) -> list[ast.stmt]:
-        """Return the code that returns whether a condition holds."""
+        """Return the code that returns the truth of a condition."""
         answer = ast.Return(ending.made_of(self.truth(part)))
         return [*self.reads, answer]
 
@@ -158,7 +158,7 @@ class _FastPath:
             given = _let("given", self.value(part))
             return [*self.reads, given]
         target, value = part.operands
-        assert isinstance(target, VariableSlot)  # noqa: S101 - as a skeleton has it
+        assert isinstance(target, VariableSlot)  # noqa: S101 - guaranteed by the skeleton
         if part.sign not in {":=", "="}:
             value = Chain((part.sign[0],), (target, value))
         given = _let("given", self.value(value))
@@ -167,7 +167,7 @@ class _FastPath:
         return [*self.reads, given, *_write(f"name{target.number}", kind, creates=part.sign == ":=")]
 
     def value(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of what a part is."""
+        """Return the code of a part's value."""
         if isinstance(part, VariableSlot):
             return self._read(part, "value", (float, int, str), "seen")
         if isinstance(part, ConstantSlot):
@@ -180,7 +180,7 @@ class _FastPath:
         return self.real(part) if _is_number(part) else self._joined(part)
 
     def real(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of a part that has to be a number to calculate with."""
+        """Return the code of a part that has to be a number."""
         if isinstance(part, VariableSlot):
             return self._read(part, "number", (float,), "number_seen")
         if isinstance(part, ConstantSlot) and part.kind is float:
@@ -194,7 +194,7 @@ class _FastPath:
         return _call("as_real", self.value(part))
 
     def truth(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of whether a part is true."""
+        """Return the code of a part's truth."""
         if isinstance(part, Chain) and part.signs[0] in _JUNCTIONS:
             return self._folded(
                 part, self.truth, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
@@ -218,12 +218,12 @@ class _FastPath:
     def _flag(
         self, part: VariableSlot, quick: Callable[[ast.expr], ast.expr], otherwise: ast.expr
     ) -> ast.expr:
-        """Return the code of a variable that is most likely true or false."""
+        """Return the code of a variable that is probably true or false."""
         raw = self._raw(part)
         return ast.IfExp(_is_of_type(raw, bool), quick(raw), otherwise)
 
     def _raw(self, part: VariableSlot) -> ast.expr:
-        """Return the code of what the entry of a variable holds."""
+        """Return the code of the raw value in a variable's entry."""
         return self._read(part, "raw", ())
 
     def _choice(self, part: SkeletonPart) -> ast.expr:
@@ -238,7 +238,7 @@ class _FastPath:
         return folded
 
     def _joined(self, part: Applied | Chain) -> ast.expr:
-        """Return the code of an operator for which no quick form is known: both may be texts, or it is on bits."""
+        """Return the code of an operator without a fast path: on possible strings, or on bits."""
         if isinstance(part, Applied):
             return _call("complement", self.value(part.operands[0]))
         folded = self.value(part.operands[0])
@@ -250,7 +250,7 @@ class _FastPath:
         return folded
 
     def _comparisons(self, part: Chain) -> ast.expr:
-        """Return the code of a chain of comparisons, of which each operand in the middle is compared twice."""
+        """Return the code of a chain of comparisons, in which each middle operand is compared twice."""
         if len(part.signs) == 1 or all(
             isinstance(each, (VariableSlot, ConstantSlot)) for each in part.operands
         ):
@@ -261,7 +261,7 @@ class _FastPath:
         return _all([_usual_comparison(*each) for each in compared])
 
     def _comparison(self, sign: str, left: SkeletonPart, right: SkeletonPart) -> ast.expr:
-        """Return the code of a comparison, quick for two numbers, and for a variable and a text."""
+        """Return the code of a comparison, fast for two numbers, and for a variable and a string."""
         parts, kind = (left, right), str if _is_text(left) or _is_text(right) else float
         is_known = _is_text if kind is str else _is_number
         if not all(isinstance(each, VariableSlot) or is_known(each) for each in parts):
@@ -285,7 +285,7 @@ class _FastPath:
         return self._known(part) if isinstance(part, ConstantSlot) else self._once(self._known(part))
 
     def _once(self, code: ast.expr) -> ast.expr:
-        """Have something calculated beforehand; where it proves to be needless, it has done nothing else."""
+        """Return the code of a precomputed expression; the expression has no side effects, so its result may be discarded."""
         name = f"part{len(self.reads)}"
         self.reads.append(_let(name, code))
         return _load(name)
@@ -298,9 +298,9 @@ class _FastPath:
 
         Args:
             part: The variable.
-            name: What the value is called, before the variable's number.
-            kinds: The types of values that can be used as they are; none if any can be.
-            otherwise: The name of the function that makes a usable value of any other.
+            name: The prefix of the value's name, followed by the variable's number.
+            kinds: The types of values that can be used unchanged; none if all can.
+            otherwise: The name of the function that converts other values.
         """
         name = f"{name}{part.number}"
         if name not in self._names:
@@ -313,7 +313,7 @@ class _FastPath:
 
 
 def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
-    """Return the code that writes `given`, of a type, to an entry; nothing is written before everything is known."""
+    """Return the code that writes `given`, of a type, to an entry, after all values are known."""
     held, name = _load("held"), _load(target)
     is_like = _compare(_call("type", held), ast.Is(), kind)
     fitted = _call("fitted", held, _load("kinds"), name, _load("given"), _load("enums"))
@@ -355,7 +355,7 @@ def _is_truth(part: SkeletonPart) -> bool:
 
 
 def _is_number(part: SkeletonPart) -> bool:
-    """Return whether a part is a real number or cannot be calculated; a variable may be anything, and a sum a text."""
+    """Return whether a part is a real number or raises an error; a variable may be anything, and a sum a string."""
     if isinstance(part, Chain):
         is_sum = part.signs[0] == "+" and not any(_is_real(each) for each in part.operands[:2])
         return _ARITHMETIC.keys() >= set(part.signs) and not is_sum
@@ -369,7 +369,7 @@ def _is_real(part: SkeletonPart) -> bool:
 
 
 def _compared(kind: type, sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
-    """Return the code of a comparison of two texts, or of two numbers."""
+    """Return the code of a comparison of two strings, or of two numbers."""
     if sign in _DENIED:
         return _not(_compare(left, _DENIED[sign](), right))
     if kind is str:
@@ -384,13 +384,13 @@ def _usual_comparison(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
 
 
 def _is_exact(value: ast.expr) -> ast.expr:
-    """Return the code of whether a value is a number to calculate with."""
+    """Return the code that tests whether a value is a number for calculations."""
     exact = _all([_is_of_type(value, int), _is_within(value, LARGEST_EXACT)])
     return ast.BoolOp(ast.Or(), [_is_of_type(value, float), exact])
 
 
 def _is_within(value: ast.expr, limit: float) -> ast.expr:
-    """Return the code of whether a number is no further from 0 than a limit."""
+    """Return the code that tests whether the absolute value of a number is within a limit."""
     return ast.Compare(ast.Constant(-limit), [ast.LtE(), ast.LtE()], [value, ast.Constant(limit)])
 
 
@@ -436,12 +436,12 @@ def _define(name: str, arguments: list[str], body: list[ast.stmt]) -> ast.stmt:
 
 
 def _seen(held: object) -> ScriptValue:
-    """Return what a script sees of a value."""
+    """Return the value that a script reads."""
     if type(held) is bool:
         return int(held)
     value = value_of(held)
     if value is None:
-        raise RefusedValueError("it is nothing to calculate with")
+        raise RefusedValueError("a script cannot calculate with it")
     return value
 
 
@@ -454,7 +454,7 @@ def _number_seen(held: object) -> float:
 def _created(
     storage: Mapping[str, object], stamps: Mapping[str, int], kinds: dict[str, type | None], name: str
 ) -> tuple[object, int]:
-    """Name an entry that may not be there; return what it holds, and how often it will have been written."""
+    """Declare an entry that may not exist; return its value, and its number of writes after the next one."""
     kinds.setdefault(name, None)
     return storage.get(name), stamps.get(name, 0) + 1
 
@@ -462,7 +462,7 @@ def _created(
 def _fitted(
     held: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
 ) -> object:
-    """Return what an entry stores of a value that is of another type than its own."""
+    """Return the value to store for a value that has another type than the entry."""
     if type(held) is int and type(given) is float and given.is_integer() and abs(given) <= LARGEST_EXACT:
         return int(given)
     if type(held) is bool and given in {0, 1}:
@@ -490,4 +490,4 @@ _REACHED: dict[str, Any] = {
     "fitted": _fitted,
     "created": _created,
 }
-"""All that the code can call."""
+"""All functions that the code can call."""

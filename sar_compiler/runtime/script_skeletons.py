@@ -1,4 +1,4 @@
-"""Scripts without their names and constants: what is left is equal for scripts that do the same with others."""
+"""Skeletons of scripts, without names and constants; scripts of the same structure have equal ones."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -29,14 +29,14 @@ class ConstantSlot(NamedTuple):
 
 
 class Applied(NamedTuple):
-    """A sign with its operands: `-`, `~` or `!` with one, `?` with three, `:=` and the like with the variable and the value."""
+    """A sign with its operands: `-`, `~` or `!` with one, `?` with three, an assignment with the variable and the value."""
 
     sign: str
     operands: "tuple[SkeletonPart, ...]"
 
 
 class Chain(NamedTuple):
-    """Operators of one rank, from left to right; there is one operand more than there are signs."""
+    """Operators of one rank, from left to right; there is one more operand than signs."""
 
     signs: tuple[str, ...]
     operands: "tuple[SkeletonPart, ...]"
@@ -46,7 +46,7 @@ SkeletonPart = VariableSlot | ConstantSlot | Applied | Chain
 
 
 class _InnerAssignmentError(Exception):
-    """An expression assigns before it is calculated."""
+    """An expression assigns before it is evaluated."""
 
 
 class Skeleton:
@@ -54,13 +54,13 @@ class Skeleton:
 
     Args:
         script: The script.
-        enums: The numbers that names stand for.
+        enums: The named constants.
 
     Attributes:
         statements: Its statements; None for one that assigns in the middle of an expression.
         names: Its variables, by their numbers.
         constants: Its constants, by their numbers.
-        reals: The same, as real numbers where a script can calculate with them.
+        reals: The constants, as real numbers if a script can calculate with them.
     """
 
     def __init__(self, script: Script, enums: Mapping[str, int]) -> None:

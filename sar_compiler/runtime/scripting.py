@@ -1,4 +1,4 @@
-"""Scripts of nodes: where their variables are, and what is said if one cannot be run."""
+"""Scripts of nodes: access to their variables, and error messages."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -23,12 +23,12 @@ V = TypeVar("V")
 
 
 class NodeScriptError(NodeError):
-    """A node's script cannot be run.
+    """A node's script raised an error.
 
     Attributes:
         attribute: The attribute that has the script.
-        start: Where the part begins that is at fault, in characters of the script; None if all of it is.
-        end: Where that part ends.
+        start: The start of the faulty part, in characters of the script; None for all of it.
+        end: The end of that part.
     """
 
     def __init__(self, message: str, node: str, attribute: str, start: int | None, end: int | None) -> None:
@@ -41,13 +41,13 @@ class NodeScriptError(NodeError):
 class ScopeVariables:
     """The entries of a scope, as a script's variables.
 
-    An entry keeps its type: what is assigned to it is converted where nothing is lost, else refused. One that a
-    port has named, and that nobody has written, takes any value that its type can have.
+    An entry keeps its type: an assigned value is converted if no precision is lost, else rejected. An entry that
+    a port has declared, but no node has written, takes any value of its type.
 
     Args:
         scope: The scope of the node that has the script.
-        enums: The names that stand for numbers.
-        named: Entries with names of their own, whose keys no script can write.
+        enums: The named constants.
+        named: Entries with special names, whose keys cannot be written in scripts.
     """
 
     def __init__(self, scope: Scope, enums: Enums, named: Mapping[str, Entry] | None = None) -> None:
@@ -59,26 +59,26 @@ class ScopeVariables:
         """Return an entry's value.
 
         Raises:
-            UnknownVariableError: If nothing was written to it.
-            VariableError: If it is nothing that a script can calculate with.
+            UnknownVariableError: If it has no value.
+            VariableError: If a script cannot calculate with its value.
         """
         return _as_script_value(name, self._read_entry(name))
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write an entry, which is made if there is none; return what is stored.
+        """Write an entry, and create it if there is none; return the stored value.
 
         Raises:
-            VariableError: If the entry holds something that the value cannot replace.
+            VariableError: If the value cannot replace that of the entry.
         """
         self.entry(name).declare()
         return self.assign(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write an entry that exists, or that a port has named; return what is stored.
+        """Write an entry that exists or that a port has declared; return the stored value.
 
         Raises:
             UnknownVariableError: If there is none.
-            VariableError: If it holds something that the value cannot replace.
+            VariableError: If the value cannot replace that of the entry.
         """
         entry = self.entry(name)
         is_open = entry.is_unknown or (entry.is_declared and not entry.exists)
@@ -88,7 +88,7 @@ class ScopeVariables:
         return _as_script_value(name, stored)
 
     def entry(self, name: str) -> Entry:
-        """Return the entry that a name means."""
+        """Return the entry of a name."""
         entry = self._entries.get(name)
         if entry is None:
             entry = self._entries[name] = self._scope.resolve(name)
@@ -102,20 +102,20 @@ class ScopeVariables:
 
 
 class NodeScript:
-    """A node's script, ready to be run in the node's scope.
+    """A node's script, ready to run in the node's scope.
 
     Args:
-        code: The script; if it comes from the blackboard, it is read again whenever it is run.
+        code: The script; if it is on the blackboard, it is read before each run.
         node: The node's name.
         attribute: The attribute that has the script.
-        scope: Where its variables are.
-        enums: The names that stand for numbers.
+        scope: The scope of its variables.
+        enums: The named constants.
 
     Attributes:
-        is_remembered: Whether somebody else remembers what it does.
-        run: Runs it and returns its value. Raises a `NodeScriptError` with the node, the attribute and the place if it cannot be run.
-        holds: Runs it and returns whether its value is true; raises likewise, and if its value is neither true nor false. From the first
-            call on, the quick forms are in place of both where they are known (see `script_code`).
+        is_remembered: Whether the caller caches its effects.
+        run: Runs it and returns its value. Raises a `NodeScriptError` with the node, the attribute and the location on failure.
+        holds: Runs it and returns whether its value is true. Raises the same error, also if its value is neither true nor false.
+            From the first call on, their compiled forms replace both if they exist (see `script_code`).
     """
 
     def __init__(self, code: Input[Script], node: str, attribute: str, scope: Scope, enums: Enums) -> None:
@@ -136,7 +136,7 @@ class NodeScript:
 
     @property
     def entry(self) -> Entry | None:
-        """The only entry that it uses, and does not write; None if there are others, or it writes."""
+        """The only entry that it uses without writing; None if there are others, or it writes."""
         if self._code.entry is not None:
             return None
         uses = list(name_uses(self._code.get()))
@@ -158,11 +158,11 @@ class NodeScript:
         return quick()
 
     def quick_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
-        """Return what runs it and answers with a status; None where `run` and `holds` have no quick form.
+        """Return a function that runs the script and returns a status; None if there is no compiled form.
 
         Args:
             success: The status if its value is true.
-            failure: The status if it is false; None if the script is no condition, and any value a success.
+            failure: The status if it is false; None if the script is no condition, and every value is a success.
         """
         return self._quick(None if failure is None else self._answer, (success, failure))
 
@@ -171,7 +171,7 @@ class NodeScript:
         condition: Callable[[ScriptValue], bool] | None = None,
         answers: tuple[object, object] | None = None,
     ) -> Callable[[], Any] | None:
-        """Return its quick form; None if it may be another one in the next tick, if entries are numbers, or if it is too long."""
+        """Return the compiled form; None if the script may change between ticks, if entries are numbers, or if it is too long."""
         if self._code.entry is not None or self._scope.board.is_numbered:
             return None
         script = self._code.get()
@@ -179,14 +179,14 @@ class NodeScript:
         return quick_script(script, self._variables.entry, self._enums.numbers, usual, condition, answers)
 
     def _evaluate(self, at: int) -> ScriptValue:
-        """Evaluate a statement in the usual way."""
+        """Evaluate a statement by `evaluation`."""
         return self._explained(self._current_program().statements[at], self._variables)
 
     def _answer(self, value: ScriptValue) -> bool:
         return self._explained(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
-        """Run it; on a numbered board it is not run twice where its variables have the same values."""
+        """Run it; on a numbered board, it is not run twice with the same values of its variables."""
         if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         if run not in self._memos:
@@ -219,7 +219,7 @@ class NodeScript:
         return self._program
 
     def _failure(self, error: EvaluationError) -> NodeScriptError:
-        assert self._program is not None  # noqa: S101 - it has failed
+        assert self._program is not None  # noqa: S101 - it exists, since it has failed
         hint, text = f"; {error.hint}" if error.hint else "", self._program.script.text
         message = f"'{self._node}': {self._attribute}, {_place(text, error.start)}: {error}{hint}"
         return NodeScriptError(message, self._node, self._attribute, error.start, error.end)
@@ -231,7 +231,7 @@ def _as_script_value(name: str, value: object) -> ScriptValue:
         if value is None:
             raise UnknownVariableError(name)
         raise VariableError(
-            f"'{name}' holds a value of type {type(value).__name__}, with which a script cannot calculate"
+            f"'{name}' has a value of type {type(value).__name__}, and scripts cannot calculate with it"
         )
     return seen
 

@@ -1,8 +1,8 @@
-"""SKIPPED, which py_trees does not have.
+"""SKIPPED, an outcome that py_trees does not have.
 
-A node that is skipped has not run: its parent passes it over. BehaviorTree.CPP never stores that status, it
-only returns it: the node keeps the status it had. Here it is the same: `skipped` tells whether the last tick
-of a node was one of these. py_trees' own composites and decorators know nothing of it, so the compiler uses
+A skipped node has not run, and its parent continues with the next child. BehaviorTree.CPP never stores that status, it
+only returns it, and the node keeps its old status. The same applies here: `skipped` tells whether the last tick
+of a node was skipped. py_trees' own composites and decorators do not support it, so the compiler uses
 them only over children that cannot skip.
 """
 
@@ -16,7 +16,7 @@ SKIPPED = Status.INVALID
 
 
 class SkippableLeaf(Behaviour):
-    """A leaf whose `update` may return `SKIPPED`. That is not a halt: `terminate` is not called for it.
+    """A leaf whose `update` may return `SKIPPED`, which is not a halt: `terminate` is not called for it.
 
     Attributes:
         skipped: Whether the last tick was skipped.
@@ -25,7 +25,7 @@ class SkippableLeaf(Behaviour):
     skipped = False
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick once; a tick that is skipped leaves the status as it was."""
+        """Tick once; a skipped tick leaves the status unchanged."""
         if self.status != Status.RUNNING:
             self.initialise()
         status = self.update()
@@ -38,5 +38,5 @@ class SkippableLeaf(Behaviour):
 
 
 def was_skipped(behaviour: Behaviour) -> bool:
-    """Return whether the tick that a behaviour has just had was skipped."""
+    """Return whether the last tick of a behaviour was skipped."""
     return behaviour.status == Status.INVALID or getattr(behaviour, "skipped", False)

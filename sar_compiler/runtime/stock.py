@@ -1,6 +1,6 @@
-"""Classes of ours that derive from py_trees' own, so that whoever looks at a tree of py_trees' knows them.
+"""Classes of this project that derive from py_trees classes, so that tools for py_trees recognise them.
 
-Of the stock classes they are only in name, and in what drawings show: SKIPPED and the mission's clock are unknown to those.
+Only their names and drawings are those of the stock classes, which support neither SKIPPED nor the mission's clock.
 """
 
 from py_trees import composites, decorators, timers
@@ -16,7 +16,7 @@ from sar_compiler.runtime.ticking import OwnControl
 
 
 class _InOrder(OwnControl):
-    """Children in order: one that comes to `hands_over` is followed by the next, the other end decides.
+    """Children in order: after `hands_over` the next child is ticked; the other result ends the node.
 
     Attributes:
         memory: Start with the running child (true) or with the first child (false) in the next tick.
@@ -28,7 +28,7 @@ class _InOrder(OwnControl):
     memory = True
 
     def build_node(self, part: NodeBuilder) -> TreeNode:
-        """Build the node, which depends on the memory."""
+        """Build the node, whose class depends on the memory."""
         return super().build_node(part) if self.memory else ordering.ReactiveNode(part)
 
 
@@ -42,7 +42,7 @@ class Sequence(_InOrder, composites.Sequence):
 class Fallback(_InOrder, composites.Selector):
     """A fallback that ignores skipped children, and is skipped if all of them are.
 
-    Stock py_trees takes a skipped child for one that failed.
+    Stock py_trees treats a skipped child as one that failed.
     """
 
     hands_over = FAILURE
@@ -67,7 +67,7 @@ class SequenceWithMemory(AsyncSequence):
 
 
 class Timeout(EngineBehaviour, decorators.Timeout):
-    """Fails if its child is still running after a time, measured on the mission's clock."""
+    """Fails if its child is still running after a time limit, measured by the mission's clock."""
 
     node_class = StockTimeoutNode
 
@@ -77,7 +77,7 @@ class Timeout(EngineBehaviour, decorators.Timeout):
 
 
 class Timer(EngineBehaviour, timers.Timer):
-    """Runs until a time has passed on the mission's clock, then succeeds."""
+    """Runs for a time measured by the mission's clock, then succeeds."""
 
     node_class = timing.TimerNode
 

@@ -1,6 +1,6 @@
-"""Controls, decorators and leaves that the kernel ticks, also where py_trees ticks them.
+"""Controls, decorators and leaves that the kernel ticks, even if py_trees calls them.
 
-py_trees sees a behaviour that is made for a node of the kernel (`behaviour_class`): a name, children, and what the tag says.
+py_trees sees a behaviour for each node of the kernel (`behaviour_class`), with a name, children, and the tag's attributes.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.tree_nodes import TreeNode
     from sar_compiler.runtime.kernel.user_nodes import Tick
 
-# The kernel imports the bases, so these are given the kernel here.
+# The kernel imports the base classes, so these receive the kernel's functions here.
 EngineBehaviour.ticking = KernelTicking(LiveTree, show_visits)
 
 
@@ -30,34 +30,34 @@ class Control(EngineParent, Composite):
     """
 
     def __init__(self, name: str, children: Sequence[Behaviour]) -> None:
-        # By its name: some controls are subclasses of stock ones, whose constructors want more.
+        # Called by class, because some controls are subclasses of stock ones, whose constructors need more arguments.
         Composite.__init__(self, name, list(children))
 
     def tip(self) -> Behaviour | None:
-        """Return the deepest node that the last tick reached; this one if its children are at rest."""
+        """Return the deepest node that the last tick reached; this one if its children are idle."""
         below: Behaviour | None = super().tip()
         return below or (self if self.status != Status.INVALID else None)
 
 
 class Decorator(EngineParent, StockDecorator):
-    """A node with one child (`decorated`), which its constructor takes."""
+    """A node with one child (`decorated`), which its constructor receives."""
 
-    def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for those derived from it
+    def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for subclasses
         """Begin a tick with the child."""
         child: Behaviour = self.decorated
         return child
 
     def resume(self, tick: "Tick", outcome: Status) -> Behaviour | Status:  # noqa: ARG002
-        """Pass on what the child has come to."""
+        """Pass on the outcome of the child."""
         return outcome
 
 
 class OwnLeaf(EngineBehaviour):
-    """A leaf of ours.
+    """A leaf of this project.
 
     Args:
         name: The node's name.
-        **attributes: What its tag says, which its node in the kernel reads.
+        **attributes: The attributes of its tag, which its node in the kernel reads.
     """
 
     def __init__(self, name: str, **attributes: object) -> None:
@@ -66,7 +66,7 @@ class OwnLeaf(EngineBehaviour):
 
 
 class OwnControl(Control):
-    """A control of ours, as `OwnLeaf`.
+    """A control of this project; see `OwnLeaf`.
 
     Args:
         children: The children, in order.
@@ -78,7 +78,7 @@ class OwnControl(Control):
 
 
 class OwnDecorator(Decorator):
-    """A decorator of ours, as `OwnLeaf`.
+    """A decorator of this project; see `OwnLeaf`.
 
     Args:
         child: The child.
@@ -99,8 +99,8 @@ def behaviour_class(base: type[B], node_class: "type[TreeNode]") -> type[B]:
     """Return the class of the behaviours of a node.
 
     Args:
-        base: What it derives from.
-        node_class: The class of the node in the kernel, after which it is called.
+        base: The base class.
+        node_class: The class of the node in the kernel, which gives it its name.
     """
     if node_class not in _CLASSES:
         said = {"node_class": node_class, "__module__": node_class.__module__, "__doc__": node_class.__doc__}

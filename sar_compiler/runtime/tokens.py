@@ -1,4 +1,4 @@
-"""The words of a script: numbers, texts, names and signs, each with its place."""
+"""The tokens of a script: numbers, strings, names and signs, each with its location."""
 
 import enum
 import functools
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from sar_compiler.errors import SarError
 
 LARGEST_INTEGER = 2**63 - 1
-"""Whole numbers of a script have 64 bits."""
+"""The largest integer of a script, which has 64 bits."""
 
 _SPACE = " \t\r\n"
 _WORDS_PATTERN = r"""
@@ -23,29 +23,29 @@ _WORDS_PATTERN = r"""
     | (?P<sign>\.\.|&&|\|\||[=!<>:+\-*/]=|[+\-*/&|^~!<>=?:();])
     )
     """
-# What is stuck to a number's end; two points join texts.
+# Characters directly after a number; two points join strings.
 _STUCK = re.compile(r"(?:[A-Za-z0-9_@]|\.(?!\.))*")
 _DOTTED = re.compile(r"(?:\.[A-Za-z0-9_@]+)+|\.")
 _BRACED = re.compile(r"\{([^{}]*)\}")
 _NAME = r"[A-Za-z_@][A-Za-z0-9_]*"
 _WORD_BEFORE = r"[A-Za-z_@][A-Za-z0-9_]*$"
 
-# Quotation marks that stand for no text, with the ones that close them.
+# Quotation marks that begin no string, with the ones that close them.
 _OTHER_QUOTES = {'"': '"', "`": "`", "\u201c": "\u201d", "\u2018": "\u2019"}
-# What other languages decide and repeat with.
+# Statements of other languages.
 _STATEMENTS = frozenset(("if", "while", "for", "switch"))
 _CALLED = re.compile(r"\s*\(")
-_INSTEAD_OF_STATEMENTS = "decide with _skipIf or _while of the node, or choose a value: x ? a : b"
+_INSTEAD_OF_STATEMENTS = "use _skipIf or _while of the node, or choose a value by x ? a : b"
 BOOLS = {"true": 1.0, "false": 0.0}
-"""What words for truth values stand for."""
+"""The values of words for bools."""
 _HINTS = {
-    "%": "there is no remainder in scripts; let a leaf calculate it",
+    "%": "scripts have no remainder operator: calculate it in a leaf",
     ",": "separate expressions with ';'",
-    "[": "a script knows numbers and texts, no lists",
-    "]": "a script knows numbers and texts, no lists",
+    "[": "scripts have only numbers and strings, no lists",
+    "]": "scripts have only numbers and strings, no lists",
     "#": "a script has no comments",
-    "\\": "a text has no escapes: a backslash stands for itself, and only within '...'",
-    "$": "a variable is written by its name alone",
+    "\\": "strings have no escapes: use a backslash only inside '...', where it is an ordinary character",
+    "$": "write only the variable's name",
 }
 # The number of characters of a text that are shown in a message.
 _LONGEST_EXCERPT = 40
@@ -55,11 +55,11 @@ class ScriptError(SarError):
     """A text is not a script.
 
     Attributes:
-        message: What is wrong.
-        start: Where that begins, in characters of the script's text.
-        end: Where it ends.
-        suggestion: What to put in its place, where that can be guessed.
-        hint: What to do, where no replacement can be named.
+        message: The error.
+        start: The start of the wrong part, in characters of the script's text.
+        end: The end of the wrong part.
+        suggestion: The replacement, if it can be guessed.
+        hint: A short instruction, if there is no replacement.
     """
 
     def __init__(
@@ -82,19 +82,19 @@ class TokenKind(enum.Enum):
     END = enum.auto()
 
 
-# Looked up once: Python takes a while to find a member of an enumeration.
+# Looked up once, because access to a member of an enumeration is slow.
 _LITERAL, _NAME_TOKEN, _SIGN = TokenKind.LITERAL, TokenKind.NAME, TokenKind.SIGN
 
 
 class Token(NamedTuple):
-    """One word of a script.
+    """One token of a script.
 
     Attributes:
-        kind: What it is.
-        text: How it is written.
-        start: Where it begins, in characters of the script's text.
-        end: Where it ends.
-        value: What a literal stands for.
+        kind: Its kind.
+        text: The text as written.
+        start: Its start, in characters of the script's text.
+        end: Its end.
+        value: The value of a literal.
     """
 
     kind: TokenKind
@@ -106,15 +106,15 @@ class Token(NamedTuple):
 
 @functools.cache
 def _token_pattern() -> re.Pattern[str]:
-    """Return the pattern of a token, which files without a script need not wait for."""
+    """Return the pattern of a token, compiled late because files without scripts do not need it."""
     return re.compile(_WORDS_PATTERN, re.VERBOSE)
 
 
 def tokenize(text: str) -> Iterator[Token]:
-    """Yield the words of a script, the last of them an `END`.
+    """Yield the tokens of a script; the last one is an `END`.
 
     Raises:
-        ScriptError: At what is no word of a script.
+        ScriptError: At text that is no token of a script.
     """
     position, end = 0, len(text.rstrip(_SPACE))
     pattern = _token_pattern()
@@ -132,7 +132,7 @@ def tokenize(text: str) -> Iterator[Token]:
 
 
 def excerpt(text: str) -> str:
-    """Return a piece of a script, shortened for a message."""
+    """Return a part of a script, shortened for a message."""
     return text if len(text) <= _LONGEST_EXCERPT else text[: _LONGEST_EXCERPT - 3] + "..."
 
 
@@ -140,7 +140,7 @@ def _token(text: str, group: str, word: str, end: int) -> Token:
     start = end - len(word)
     if group == "name":
         if word in _STATEMENTS and _CALLED.match(text, end):
-            raise ScriptError(f"there is no '{word}' in a script", start, end, hint=_INSTEAD_OF_STATEMENTS)
+            raise ScriptError(f"a script cannot contain '{word}'", start, end, hint=_INSTEAD_OF_STATEMENTS)
         return (
             Token(_LITERAL, word, start, end, BOOLS[word])
             if word in BOOLS
@@ -158,8 +158,8 @@ def _integer(word: str, start: int) -> int:
     digits = digits.lstrip("0") or "0"
     value = int(digits, base) if len(digits) < len(str(LARGEST_INTEGER)) + 1 else LARGEST_INTEGER + 1
     if value > LARGEST_INTEGER:
-        message = f"{excerpt(word)} is too large for a whole number"
-        hint = f"the largest is {LARGEST_INTEGER}; a real number such as 1e20 can be larger"
+        message = f"{excerpt(word)} is too large for an integer"
+        hint = f"write {LARGEST_INTEGER} at most, or a real number such as 1e20"
         raise ScriptError(message, start, start + len(word), hint=hint)
     return value
 
@@ -172,7 +172,7 @@ def _real(word: str, start: int) -> float:
 
 
 def _check_end_of_number(text: str, number: str, start: int) -> None:
-    """Refuse a number that something else is stuck to: `3m`, `1.`, `0xFG`."""
+    """Reject a number with further characters directly after it: `3m`, `1.`, `0xFG`."""
     stuck = _STUCK.match(text, start + len(number))
     rest = stuck.group() if stuck else ""
     if not rest and number[1:2] in {"x", "X"} and text.startswith(".", start + len(number)):
@@ -187,21 +187,21 @@ def _check_end_of_number(text: str, number: str, start: int) -> None:
         raise ScriptError(message, start, end, suggestion=word + "0")
     if re.fullmatch(r"0[xX]", word):
         message = f"digits of a hexadecimal number are missing after '{shown}'"
-        raise ScriptError(message, start, end, hint="such as 0xFF")
+        raise ScriptError(message, start, end, hint="write for example 0xFF")
     if re.fullmatch(r"[0-9]+(\.[0-9]+)?[eE]", word):
         message = f"digits of the exponent are missing after '{shown}'"
-        raise ScriptError(message, start, end, hint="such as 1e3 or 1.5e-3")
+        raise ScriptError(message, start, end, hint="write for example 1e3 or 1.5e-3")
     message = f"'{shown}' is neither a number nor a name"
-    hint = "numbers are written 12, 0xFF, 1.5 or 1e3; a name begins with a letter"
+    hint = "write numbers as 12, 0xFF, 1.5 or 1e3, and begin names with a letter"
     raise ScriptError(message, start, end, hint=hint)
 
 
 def _no_token(text: str, position: int) -> ScriptError:
-    """Explain why nothing of a script begins at a position."""
+    """Return the error for a text that is no token."""
     character = text[position]
     if character == "'":
-        message = "this text has no closing quotation mark"
-        hint = "a text ends at the next single quotation mark, and cannot contain one"
+        message = "this string has no closing quotation mark"
+        hint = "add a single quotation mark at the end; a string cannot contain one"
         return ScriptError(message, position, len(text), hint=hint)
     if character in _OTHER_QUOTES:
         return _wrong_quotes(text, position)
@@ -211,9 +211,7 @@ def _no_token(text: str, position: int) -> ScriptError:
         return _braces(text, position)
     if character.isalpha():
         message = f"'{character}' is not allowed in a name"
-        hint = (
-            "names have the letters a to z and A to Z, digits and _; @ before one means the root blackboard"
-        )
+        hint = "use the letters a to z and A to Z, digits and _; a leading @ means the root blackboard"
         return ScriptError(message, position, position + 1, hint=hint)
     shown = character if character.isprintable() and character != " " else f"U+{ord(character):04X}"
     message = f"'{shown}' is not allowed in a script"
@@ -223,7 +221,7 @@ def _no_token(text: str, position: int) -> ScriptError:
         and text[position - 1 : position].isdigit()
         and text[position + 1 : position + 2].isdigit()
     ):
-        advice = f"a number has a point, as 1.5, and none between thousands; {advice}"
+        advice = f"write a number as 1.5, without a thousands separator; {advice}"
     return ScriptError(message, position, position + 1, hint=advice)
 
 
@@ -231,33 +229,35 @@ def _wrong_quotes(text: str, start: int) -> ScriptError:
     close = text.find(_OTHER_QUOTES[text[start]], start + 1)
     end = close + 1 if close > 0 else len(text)
     inside = text[start + 1 : close] if close > 0 else "'"
-    message = f"a text is written in single quotation marks, not in {text[start]}"
+    message = f"a string must be in single quotation marks, not in {text[start]}"
     suggestion = None if "'" in inside else f"'{inside}'"
-    hint = "write '...'; the text itself cannot contain a single quotation mark" if not suggestion else None
+    hint = "write '...' without a single quotation mark inside" if not suggestion else None
     return ScriptError(message, start, end, suggestion, hint)
 
 
 def _wrong_dot(text: str, position: int) -> ScriptError:
     match = _DOTTED.match(text, position)
     end = match.end() if match else position + 1
-    # A name is looked for no further back than a name in a message would be shown.
+    # A name is searched only as far back as a message would show it.
     before = re.search(_WORD_BEFORE, text[max(0, position - _LONGEST_EXCERPT) : position])
     if before:
         start = position - len(before.group())
         message = f"a name cannot contain a point: '{excerpt(text[start:end])}'"
-        return ScriptError(message, start, end, hint="a variable is one name; '..' joins texts")
+        return ScriptError(
+            message, start, end, hint="write a single name for a variable, or join strings by '..'"
+        )
     if text[position + 1 : end].isdecimal():
         message = f"'{excerpt(text[position:end])}' is not a number: a digit is missing before the point"
         return ScriptError(message, position, end, suggestion="0" + text[position:end])
     message = "'.' is not allowed here"
-    return ScriptError(message, position, position + 1, hint="'..' joins texts, and numbers are written 0.5")
+    return ScriptError(message, position, position + 1, hint="join strings by '..', and write numbers as 0.5")
 
 
 def _braces(text: str, start: int) -> ScriptError:
     match = _BRACED.match(text, start)
     inside = match.group(1).strip() if match else ""
     end = match.end() if match else start + 1
-    message = "a script names a variable without braces"
+    message = "a variable in a script has no braces"
     if re.fullmatch(_NAME, inside):
         return ScriptError(message, start, end, suggestion=inside)
-    return ScriptError(message, start, end, hint="write the variable's name alone")
+    return ScriptError(message, start, end, hint="write only the variable's name")

@@ -1,4 +1,4 @@
-"""The variables of scripts: what they can hold, who keeps them, and what an assignment makes of a value."""
+"""The variables of scripts: their values, their storage, and conversions in assignments."""
 
 import math
 import re
@@ -15,7 +15,7 @@ ScriptValue = int | float | str
 """A value in a script."""
 
 LARGEST_EXACT = 2**53 - 1
-"""Above it, not every whole number is a real number."""
+"""The limit above which not every integer is a real number."""
 
 _NUMBER = r"(?i)-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+\-]?[0-9]+)?|-?(?:inf|infinity|nan)"
 _WHOLE = re.compile(r"-?[0-9]+")
@@ -26,24 +26,24 @@ _BITS = 64
 
 @mission_context
 class Enums(NamedTuple):
-    """The names of enumerations that scripts and Switch may use.
+    """The named constants of enumerations for scripts and Switch.
 
     Attributes:
-        numbers: The number that each name stands for.
+        numbers: The number of each name.
     """
 
     numbers: Mapping[str, int] = MappingProxyType({})
 
 
 class VariableError(SarError):
-    """A variable cannot be read or written as wanted."""
+    """A variable cannot be read or written."""
 
 
 class UnknownVariableError(VariableError):
-    """There is no such variable, or it holds nothing yet.
+    """A variable does not exist, or has no value yet.
 
     Attributes:
-        name: The name, as the script has it.
+        name: The name, as written in the script.
     """
 
     def __init__(self, name: str) -> None:
@@ -52,7 +52,7 @@ class UnknownVariableError(VariableError):
 
 
 class UnknownValueError(VariableError):
-    """A value is needed that is not known without a robot.
+    """A required value is unknown without a robot.
 
     Attributes:
         value: The value.
@@ -68,18 +68,18 @@ class UnknownValueError(VariableError):
 
 
 UNKNOWN = "unknown"
-"""The name that stands for an unknown value in the scripts of a leaf's answers."""
+"""The name for an unknown value in the scripts of a leaf's outcomes."""
 
 
 @dataclass(frozen=True)
 class UnknownValue:
-    """What an entry holds where no robot is: a leaf writes it, and nothing says what.
+    """The value of an entry that a leaf writes, in a run without a robot, without declaring the value.
 
-    It can be copied from entry to entry. Nothing else can be done with it.
+    It can only be copied from entry to entry.
 
     Attributes:
         leaf: The name of the leaf that writes it.
-        key: The key, as the leaf has it.
+        key: The key, as written for the leaf.
     """
 
     leaf: str
@@ -90,14 +90,14 @@ class UnknownValue:
 
 
 def unknown_value_of(error: BaseException | None) -> UnknownValue | None:
-    """Return the unknown value because of which something was raised; None if there is another reason."""
+    """Return the unknown value that caused an error; None if the error has another cause."""
     while error is not None and not isinstance(error, UnknownValueError):
         error = error.__cause__
     return None if error is None else error.value
 
 
 class RefusedValueError(VariableError):
-    """A value is not one of those that are wanted."""
+    """A value is not an allowed one."""
 
 
 class Variables(Protocol):
@@ -107,39 +107,39 @@ class Variables(Protocol):
         """Return a variable's value.
 
         Raises:
-            UnknownVariableError: If there is none, or it holds nothing yet.
+            UnknownVariableError: If there is none, or it has no value yet.
         """
         ...
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Make a variable, or give the one that exists a value, as `assign` does; for `:=`.
+        """Create a variable, or assign to an existing one as `assign` does; for `:=`.
 
         Returns:
-            The value that is stored.
+            The stored value.
 
         Raises:
-            RefusedValueError: If the variable exists, with another type.
+            RefusedValueError: If the variable exists with another type.
         """
         ...
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Give a variable that exists a value, which keeps its type (see `fit`).
+        """Assign a value to an existing variable, which keeps its type (see `fit`).
 
         Returns:
-            The value that is stored.
+            The stored value.
 
         Raises:
             UnknownVariableError: If there is none.
-            RefusedValueError: If the value is none of the variable's type.
+            RefusedValueError: If the value does not fit the variable's type.
         """
         ...
 
 
 class PlainVariables:
-    """Variables of any type, each of which takes any value.
+    """Variables without fixed types.
 
     Args:
-        values: Their values at first.
+        values: Their initial values.
     """
 
     def __init__(self, values: Mapping[str, ScriptValue]) -> None:
@@ -152,7 +152,7 @@ class PlainVariables:
         return self._values[name]
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Give a variable a value."""
+        """Assign a value to a variable."""
         self._values[name] = value
         return value
 
@@ -160,24 +160,26 @@ class PlainVariables:
 
 
 def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) -> ScriptValue:
-    """Return what a variable with a type makes of a value that it is given.
+    """Convert a value to the type of a variable.
 
     Args:
         value: The value.
-        kind: The variable's type: `bool`, `int`, `float` or `str`; one of another type takes its like only.
-        enums: The names that a text may be, for a variable with a number.
+        kind: The variable's type: `bool`, `int`, `float` or `str`; any other type accepts only its own values.
+        enums: The named constants that a string may contain, for a numeric variable.
 
     Returns:
-        The value, as one of the type: the whole number 2.0 as an `int` is 2, the text '2.5' as a `float` 2.5.
+        The converted value: the number 2.0 as an `int` is 2, the string '2.5' as a `float` is 2.5.
 
     Raises:
-        RefusedValueError: If it would not be the same value: 2.5 or 1e30 as an `int`, 7 as a `bool`, a text that
-            is no number as a number, a number as a text.
+        RefusedValueError: If the value would change: 2.5 or 1e30 as an `int`, 7 as a `bool`, a string that is not a
+            number as a number, a number as a string.
     """
     if kind not in {bool, int, float}:
         if isinstance(value, kind):
             return value
-        message = f"{describe_value(value)} is not {'a text' if kind is str else f'of type {kind.__name__}'}"
+        message = (
+            f"{describe_value(value)} is not {'a string' if kind is str else f'of type {kind.__name__}'}"
+        )
         raise RefusedValueError(message)
     if isinstance(value, str):
         value = whole_or_real(value, enums or {})
@@ -192,10 +194,10 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
 
 
 def whole_or_real(text: str, enums: Mapping[str, int]) -> int | float:
-    """Return the number that a text says: digits, `true` or `false`, or a name of an enumeration.
+    """Return the number in a string: digits, `true` or `false`, or a name of an enumeration.
 
     Raises:
-        RefusedValueError: If it says none.
+        RefusedValueError: If there is none.
     """
     if text in BOOLS:
         return BOOLS[text]
@@ -205,10 +207,10 @@ def whole_or_real(text: str, enums: Mapping[str, int]) -> int | float:
 
 
 def number_of(text: str) -> int | float:
-    """Return the number that the digits of a text say.
+    """Return the number that the digits of a string form.
 
     Raises:
-        RefusedValueError: If it says none.
+        RefusedValueError: If there is none.
     """
     if len(text) <= _LONGEST_WHOLE and _WHOLE.fullmatch(text):
         return int(text)
@@ -220,10 +222,10 @@ def number_of(text: str) -> int | float:
 
 
 def as_real(value: ScriptValue) -> float:
-    """Return a number as a real one.
+    """Return a number as a real number.
 
     Raises:
-        RefusedValueError: If it is none, or too large to be the same number.
+        RefusedValueError: If it is not a number, or too large for an exact conversion.
     """
     if isinstance(value, float):
         return value
@@ -237,27 +239,27 @@ def as_real(value: ScriptValue) -> float:
 
 
 def as_whole(value: ScriptValue) -> int:
-    """Return a number as a whole one of 64 bits.
+    """Return a number as a 64-bit integer.
 
     Raises:
-        RefusedValueError: If it is none, has a fraction, or is too large.
+        RefusedValueError: If it is not a number, has a fraction, or is too large.
     """
     if not isinstance(value, (int, float)):
         raise RefusedValueError(f"{describe_value(value)} is not a number")
     if isinstance(value, float) and not value.is_integer():
-        raise RefusedValueError(f"{describe_value(value)} is not a whole number")
+        raise RefusedValueError(f"{describe_value(value)} is not an integer")
     if not -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
-        message = f"{describe_value(value)} is too large for a whole number (the limit is {LARGEST_INTEGER})"
+        message = f"{describe_value(value)} is too large for an integer (the limit is {LARGEST_INTEGER})"
         raise RefusedValueError(message)
     return int(value)
 
 
 def describe_value(value: object) -> str:
-    """Return a value as a message says it."""
+    """Return a value as it appears in messages."""
     if isinstance(value, str):
-        return f"the text '{excerpt(value)}'"
+        return f"the string '{excerpt(value)}'"
     if isinstance(value, float) or (isinstance(value, int) and value.bit_length() <= _BITS):
         return str(value)
     if isinstance(value, int):
-        return f"a whole number of {value.bit_length()} bits"
+        return f"an integer of {value.bit_length()} bits"
     return f"a value of type {type(value).__name__}"

@@ -1,4 +1,4 @@
-"""Going through the nodes of a tree."""
+"""Traversal of a tree's nodes."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ from py_trees.behaviour import Behaviour
 
 
 def pre_order(root: Behaviour) -> Iterator[Behaviour]:
-    """Yield the nodes of a tree, each before those below it; py_trees' `iterate` yields it after them."""
+    """Yield the nodes of a tree, each before its descendants; py_trees' `iterate` yields it after them."""
     waiting = [root]
     while waiting:
         behaviour = waiting.pop()

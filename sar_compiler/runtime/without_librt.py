@@ -1,6 +1,6 @@
-"""What stands in for librt, and mypy's names of native numbers, where they are not installed: a robot that has apt's packages only.
+"""Replacements of librt and of mypy's native number types if they are not installed, as on a robot with only apt packages.
 
-The kernel as Python works with lists as it does with librt's vectors, only slower. The compiled kernel needs librt.
+The uncompiled kernel uses lists in place of librt's vectors, only slower. The compiled kernel requires librt.
 """
 
 import importlib.util
@@ -11,35 +11,35 @@ from typing import Any
 
 
 class Vector(list[Any]):
-    """A list in place of a `librt.vecs.vec`."""
+    """A list that replaces a `librt.vecs.vec`."""
 
-    def __init__(self, items: Iterable[Any] = (), *, capacity: int = 0) -> None:  # noqa: ARG002 - as there
+    def __init__(self, items: Iterable[Any] = (), *, capacity: int = 0) -> None:  # noqa: ARG002 - the signature of librt
         super().__init__(items)
 
     def __class_getitem__(cls, item: Any) -> Any:
-        """Return the class, whatever its items are."""
+        """Return the class, for any type of items."""
         return cls
 
     def __getitem__(self, at: Any) -> Any:
-        """Return an item, or a vector of some of them."""
+        """Return an item, or a vector of a slice."""
         found = super().__getitem__(at)
         return Vector(found) if isinstance(at, slice) else found
 
 
 def append(vector: Vector, item: Any) -> Vector:
-    """Return a vector with an item more."""
+    """Return the vector with one more item."""
     vector.append(item)
     return vector
 
 
 def extend(vector: Vector, items: Iterable[Any]) -> Vector:
-    """Return a vector with more items."""
+    """Return the vector with more items."""
     vector.extend(items)
     return vector
 
 
 def stand_in() -> None:
-    """Have these be imported by librt's names, unless it is there."""
+    """Register the replacements under librt's names, unless librt is installed."""
     if importlib.util.find_spec("librt") is None:
         _offer("librt", vecs=_offer("librt.vecs", vec=Vector, append=append, extend=extend))
     if importlib.util.find_spec("mypy_extensions") is None:

@@ -1,4 +1,4 @@
-"""From the bytes of a file to its text, whatever form the text has."""
+"""Decoding of a file's bytes into text, with limits on size and encoding."""
 
 import codecs
 import os
@@ -8,13 +8,13 @@ from sar_compiler.opener import TREE, FileKind
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Source, Span, Spans, TreeError
 
 MAX_DEPTH = 200
-"""Deeper nesting is refused: py_trees stops a tree by recursion, two frames for each level."""
+"""The deepest nesting allowed: py_trees halts a tree by recursion, with two frames for each level."""
 
 MAX_ELEMENTS = 300_000
-"""A file with more elements is refused, before they are understood: no tree may have so many nodes."""
+"""The most elements allowed in a file. Files with more are rejected before they are interpreted."""
 
 MAX_ATTRIBUTES = 1000
-"""An element with more attributes is refused, before they are understood: each unknown one is a finding, with what was meant."""
+"""The most attributes allowed in an element. More would each become a finding with a suggested name."""
 
 _START = Span(1, 1, 1, 1)
 _MARK = "\ufeff"
@@ -26,12 +26,12 @@ _BYTE_ORDER_MARKS = [
 
 
 def real_path(path: Path) -> Path:
-    """Return a path with its links followed, as far as they do not go round in a circle; as it is, if no file can be called so."""
+    """Return a path with its links resolved. Circular links stay, and so does a path that no file can have."""
     return Path(os.path.abspath(path) if "\0" in str(path) else os.path.realpath(path))  # noqa: PTH100 - pathlib's follows links
 
 
 def as_written(path: Path) -> Path:
-    """Return a path as a user would write it: relative to where the command was started, if it lies there."""
+    """Return a path relative to the current folder if it is inside it, as a user would write it."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 
@@ -43,11 +43,11 @@ def source_of(
 
     Args:
         data: The content.
-        path: What to call it in findings.
+        path: The path shown in findings.
         spans: Finds parts of elements in the text.
-        declared: The encoding that the content itself names.
-        empty_hint: What to write in an empty file.
-        kind: The kind of the file, whose limit counts for bytes, or characters.
+        declared: The encoding declared in the content.
+        empty_hint: The hint for an empty file.
+        kind: The kind of the file; its limit applies to bytes or characters.
 
     Raises:
         TreeError: If the content is too large, empty, or not text.
@@ -64,9 +64,9 @@ def source_of(
 
 
 def bytes_of(source: Source, text: str) -> bytes:
-    """Return what a file contains when it says something else, in the encoding that it has.
+    """Encode a new text for a file in the encoding of that file.
 
-    What the encoding of an XML file has no sign for is written as `&#…;`.
+    In XML, characters that the encoding lacks are written as `&#…;`.
     """
     return (source.bom + text).encode(
         source.encoding, "xmlcharrefreplace" if source.form is Form.XML else "strict"

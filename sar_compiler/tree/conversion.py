@@ -1,7 +1,7 @@
-"""Writing a tree file in the other form, or in the canonical form of its own, with nothing lost unsaid.
+"""Conversion of a tree file to the other form, or to the canonical form of its own, with every loss reported.
 
-Reading passes over what is in an XML file besides elements, attributes and comments, as BehaviorTree.CPP does. Whoever writes
-the file anew must not.
+The reader skips XML content other than elements, attributes and comments, as BehaviorTree.CPP does. Conversion must not
+drop it silently.
 """
 
 import codecs
@@ -22,11 +22,11 @@ _EDITOR_COMMENT = "yaml-language-server:"
 
 
 class Converted(NamedTuple):
-    """A tree file in some form.
+    """A converted tree file.
 
     Attributes:
-        text: The file.
-        losses: What of the original is not in it, or not in its place.
+        text: The content of the file.
+        losses: A finding for each part of the original that is missing or has moved.
     """
 
     text: str
@@ -34,20 +34,20 @@ class Converted(NamedTuple):
 
 
 def convert(tree_file: TreeFile, form: Form) -> Converted:
-    """Write a tree file in a form.
+    """Convert a tree file to a form.
 
     Args:
         tree_file: The file.
-        form: The form; that of the file itself gives the canonical form, without any loss.
+        form: The form; the file's own form gives the canonical form, without loss.
 
     Raises:
-        TreeError: If the file has what is no part of a tree and would be lost (text, processing instructions
-            in XML), or an attribute that the form cannot have.
+        TreeError: If content that is no part of the tree would be lost (text, processing instructions in XML),
+            or if the form cannot express an attribute.
     """
     rest = [each for each in tree_file.findings if each.code == "stray-text"]
     rest += rest_of(tree_file) if tree_file.source.form is Form.XML else ()
     if rest:
-        # BehaviorTree.CPP passes over stray text; here it would be lost.
+        # BehaviorTree.CPP skips stray text; a conversion would lose it.
         raise TreeError(dataclasses.replace(each, severity=Severity.ERROR) for each in rest)
     if tree_file.source.form is form:
         return Converted(_WRITERS[form](tree_file), ())
@@ -55,12 +55,12 @@ def convert(tree_file: TreeFile, form: Form) -> Converted:
 
 
 def canonical_bytes(tree_file: TreeFile) -> bytes:
-    """Return the canonical form of a file, with the encoding, the byte order mark and the line ends that it has.
+    """Return the canonical form of a file, in its encoding and with its byte order mark and line ends.
 
-    What a file is stored in is its project's choice (`.gitattributes`, an editor's settings), and no part of its layout.
+    The project chooses how its files are stored (`.gitattributes`, editor settings), so this is not part of the layout.
 
     Raises:
-        TreeError: As `convert`.
+        TreeError: As for `convert`.
     """
     source = tree_file.source
     text = convert(tree_file, source.form).text
@@ -70,7 +70,7 @@ def canonical_bytes(tree_file: TreeFile) -> bytes:
 
 
 def _encoding_name(encoding: str) -> str:
-    """Return what the declaration calls an encoding; the byte order mark tells the two of UTF-16 apart."""
+    """Return the name of an encoding for the XML declaration; the byte order mark distinguishes both kinds of UTF-16."""
     names = {"utf-8": "UTF-8", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}
     return names.get(codecs.lookup(encoding).name, encoding)
 
@@ -88,12 +88,12 @@ def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
             code = "left-out"
             message = f"the comment '{_EDITOR_COMMENT}' tells an editor about YAML and is left out"
         elif comment.attribute is not None:
-            what = f"the comment beside '{comment.attribute}' is before the element in {other}"
+            what = f"the comment at '{comment.attribute}' moves in front of the element in {other}"
             code = "moved"
             message = f"{what}: '{_first_words(comment.text)}'"
         elif kept != comment.text:
             code = "changed"
-            message = f"{other} cannot have the comment '{_first_words(comment.text)}' as it is"
+            message = f"{other} cannot express the comment '{_first_words(comment.text)}' unchanged"
         else:
             continue
         yield element.finding(code, message, name=comment.attribute)
@@ -140,11 +140,11 @@ _PIECE = re.compile(
     r"""|(?P<start><)(?:"[^"]*"|'[^']*'|[^"'>])*>|(?P<text>[^<]+)""",
     re.DOTALL,
 )
-"""The pieces of a text that is well-formed."""
+"""The pieces of a well-formed text."""
 
 
 def rest_of(tree_file: TreeFile) -> Iterator[Diagnostic]:
-    """Yield a finding for each piece of text and each processing instruction that no element has."""
+    """Yield a finding for each text and each processing instruction that belongs to no element."""
     with_text = {element.offset for element in tree_file.root.iterate() if element.text}
     opened: list[int] = []
     last = -1
@@ -156,12 +156,12 @@ def rest_of(tree_file: TreeFile) -> Iterator[Diagnostic]:
         elif kind == "start" and not piece[0].endswith("/>"):
             opened.append(piece.start())
         elif kind == "target" and written != "xml":
-            message = f"the processing instruction <?{written}?> is no part of the tree, and would be lost"
+            message = f"the processing instruction <?{written}?> is not part of the tree and would be lost"
             yield _report("processing-instruction", message, tree_file.source, f"<?{written}", piece.start())
         elif kind in ("data", "text") and written and opened[-1] != last and opened[-1] not in with_text:
             last = opened[-1]  # once for each element
             start += piece[kind].index(written)
-            message = "this text is no part of the tree, and writing the file anew would lose it"
+            message = "this text is not part of the tree and would be lost"
             yield _report("stray-text", message, tree_file.source, written.splitlines()[0], start)
 
 

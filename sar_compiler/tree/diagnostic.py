@@ -1,4 +1,4 @@
-"""A text with the places in it, and a finding about one: what is wrong there, and what to write instead."""
+"""Source text with locations, and findings: the error, its location and the suggested replacement."""
 
 import bisect
 import functools
@@ -14,17 +14,17 @@ from sar_compiler.tree.severity import Severity as Severity
 from sar_compiler.tree.showing import in_one_line, shortened, visible
 
 LINE_END = re.compile(r"\r\n|\r|\n")
-"""What XML and YAML both take for the end of a line; str.splitlines() knows more kinds."""
+"""The line ends of XML and of YAML; str.splitlines() accepts further ones."""
 
 
 class Span(NamedTuple):
-    """A stretch of a text; lines and columns count characters from 1, the end is exclusive.
+    """A range of a text; lines and columns count characters from 1, and the end is exclusive.
 
     Attributes:
         line: The first character's line.
         column: The first character's column.
-        end_line: The line of the character behind the last one.
-        end_column: The column of the character behind the last one.
+        end_line: The line of the character after the last one.
+        end_column: The column of the character after the last one.
     """
 
     line: int
@@ -45,7 +45,7 @@ AttributePlaces = tuple[int, int, int, int]
 
 
 class ElementView(Protocol):
-    """What is asked of an element to find its parts in the text."""
+    """The view of an element that is needed to find its parts in the text."""
 
     @property
     def source(self) -> "Source":
@@ -53,7 +53,7 @@ class ElementView(Protocol):
 
     @property
     def place(self) -> tuple[int, int]:
-        """The line and the column where it begins."""
+        """The line and the column of its first character."""
 
     @property
     def offset(self) -> int:
@@ -65,7 +65,7 @@ class ElementView(Protocol):
 
 
 class Spans:
-    """Finds the parts of elements in a text; each form of tree file has its own, and a text without elements this one."""
+    """Finds the parts of elements in a text; a subclass for each form, and this class for a text without elements."""
 
     form = Form.XML
 
@@ -74,24 +74,24 @@ class Spans:
         return 0, 0
 
     def attributes(self, _element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
-        """Yield the names and the places of an element's attributes, in the order of the text."""
+        """Yield the names and offsets of an element's attributes, in the order of the text."""
         return iter(())
 
     def inside(self, _text: str, start: int, end: int) -> tuple[int, int]:
-        """Return the place of a name or a value without its quotes."""
+        """Return the offsets of a name or a value without its quotes."""
         return start, end
 
     def is_verbatim(self, _start: int) -> bool:
-        """Return whether a value that begins there stands in the file as it is read, but for its indentation."""
+        """Return whether the value at an offset is a verbatim part of the file, except for its indentation."""
         return False
 
     def characters(self, _text: str, start: int, end: int, _value: str) -> Sequence[int]:
-        """Return the place of each character of a value as it was read, and of its end."""
+        """Return the offset of each character of a parsed value, and of its end."""
         return range(start, end + 1)
 
 
 _FEW, _SHORT = 16, 1000
-"""Up to this number of attributes, and of characters in them, places are looked up again each time they are asked for."""
+"""Up to this number of attributes, and of characters in them, offsets are looked up on each request."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,11 @@ class Source:
     """The text of a file.
 
     Attributes:
-        path: The file's path, as its user wrote it.
+        path: The file's path, as the user wrote it.
         text: The whole text.
-        spans: Finds parts of elements in it.
-        encoding: How the text is encoded in the file.
-        bom: The byte order mark before it; empty where there is none.
+        spans: Finds the parts of elements in the text.
+        encoding: The encoding of the file.
+        bom: The byte order mark of the file; empty if there is none.
     """
 
     path: str
@@ -126,17 +126,17 @@ class Source:
 
     @property
     def line_end(self) -> str:
-        """What ends the first line, as it does the others of nearly every file."""
+        """The line end of the first line, which nearly every file uses throughout."""
         end = LINE_END.search(self.text)
         return end[0] if end else "\n"
 
     @functools.cached_property
     def _wide(self) -> dict[tuple[int, int], dict[str, AttributePlaces]]:
-        """The places of the attributes of those elements that have many, or long ones."""
+        """The offsets of the attributes of those elements that have many, or long ones."""
         return {}
 
     def attribute(self, element: ElementView, name: str) -> AttributePlaces | None:
-        """Return the places of an attribute; None if the text of the element has none of this name."""
+        """Return the offsets of an attribute; None if the element's text has none of this name."""
         values, attributes = element.attributes.values(), self.spans.attributes(element)
         if len(values) <= _FEW and sum(map(len, values)) <= _SHORT:
             return next((places for each, places in attributes if each == name), None)
@@ -145,26 +145,26 @@ class Source:
         return self._wide[element.place].get(name)
 
     def offset(self, line: int, column: int) -> int:
-        """Return the offset of a place given by line and column."""
+        """Return the offset of a line and column."""
         return self.line_starts[line - 1] + column - 1
 
     def offsets(self, span: Span) -> tuple[int, int]:
-        """Return the offsets at which a stretch begins and ends."""
+        """Return the start and end offsets of a span."""
         return self.offset(span.line, span.column), self.offset(span.end_line, span.end_column)
 
     def line(self, number: int) -> str:
-        """Return a line without its end; an empty text for lines that are not there."""
+        """Return a line without its line end; an empty string for a line that does not exist."""
         if not 1 <= number <= len(self.line_starts):
             return ""
         end = self.line_starts[number] if number < len(self.line_starts) else len(self.text)
         return self.text[self.line_starts[number - 1] : end].rstrip("\r\n")
 
     def span(self, start: int, end: int) -> Span:
-        """Return the stretch between two offsets."""
+        """Return the span between two offsets."""
         return Span(*self.place(start), *self.place(end))
 
     def inside(self, start: int, end: int) -> Span:
-        """Return the stretch of a name or a value, without its quotes."""
+        """Return the span of a name or a value, without its quotes."""
         return self.span(*self.spans.inside(self.text, start, end))
 
     def place(self, offset: int) -> tuple[int, int]:
@@ -173,7 +173,7 @@ class Source:
         return line, offset - self.line_starts[line - 1] + 1
 
     def blank_before(self, offset: int, passing: str = " \t\r\n") -> bool:
-        """Return whether a blank line is before an offset, with only characters of *passing* in between."""
+        """Return whether a blank line precedes an offset, with only characters of *passing* in between."""
         start = offset
         while start and self.text[start - 1] in passing:
             start -= 1
@@ -181,14 +181,14 @@ class Source:
 
 
 WIDTH = 128
-"""The width of a finding as text, where nothing says how wide it may be."""
+"""The default width of a finding as text, in columns."""
 
 _MARGIN, _LEAST = 8, 40
-"""The columns before an excerpt, and the fewest characters that are shown of a long line."""
+"""The columns before an excerpt, and the minimum number of characters shown of a long line."""
 
 
 AS_DECLARED: Any = None
-"""In place of a severity: the one that the kind of the finding is declared with."""
+"""Replaces a severity: the severity that the finding's kind declares."""
 
 
 def _plain(text: str, _part: str) -> str:
@@ -196,11 +196,11 @@ def _plain(text: str, _part: str) -> str:
 
 
 class Cause(NamedTuple):
-    """What findings with several messages come of: one thing to do about all of them.
+    """The common cause of findings with different messages, which one change resolves.
 
     Attributes:
-        text: What is wrong with all of their subjects, as the beginning of a sentence that lists them.
-        subject: What this finding is about: a name of the file.
+        text: The error that all subjects share, as the beginning of a sentence that lists them.
+        subject: The subject of this finding: a name from the file.
     """
 
     text: str
@@ -208,7 +208,7 @@ class Cause(NamedTuple):
 
 
 class Advice(TypedDict, total=False):
-    """What a finding has besides its kind, its message and its place; see `Diagnostic`."""
+    """The optional attributes of a finding; see `Diagnostic`."""
 
     suggestion: str | None
     hint: str | None
@@ -220,17 +220,17 @@ class Advice(TypedDict, total=False):
 class Diagnostic:
     """One finding.
 
-    Making one of a code that is not declared raises a `KeyError`.
+    A code that is not declared raises a `KeyError`.
 
     Attributes:
         code: Its kind, declared in `tree.kinds`.
-        message: What is wrong, in the reader's words.
+        message: The error, in the user's terms.
         source: The file.
-        span: Its place.
-        suggestion: The text to put in its place, where that can be guessed.
-        hint: What to do about it, in a few words, where there is no such text.
-        severity: Its severity; given only where this one is worse than its kind, or not as bad.
-        common_cause: What it comes of, if findings with other messages come of the same.
+        span: Its location.
+        suggestion: The replacement text, if it can be guessed.
+        hint: A short instruction, if there is no replacement.
+        severity: Its severity; given only if it differs from the severity of its kind.
+        common_cause: Its cause, if findings with other messages share it.
     """
 
     code: str
@@ -243,39 +243,39 @@ class Diagnostic:
     common_cause: Cause | None = None
 
     def __post_init__(self) -> None:
-        # Most files have no finding, and need not wait for the kinds.
+        # Most files have no findings, so the kinds are imported late.
         from sar_compiler.tree.kinds import SEVERITIES
 
         declared = SEVERITIES[self.code]
         object.__setattr__(self, "severity", self.severity or declared)
-        # A value that is quoted may be as long as a file.
+        # A quoted value may be as long as a file.
         object.__setattr__(self, "message", shortened(self.message))
         object.__setattr__(self, "hint", self.hint and shortened(self.hint))
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What it has in common with the same finding of another check: a file may be included by several."""
+        """The key that equals that of the same finding in another check: several files may include one."""
         return self.source.path, self.span, self.code, self.message
 
     @property
     def cause(self) -> str:
-        """What it comes of, equal for all findings that come of the same."""
+        """The cause, equal for all findings with the same cause."""
         return f"{self.code}: {self.common_cause.text if self.common_cause else self.message}"
 
     @property
     def advice(self) -> str:
-        """The advice on what to write or do instead; empty if there is none."""
+        """The suggested replacement or instruction; empty if there is none."""
         if not self.suggestion:
             return self.hint or ""
         quote = next((mark for mark in "'\"`" if mark not in self.suggestion), "")
         return f"did you mean {quote}{shortened(self.suggestion)}{quote}?"
 
     def render(self, width: int = WIDTH, paint: Callable[[str, str], str] = _plain) -> str:
-        """Return the finding as text: place, message, the line itself with carets, the suggestion.
+        """Return the finding as text: location, message, the line with carets, the suggestion.
 
         Args:
-            width: The columns that there are for the line.
-            paint: Colours a text by what it is: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
+            width: The available columns.
+            paint: Colours a text by its role: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
         """
         span, severity = self.span, self.severity.value
         place = paint(in_one_line(f"{self.source.path}:{span.line}:{span.column}:"), "place")
@@ -288,13 +288,13 @@ class Diagnostic:
         start = span.column - 1
         end = span.end_column - 1 if span.end_line == span.line else len(line)
         if line[start : start + 1] == "<" and end > start + 1:
-            start += 1  # the carets stand under the tag's name
+            start += 1  # the carets mark the tag's name
         if len(line) > most:
             left = max(0, min(start - most // 2, len(line) - most))
             line, start, end = line[left : left + most], start - left, min(end - left, most)
         before, marked = visible(line[:start]), visible(line[start:end])
         line = f"{before}{marked}{visible(line[end:])}"
-        # A tab stays a tab, so that the carets stand right at any tab width.
+        # A tab stays a tab, so that the carets are right at any tab width.
         indent = "".join("\t" if character == "\t" else " " for character in before)
         carets = paint("^" * max(1, end - start, len(marked)), "carets")
         number = paint(f"{span.line:5} |", "margin")
@@ -302,10 +302,10 @@ class Diagnostic:
 
 
 class TreeError(SarError):
-    """A tree file that cannot be used.
+    """An error for a tree file that cannot be used.
 
     Attributes:
-        findings: Everything that is wrong with it.
+        findings: All findings of the file.
     """
 
     def __init__(self, findings: Iterable[Diagnostic]) -> None:

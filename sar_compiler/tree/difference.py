@@ -1,4 +1,4 @@
-"""The differences between two tree files of any form, as nodes instead of lines, and as text."""
+"""Structural differences between two tree files of any form, as nodes and as text."""
 
 import operator
 from collections.abc import Callable, Iterable, Iterator
@@ -23,15 +23,15 @@ class Difference:
     """One difference.
 
     Attributes:
-        change: What happened.
-        path: Where the node is: the names of what is around it and its own, in the newer file if it is there.
+        change: The kind of the difference.
+        path: The path of the node in the newer file, or in the older one if it was removed.
         old: The node in the older file; None if it was added.
         new: The node in the newer file; None if it was removed.
-        what: What has changed: an attribute, `$text` for the description in it, or empty for the tag.
-        before: What it was: the value of the attribute (None: not written) or the tag; of what has moved, the
-            path, or `child 2` if it has only another place among its siblings.
-        after: What it is.
-        inner: How many nodes came or went with it.
+        what: The changed item: an attribute, `$text` for the description in it, or empty for the tag.
+        before: The old value: that of the attribute (None: not written), the tag, or the path of a moved node
+            (`child 2` if only its index among its siblings has changed).
+        after: The new value.
+        inner: The number of nodes added or removed with it.
     """
 
     change: Change
@@ -47,10 +47,10 @@ class Difference:
 def difference(
     old: TreeFile, new: TreeFile, is_same_type: Callable[[str, str], bool] = operator.eq
 ) -> list[Difference]:
-    """Compare two tree files by what they say.
+    """Compare two tree files by their meaning.
 
-    Comments, the order of attributes, the form of the file and of its nodes (`<Say/>`, `<Action ID="Say"/>`)
-    do not count, nor does the order of trees, includes and descriptions.
+    Comments, the order of attributes, trees, includes and descriptions, and the form of the file and its nodes
+    (`<Say/>`, `<Action ID="Say"/>`) are ignored.
 
     Args:
         old: The older file.
@@ -58,14 +58,14 @@ def difference(
         is_same_type: Whether two names of a port's type in a `TreeNodesModel` mean one type.
 
     Returns:
-        The differences, in the order of the newer file; what was removed, where it stood.
+        The differences, in the order of the newer file; removed nodes at their old position.
     """
     first, second = match(old, new)
     return [each for each in _within(first, second) if not _renames_type(each, is_same_type)]
 
 
 def _renames_type(one: Difference, is_same_type: Callable[[str, str], bool]) -> bool:
-    """Return whether a difference is another name for the type of a described port."""
+    """Return whether a difference only renames the type of a described port."""
     is_type = one.what == "type" and one.new is not None and one.new.tag.endswith("_port")
     return (
         is_type and one.before is not None and one.after is not None and is_same_type(one.before, one.after)
@@ -99,7 +99,7 @@ def _child(node: Node, stayed: set[Node]) -> Iterator[Difference]:
 
 
 def _inside_added(node: Node) -> Iterator[Difference]:
-    """Yield what is in an added node but was elsewhere before."""
+    """Yield the differences of nodes that have moved into an added node."""
     if node.partner is not None:
         yield from _child(node, set())
         return
@@ -123,7 +123,7 @@ def _of(old: Node, new: Node, what: str, before: str | None, after: str | None) 
 
 
 def _lost(node: Node) -> int:
-    """Return how many nodes in one have no partner either, down to those that have."""
+    """Return the number of removed nodes in a subtree, down to those that have a partner."""
     return sum(1 + _lost(child) for child in node.children if child.partner is None)
 
 
@@ -135,12 +135,12 @@ def _moved(old: Node, new: Node) -> Difference:
 
 
 def difference_as_text(differences: Iterable[Difference]) -> str:
-    """Return one line for each difference, with the places in both files; an empty text if there is none."""
+    """Return one line for each difference, with the locations in both files; an empty string if there is none."""
     return "".join(f"{_line(one)}\n" for one in differences)
 
 
 def difference_data(one: Difference) -> dict[str, object]:
-    """Return a difference as JSON values: what `Difference` has, with the places of both nodes."""
+    """Return a difference as JSON values, with the locations of both nodes."""
     sides = {"old": one.old, "new": one.new}
     places = {side: each and {"tag": each.tag, "place": each.file_and_line} for side, each in sides.items()}
     words = {"what": one.what, "before": one.before, "after": one.after, "inner": one.inner}

@@ -1,4 +1,4 @@
-"""Reading of tree files in any form, and finding those that are meant: by path or name, and in folders, by how they begin."""
+"""Discovery and reading of tree files: by path, by name, or in folders by their first element or key."""
 
 import glob
 import itertools
@@ -24,17 +24,17 @@ from sar_compiler.tree.diagnostic import Form
 from sar_compiler.tree.model import TreeFile
 
 FORMS = {".xml": Form.XML, ".yaml": Form.YAML, ".yml": Form.YAML}
-"""The forms of tree files by their endings."""
+"""The forms of tree files by file extension."""
 
 
 def read_tree_file(path: str | Path) -> TreeFile:
     """Read a tree file.
 
-    The file's ending tells its form: `.xml`, `.yaml` or `.yml`; with any other, `<` begins XML.
+    The file's extension determines its form: `.xml`, `.yaml` or `.yml`; with any other, `<` begins XML.
 
     Raises:
-        UnreadableFileError: If the file is not there or cannot be read.
-        TreeError: If it cannot be understood at all.
+        UnreadableFileError: If the file is missing or cannot be read.
+        TreeError: If it cannot be parsed.
     """
     return parse_tree(read_file(path, TREE).data, str(path))
 
@@ -43,13 +43,13 @@ def parse_tree(data: bytes | str, path: str) -> TreeFile:
     """Read the content of a tree file.
 
     Args:
-        data: The content; a text if somebody has decoded it, as editors do.
-        path: The file's name, whose ending tells the form.
+        data: The content: bytes, or a decoded string, for example from an editor.
+        path: The file's name; its extension determines the form.
 
     Raises:
-        TreeError: If it cannot be understood at all.
+        TreeError: If it cannot be parsed.
     """
-    # Each form brings its own library along; most runs need one of them.
+    # Each form imports its own library, and most runs need only one of them.
     if _form_of(Path(path), data) is Form.XML:
         from sar_compiler.tree.xml import parse_xml
 
@@ -64,15 +64,15 @@ def _form_of(path: Path, content: bytes | str) -> Form:
     if by_name is not None:
         return by_name
     data = content.encode("utf-8", "replace") if isinstance(content, str) else content
-    # A byte order mark, or the zero bytes of UTF-16, may stand around the first character.
+    # A byte order mark, or the zero bytes of UTF-16, may surround the first character.
     return Form.XML if data.lstrip(b"\xef\xbb\xbf\xff\xfe\0 \t\r\n").startswith(b"<") else Form.YAML
 
 
 SKIPPED = ("build", "install", "log")
-"""The folders that are not looked into, besides hidden ones: what colcon makes."""
+"""Folders that are not searched, in addition to hidden ones: the output folders of colcon."""
 
 _BEGINNING = TREE._replace(limit=65_536)
-"""As much of a file as tells what it is."""
+"""The number of bytes that suffices to recognise a file."""
 
 # The first element, after the declaration, comments, a DOCTYPE and text; the first key, after comments.
 _FIRST_ELEMENT = re.compile(rb"(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)", re.DOTALL)
@@ -84,14 +84,14 @@ _MODEL, _TREE = (
     for tag in (b"TreeNodesModel", b"BehaviorTree")
 )
 _PROJECT = ".btproj"
-"""The ending of Groot2's projects."""
+"""The file extension of Groot2's projects."""
 _ALONE = (b"BehaviorTree", b"TreeNodesModel")
 
 
 def tree_files_in(folder: Path) -> list[Path]:
     """Return the tree files in a folder and below it, in the order of their paths.
 
-    Hidden folders and those of colcon are skipped; a folder that several links lead to is looked into once.
+    Hidden folders and those of colcon are skipped; a folder with several links to it is searched once.
 
     Raises:
         UnreadableFileError: If a folder or a file cannot be read.
@@ -100,21 +100,21 @@ def tree_files_in(folder: Path) -> list[Path]:
 
 
 def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
-    """Return files in a folder that may be tree files or palettes by their names, in the order of their paths.
+    """Return files that may be tree files or palettes by their names, in the order of their paths.
 
-    What cannot be read is passed over.
+    Unreadable files and folders are skipped.
 
     Args:
         folder: The folder.
-        most: How many files of any kind are looked at.
-        is_whole: Whether folders in it are looked into, as `tree_files_in` does.
+        most: The maximum number of files of any kind to examine.
+        is_whole: Whether to search its folders, too, as `tree_files_in` does.
     """
     found = itertools.islice(_files_in(folder, is_whole=is_whole, is_sought=True), most)
     return sorted(path for path in found if path.suffix.lower() in (*FORMS, _PROJECT) and is_file(path))
 
 
 def is_palette(path: Path) -> bool:
-    """Return whether a file only describes nodes, or is a project of Groot2's that does; False if it cannot be read."""
+    """Return whether a file only describes nodes, or is a Groot2 project that does; False if it cannot be read."""
     if path.suffix.lower() not in (*FORMS, _PROJECT):
         return False
     try:
@@ -128,10 +128,10 @@ def is_palette(path: Path) -> bool:
 def matching_files(folder: Path, pattern: str) -> list[Path]:
     """Return the files that a path, a folder or a glob pattern names.
 
-    Of folders and patterns these are the tree files; a plain path is returned whatever is there.
+    For folders and patterns, only tree files are returned; a plain path is returned in any case.
 
     Args:
-        folder: The folder from which the path begins.
+        folder: The folder that the path is relative to.
         pattern: The path.
 
     Raises:
@@ -150,14 +150,14 @@ def matching_files(folder: Path, pattern: str) -> list[Path]:
 
 
 def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
-    """Return whether a file has the ending and the outermost element, or key, of a tree file.
+    """Return whether a file has the extension and the outermost element, or key, of a tree file.
 
     Args:
         path: The file.
-        is_sought: Whether one that cannot be read is none: nobody has named it.
+        is_sought: Whether an unreadable file returns False, because the user did not name it.
 
     Raises:
-        UnreadableFileError: If it cannot be read.
+        UnreadableFileError: If it cannot be read and is not sought.
     """
     form = FORMS.get(path.suffix.lower())
     if form is None or not is_file(path):
@@ -168,7 +168,7 @@ def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
         if is_sought:
             return False
         raise
-    # A byte order mark, and the zero bytes of UTF-16, do not matter here.
+    # A byte order mark and the zero bytes of UTF-16 are irrelevant here.
     data = beginning.lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
     if form is Form.YAML:
         return _FIRST_KEY.match(data) is not None and _SECTIONS.search(data) is not None
@@ -181,7 +181,7 @@ def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
 
 
 def is_of_another_kind(text: str, form: Form) -> bool:
-    """Return whether a text begins as no tree file does, nor what is on its way to one."""
+    """Return whether a text can be neither a tree file nor the beginning of one."""
     data = text[: _BEGINNING.limit].lstrip("\ufeff").encode("utf-8", "replace")
     if form is Form.YAML:
         return bool(data.strip()) and _FIRST_KEY.match(data) is None
@@ -216,7 +216,7 @@ def _files_in(folder: Path, *, is_whole: bool = True, is_sought: bool = False) -
 
 
 def path_named(name: str) -> Path:
-    """Return the path that a user names.
+    """Return the path for a name from the user.
 
     Raises:
         UnreadableFileError: If *name* is empty, which would mean the current folder.
@@ -227,16 +227,16 @@ def path_named(name: str) -> Path:
 
 
 def find_tree(name: str) -> Path:
-    """Return the tree file that a user means.
+    """Return the tree file for a path or a name.
 
     Args:
         name: The path of a tree file, or the name of a shipped tree.
 
     Returns:
-        The file; where *name* is plainly a path, it may not be there.
+        The path of the file. It may not exist if *name* is clearly a path.
 
     Raises:
-        UnreadableFileError: If *name* is empty, or a bare word, and neither a file nor a shipped tree is called so.
+        UnreadableFileError: If *name* is empty, or a bare word that is neither a file nor a shipped tree.
     """
     if path_named(name) == STANDARD_INPUT:
         return STANDARD_INPUT

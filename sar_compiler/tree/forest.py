@@ -1,4 +1,4 @@
-"""All trees that a file can name: its own, those of the files that it includes, and those of its set."""
+"""Loading of all trees that a file can reference: its own, those in included files, and those in its set."""
 
 import functools
 import os
@@ -22,16 +22,16 @@ from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import INCLUDE_TAG, SUBTREE_TAG, Element, TreeFile
 
 MAX_FILES = 1000
-"""More files than this are not read for one tree."""
+"""The most files that are read for one tree."""
 
 MAX_NEIGHBOURS = 20_000
-"""The number of file names that are compared with missing ones; beyond it nothing is suggested."""
+"""The most file names that are compared with a missing one; beyond it nothing is suggested."""
 
 MAX_INCLUDE_DEPTH = 50
-"""An include in an include, and so on, ends here."""
+"""The deepest nesting of includes."""
 
 Read = Callable[[Path], TreeFile]
-"""Reads one file."""
+"""A function that reads one file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +40,13 @@ class Forest:
 
     Attributes:
         main: The file.
-        files: All files, each once: the included ones before those that include them.
-        findings: What kept a file from being included, or from being searched for a missing tree.
-        homes: The file of the set, with what it includes, that each tree comes from which is not in one of these files,
-            by the identity of the tree's element.
-        targets: The trees meant by references that are resolved in the set, by the identity of the element.
-        clashes: A finding for each reference that several trees of the set could be meant by.
-        tree_set: The set; None if it has none.
+        files: All files, each once; included files precede the files that include them.
+        findings: The errors that kept a file from being included, or searched for a missing tree.
+        homes: For each tree from the set, the file that it comes from, with its includes, by the identity of the tree's
+            element.
+        targets: The trees of references that are resolved in the set, by the identity of the element.
+        clashes: A finding for each reference that matches several trees of the set.
+        tree_set: The set; None if there is none.
     """
 
     main: TreeFile
@@ -59,12 +59,12 @@ class Forest:
 
     @classmethod
     def of(cls, tree_file: TreeFile) -> "Forest":
-        """Return the forest of a file by itself; its includes are not looked at."""
+        """Return the forest of a single file, without its includes."""
         return cls(tree_file, (tree_file,))
 
     @functools.cached_property
     def trees(self) -> dict[str, Element]:
-        """The `BehaviorTree` elements that have an ID, by it; of several the first."""
+        """The `BehaviorTree` elements with an ID, by ID; the first of several with one ID."""
         by_id: dict[str, Element] = {}
         for tree in self.iterate():
             if "ID" in tree.attributes:
@@ -73,12 +73,12 @@ class Forest:
 
     @functools.cached_property
     def others(self) -> tuple[TreeFile, ...]:
-        """The files of the set that trees come from, with what these include."""
+        """The files of the set that provide trees, with their includes."""
         return tuple({id(file): file for home in self.homes.values() for file in home.files}.values())
 
     @functools.cached_property
     def place(self) -> Path:
-        """The path of the file, with links followed."""
+        """The path of the file, with links resolved."""
         return real_path(Path(self.main.source.path))
 
     def iterate(self) -> Iterator[Element]:
@@ -87,23 +87,23 @@ class Forest:
             yield from tree_file.trees
 
     def target(self, reference: Element, tree_id: str) -> Element | None:
-        """Return the tree that an element names; None if there is none."""
+        """Return the tree that an element references; None if there is none."""
         return self.targets.get(id(reference)) or self.trees.get(tree_id)
 
     @functools.cached_property
     def known_ids(self) -> list[str]:
-        """The IDs of all trees that can be named."""
+        """The IDs of all trees that can be referenced."""
         return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.by_id if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
-        """Return whether another file of the set uses a tree of this ID without having one."""
+        """Return whether another file of the set references a tree of this ID without containing one."""
         return self.tree_set is not None and self.tree_set.is_used(tree_id, self.place)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
-        """Return the tree to execute: the one asked for, the one the main file names, or its only one.
+        """Return the tree to execute: the requested one, the one that the main file names, or its only one.
 
         Returns:
-            The `BehaviorTree` element; None if there is no such tree, or several to choose from.
+            The `BehaviorTree` element; None if there is no such tree, or more than one.
         """
         wanted = tree_id if tree_id is not None else self.main.main_tree_name
         if wanted is not None:
@@ -113,7 +113,7 @@ class Forest:
 
     @functools.cached_property
     def executable(self) -> tuple[Element, ...]:
-        """The trees that may be executed: the main tree, or without one each that neither the files nor others of the set use."""
+        """The trees that may be executed: the main tree, or else each tree that no file and no file of the set references."""
         main, is_named = self.main_tree(), self.main.main_tree_name is not None
         if is_named:
             return () if main is None else (main,)
@@ -133,20 +133,19 @@ class Forest:
 def load_forest(
     path: Path, read: Read, include_paths: Iterable[Path] = (), tree_set: "TreeSet | None" = None
 ) -> Forest:
-    """Read a file and everything that it includes, and find the trees that these lack in its set.
+    """Read a file with all its includes, and resolve missing trees in its set.
 
-    An included file must lie in the folder of the file given, below it, in one of *include_paths*, or (by
-    `ros_pkg`) in the share folder of an installed ROS package: a mission must not be able to read whatever
-    is on the machine.
+    An included file must be in the folder of the file given, below it, in one of *include_paths*, or (by `ros_pkg`) in
+    the share folder of an installed ROS package: a mission must not be able to read arbitrary files of the machine.
 
     Raises:
-        UnreadableFileError: If the file itself is not there or cannot be read.
-        TreeError: If the file itself is malformed.
+        UnreadableFileError: If the file itself is missing or cannot be read.
+        TreeError: If the file itself is not well-formed.
     """
     place = real_path(path)
     loader = _Loader(read, [place.parent, *map(real_path, include_paths)])
-    # The file must lie in the folder that includes may come from: a folder that is exchanged for a link between the two would
-    # widen that. A pipe of the shell has a name alone, without a folder.
+    # The file must be in the folder that includes may come from. If that folder is replaced by a link between the two calls,
+    # more files could be included. A pipe of the shell has only a name, without a folder.
     main = read(NamedPath.within(path, (place, Path(place.name))))
     loader.included(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
@@ -155,17 +154,17 @@ def load_forest(
 
 @dataclass(eq=False, repr=False)
 class TreeSet:
-    """Files that belong together: a tree that one of them lacks is sought in the others.
+    """Files that belong together: a tree that is missing in one of them is looked up in the others.
 
-    None of them is read before a tree is missing, and each is then read once.
+    No file is read before a tree is missing; each is read once.
 
     Attributes:
-        paths: Returns the files.
-        read: Reads one file.
-        include_paths: Further folders that they may include from.
-        is_declared: Whether the project says so, and not only the files that somebody has named together.
-        findings: What is wrong with malformed ones.
-        unreadable: Why others cannot be read.
+        paths: Function that returns the files.
+        read: Function that reads one file.
+        include_paths: Further folders from which they may include files.
+        is_declared: Whether the project declares the set; otherwise the user named the files together.
+        findings: The findings of files that are not well-formed.
+        unreadable: The errors of unreadable files.
     """
 
     paths: Callable[[], Iterable[Path]]
@@ -178,14 +177,14 @@ class TreeSet:
 
     @property
     def is_read(self) -> bool:
-        """Whether files of it have been read: what was found in a file may depend on each of them."""
+        """Whether files of the set have been read; findings may then depend on each of them."""
         return "forests" in self.__dict__
 
     @functools.cached_property
     def forests(self) -> Mapping[Path, Forest]:
-        """Each file with what it includes, by its path with links followed.
+        """Each file with its includes, by its path with links resolved.
 
-        What is wrong with malformed files is then in `findings`, why others cannot be read in `unreadable`.
+        Reading it fills `findings` for files that are not well-formed, and `unreadable`.
         """
         forests: dict[Path, Forest] = {}
         read = functools.lru_cache(maxsize=None)(self.read)
@@ -202,7 +201,7 @@ class TreeSet:
 
     @functools.cached_property
     def by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
-        """The files that have a tree, by its ID and its place; of those that include it, the file itself if it is there."""
+        """The files that contain a tree, by its ID and location; the file itself takes precedence over those that include it."""
         by_id: dict[str, dict[tuple[str, int], tuple[Path, Forest]]] = {}
         for path, forest in self.forests.items():
             for tree_id, tree in forest.trees.items():
@@ -215,7 +214,7 @@ class TreeSet:
 
     @functools.cached_property
     def _users(self) -> Mapping[str, list[Path]]:
-        """The files that use trees which they do not have, by the trees' IDs."""
+        """The files that reference trees which they do not contain, by the trees' IDs."""
         users: dict[str, list[Path]] = {}
         for path, forest in self.forests.items():
             wanted = {each.attributes["ID"] for tree in forest.main.trees for each in self.references(tree)}
@@ -224,15 +223,15 @@ class TreeSet:
         return users
 
     def is_used(self, tree_id: str, by_other_than: Path) -> bool:
-        """Return whether another file uses a tree of this ID without having one."""
+        """Return whether another file references a tree of this ID without containing one."""
         return any(path != by_other_than for path in self._users.get(tree_id, ()))
 
     def having(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
-        """Return the files that have a tree of an ID, with their paths."""
+        """Return the files that contain a tree of an ID, with their paths."""
         return self.by_id.get(tree_id, {}).values()
 
     def references(self, tree: Element) -> tuple[Element, ...]:
-        """Return the elements in a tree of the set that name trees."""
+        """Return the elements in a tree of the set that reference trees."""
         if id(tree) not in self._references:
             self._references[id(tree)] = _references(tree)
         return self._references[id(tree)]
@@ -243,7 +242,7 @@ def _references(tree: Element) -> tuple[Element, ...]:
 
 
 class _SetSearch:
-    """The search for the trees that a forest lacks, and for those that these lack, in the files of a set."""
+    """The search of a set for the trees that a forest lacks, and for those that these lack in turn."""
 
     def __init__(self, forest: Forest, tree_set: TreeSet) -> None:
         self.forest = forest
@@ -251,11 +250,11 @@ class _SetSearch:
         self.findings = list(forest.findings)
         self.targets: dict[int, Element] = {}
         self.clashes: list[Diagnostic] = []
-        # The trees found in other files, with these.
+        # The trees found in other files, with the forests of these files.
         self.found: dict[int, tuple[Element, Forest]] = {}
 
     def done(self) -> Forest:
-        """Return the forest with what was found."""
+        """Return the forest with the trees found in the set."""
         forest, root = self.forest, self.forest.main.root
         named = forest.main.main_tree_name
         if named and named not in forest.trees:
@@ -279,11 +278,11 @@ class _SetSearch:
         )
 
     def _find(self, reference: Element, attribute: str, home: Forest) -> None:
-        """Resolve a reference that is in a tree of one of the forests."""
+        """Resolve a reference in a tree of one of the forests."""
         tree_id = reference.attributes[attribute]
         having = [(self.forest.place, home)] if tree_id in home.trees else self._having(tree_id, reference)
         if not having:
-            # A file that is malformed itself, and of which only the beginning is checked, has its own finding.
+            # A malformed file of which only the beginning is checked has its own finding.
             self.findings += [
                 each
                 for each in self.tree_set.findings
@@ -300,16 +299,16 @@ class _SetSearch:
             places = f"{target.file_and_line} and {others[0].file_and_line}"
             more = f", and in {len(others) - 1} more" if others[1:] else ""
             message = f"the tree '{tree_id}' is in several files of the set: {places}{more}"
-            # Files that were only named together may be those of several robots.
+            # Files that the user named together may belong to several robots.
             severity = Severity.ERROR if self.tree_set.is_declared else Severity.WARNING
-            hint = "give each an ID of its own, or include the file that is meant"
+            hint = "give each tree a unique ID, or include the right file"
             advice = Advice(hint=hint, severity=severity)
             self.clashes.append(reference.finding("duplicate-tree-id", message, value=attribute, **advice))
         if first is not self.forest:
             self.found.setdefault(id(target), (target, first))
 
     def _having(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
-        """Return the files that have a tree; of several, those that share the longest path with the file of the reference."""
+        """Return the files that contain a tree; of several, those with the longest path in common with the referencing file."""
         having = [each for each in self.tree_set.having(tree_id) if each[0] != self.forest.place]
         if tree_id in self.forest.trees:
             having.insert(0, (self.forest.place, self.forest))
@@ -331,7 +330,7 @@ class _Loader:
         self.compared = 0
 
     def included(self, path: Path, tree_file: TreeFile, around: tuple[Path, ...]) -> None:
-        """Take a file in, after everything that it includes itself."""
+        """Add a file, after everything that it includes."""
         self.seen.add(path)
         around = (*around, path)
         for element in tree_file.root.children:
@@ -345,13 +344,13 @@ class _Loader:
             return
         if target in around:
             circle = " -> ".join(path.name for path in (*around[around.index(target) :], target))
-            self._report("include-cycle", f"the files include each other for ever: {circle}", element)
+            self._report("include-cycle", f"the files include each other in a cycle: {circle}", element)
         elif target not in self.seen:
             self._read(element, target, around)
 
     def _read(self, element: Element, target: Path, around: tuple[Path, ...]) -> None:
         if len(around) > MAX_INCLUDE_DEPTH or len(self.files) + len(around) >= MAX_FILES:
-            if not self.full:  # one such finding says it all
+            if not self.full:  # one such finding is enough
                 deep = len(around) > MAX_INCLUDE_DEPTH
                 limit = f"{MAX_INCLUDE_DEPTH} files deep" if deep else f"{MAX_FILES} files"
                 self._report("too-many-includes", f"includes go further than {limit}", element)
@@ -372,14 +371,14 @@ class _Loader:
         self.seen.add(target)
 
     def _near(self, element: Element, target: Path) -> str | None:
-        """Return the path of a missing include with the name of the tree file beside it that was probably meant."""
+        """Return the path of a missing include with the name of the tree file beside it that was probably intended."""
         written, beside = element.attributes["path"], []
         with suppress(UnreadableFileError):
             if self.compared < MAX_NEIGHBOURS and not is_there(target):
                 others = (path for path in folder_entries(target.parent) if path.suffix in FORMS)
                 beside = [path.name for path in others if path.name != target.name]
         self.compared += len(beside)
-        # The ending, which many have, speaks for none of them.
+        # Many files share the extension, so it is no evidence for any of them.
         stems = {Path(name).stem: name for name in sorted(beside, reverse=True)}
         near = nearest(target.stem, sorted(stems))
         if near is None or not written.endswith(target.name):
@@ -387,7 +386,7 @@ class _Loader:
         return written.removesuffix(target.name) + stems[near]
 
     def _target(self, element: Element, here: Path) -> Path | None:
-        """Return the file that an include means, or None after a finding."""
+        """Return the path of an included file, or None after a finding."""
         written = element.attributes.get("path")
         if not written:
             self._report_pathless(element)
@@ -398,12 +397,12 @@ class _Loader:
             return target if target is not None and self._allowed(element, target) else None
         share = _package_share(package)
         if share is None:
-            message = f"no ROS package '{package}' is installed here"
+            message = f"the ROS package '{package}' is not installed"
             hint = "source the workspace that has it, or write a path without ros_pkg"
             self.findings.append(element.finding("unknown-package", message, value="ros_pkg", hint=hint))
             return None
-        # Packages that were installed with links to their sources lie there in truth, and so do the files
-        # beside this one.
+        # With a symlink installation, a package's files are outside of its share folder once links are resolved,
+        # and so are the files beside this one.
         target = self._resolved(element, share / written)
         if target is None or (
             not Path(os.path.normpath(share / written)).is_relative_to(share)
@@ -417,9 +416,9 @@ class _Loader:
     def _resolved(self, element: Element, path: Path) -> Path | None:
         try:
             return path.resolve()
-        except (OSError, RuntimeError, ValueError) as error:  # a circle of links, a name that none can have
+        except (OSError, RuntimeError, ValueError) as error:  # circular links, an invalid name
             written = element.attributes["path"]
-            self._report("unreadable-include", f"'{written}' is no path of a file: {error}", element)
+            self._report("unreadable-include", f"'{written}' is not a valid path: {error}", element)
             return None
 
     def _allowed(self, element: Element, target: Path) -> bool:
@@ -430,7 +429,7 @@ class _Loader:
         return False
 
     def _report_pathless(self, element: Element) -> None:
-        """Report an include without a path; a single strange attribute was meant for it."""
+        """Report an include without a path; a single unknown attribute was intended as the path."""
         strange = [name for name in element.attributes if name not in ("path", "ros_pkg")]
         if len(strange) == 1:
             message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}'; it has path, ros_pkg"
@@ -445,7 +444,7 @@ class _Loader:
 
 
 def _package_share(package: str) -> Path | None:
-    """Return a ROS package's share folder by the ament index of the sourced workspaces."""
+    """Return a ROS package's share folder from the ament index of the sourced workspaces."""
     if Path(package).name != package or package in ("", ".", ".."):
         return None
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):

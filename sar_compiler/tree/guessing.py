@@ -1,10 +1,10 @@
-"""Guesses of the words that were meant."""
+"""Suggestions for misspelt words."""
 
 import re
 from collections.abc import Collection, Iterable
 
 MOST_COMPARED = 100_000
-"""The largest number of words that one `Guesses` compares with what was written."""
+"""The largest number of words that one `Guesses` compares with written words."""
 _UNITS = {
     "ms": ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"),
     "us": ("us", "µs", "usec", "micros", "microseconds"),
@@ -20,45 +20,45 @@ _UNITS = {
     "km": ("km",),
 }
 UNIT_OF = {word: unit for unit, words in _UNITS.items() for word in words}
-"""The units by what people write for them, in small letters."""
+"""The units by their usual spellings, in lower case."""
 LIKE = 0.7
-"""How alike two words are at least of which one may be a slip for the other."""
+"""The minimum likeness of two words of which one may be a typo for the other."""
 _SHORT, _LIKE_SHORT = 3, 0.6
 _LIKE_WHOLE = 0.88
-"""How alike two names are at least of which one has a word more."""
+"""The minimum likeness of two names of which one has a word more."""
 _MOST_NEAR = 10
 _WORDS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+"
 _BETWEEN = r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])"
-"""What stands between the words of a name; `-5` is no `5`."""
+"""The separators between the words of a name; `-5` is not `5`."""
 _LETTER = r"[^\W\d_]"
 _PARTS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
 
 def unit_in(name: str) -> str:
-    """Return the unit that a name ends with: `ms` for `delay_msec`; empty if it says none."""
+    """Return the unit that a name ends with: `ms` for `delay_msec`; empty if there is none."""
     parts = _PARTS.findall(name)
     return UNIT_OF.get(parts[-1].lower(), "") if parts else ""
 
 
 def keeps_unit(written: str, meant: str) -> bool:
-    """Return whether a number has the same unit under another name: `delay_msec` for `msec`, not `msec` for `sec`, or for none."""
+    """Return whether two names of a number have the same unit: `delay_msec` and `msec` do, `msec` and `sec` do not."""
     unit = unit_in(meant)
     if unit == unit_in(written):
         return True
-    # A slip in the unit itself (`mesc`) leaves none, and as many parts.
+    # A typo in the unit itself (`mesc`) leaves no unit, and the same number of parts.
     return not unit_in(written) and len(_PARTS.findall(written)) == len(_PARTS.findall(meant))
 
 
 def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
-    """Return the known word that was probably meant, or None.
+    """Return the known word that was probably intended, or None.
 
-    A number is never meant by another one, nor a name with a unit (`delay_msec`) by one with another unit, or none: what is
-    written as its value would be another value then.
+    A number is never suggested for another one, nor a name with another unit, or without one, for a name with a unit
+    (`delay_msec`): the written value would then have another meaning.
 
     Args:
-        word: What was written.
-        known: The words that may have been meant.
-        least: How alike each two words of the names must be at least, from 0 to 1, if they differ in more than case and
+        word: The written word.
+        known: The known words.
+        least: The minimum likeness of each two words of the names, from 0 to 1, if they differ in more than case and
             underscores.
     """
     import difflib
@@ -82,7 +82,7 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
 
 
 def is_typo(written: str, meant: str) -> bool:
-    """Return whether a word is another one with a slip: letters in the wrong case, or one too many, too few, wrong, or two swapped."""
+    """Return whether a word is another one with a typo: wrong case, or one letter extra, missing, wrong or swapped."""
     one, other = written.lower(), meant.lower()
     if one == other:
         return True
@@ -101,31 +101,31 @@ def is_typo(written: str, meant: str) -> bool:
 
 
 def likeness(word: str, other: str) -> float:
-    """Return how alike the letters of two words are, from 0 to 1."""
+    """Return the likeness of the letters of two words, from 0 to 1."""
     import difflib
 
     return difflib.SequenceMatcher(None, word, other).ratio()
 
 
 def _is_near(written: str, meant: str, least: float) -> bool:
-    """Return whether a name is near another one word by word: half of its letters say nothing (`CheckCondition`, `Condition`)."""
+    """Return whether two names are alike word by word; half of the letters are no evidence (`CheckCondition`, `Condition`)."""
     if _is_misspelt(written, meant):
         return True
     words, others = (re.findall(_WORDS, each) for each in (written, meant))
-    if len(words) != len(others):  # one too many or too few: all that is left has to be the same, nearly
+    if len(words) != len(others):  # one word extra or missing: the rest has to be nearly equal
         words, others, least = [_folded(written)], [_folded(meant)], max(least, _LIKE_WHOLE)
     return all(_is_like(*pair, least) for pair in zip(words, others, strict=True))
 
 
 def _is_misspelt(written: str, meant: str) -> bool:
-    """Return whether a name is another one with one letter too many, too few or swapped; with a wrong one it may be another."""
+    """Return whether a name has one letter too many, too few or swapped; one with a wrong letter may be another name."""
     shorter = min(len(written), len(meant))
     is_other = len(written) == len(meant) and sorted(written.lower()) != sorted(meant.lower())
     return shorter > _SHORT and not is_other and is_typo(written, meant)
 
 
 def _is_like(word: str, other: str, least: float) -> bool:
-    """Return whether one word may be a slip for another; `unlock` for `lock` is none, nor `get` for `set`."""
+    """Return whether one word may be a typo for another; `unlock` is none for `lock`, nor `get` for `set`."""
     one, two = word.lower(), other.lower()
     if one[:1] != two[:1]:
         return min(len(one), len(two)) > _SHORT and is_typo(one, two)
@@ -134,18 +134,18 @@ def _is_like(word: str, other: str, least: float) -> bool:
 
 
 def did_you_mean(near: str | None) -> str:
-    """Return the end of a sentence that asks whether a word was meant; empty for None."""
+    """Return the end of a sentence that suggests a word; empty for None."""
     return f"; did you mean '{near}'?" if near else ""
 
 
 class Guesses:
-    """Guesses of the words that were meant, which end when they would take long in a large file."""
+    """Suggestions for misspelt words, limited in number because they take long in a large file."""
 
     def __init__(self) -> None:
         self._left = MOST_COMPARED
 
     def nearest(self, word: str, known: Collection[str], least: float = LIKE) -> str | None:
-        """Return the known word that was probably meant, as `nearest`; None if there are too many to compare."""
+        """Return the word that was probably intended, as `nearest`; None if there are too many to compare."""
         if len(known) > self._left:
             return None
         self._left -= len(known)

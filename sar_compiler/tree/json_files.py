@@ -1,4 +1,4 @@
-"""JSON files with the place of every value: the place is looked up in the text when a finding asks for it."""
+"""JSON files whose values can be located in the text, on request of a finding."""
 
 import json
 import re
@@ -14,10 +14,10 @@ _TEXT_OR_BRACKET = re.compile(r'("(?:[^"\\]|\\.)*")(\s*:)?|[{}\[\]]')
 
 
 class MalformedJsonError(SarError):
-    """A text that is not JSON.
+    """An error for a text that is not JSON.
 
     Attributes:
-        place: File, line and column, with colons between them.
+        place: File, line and column, separated by colons.
     """
 
     def __init__(self, message: str, place: str) -> None:
@@ -26,15 +26,15 @@ class MalformedJsonError(SarError):
 
 
 class JsonFile:
-    """A JSON file that was read.
+    """A parsed JSON file.
 
     Args:
-        text: Its text.
-        path: Its path, as findings show it.
+        text: The content of the file.
+        path: Its path, as shown in findings.
 
     Attributes:
-        data: What it says; of equal keys in a mapping, the last one is in it.
-        has_duplicates: Whether a mapping of it has a key twice.
+        data: The parsed value; of equal keys in a mapping, the last one is kept.
+        has_duplicates: Whether any mapping contains a key twice.
 
     Raises:
         MalformedJsonError: If the text is not JSON.
@@ -57,7 +57,7 @@ class JsonFile:
         return mapping
 
     def duplicates(self) -> Iterator[tuple[str, str]]:
-        """Yield each key that its mapping has already, with file, line and column."""
+        """Yield each repeated key of a mapping, with file, line and column."""
         around: list[set[str]] = []
         for match in _TEXT_OR_BRACKET.finditer(self._source.text if self.has_duplicates else ""):
             if match[0] in {"{", "["}:
@@ -71,9 +71,9 @@ class JsonFile:
                 around[-1].add(key)
 
     def place(self, *path: str | int) -> str:
-        """Return file, line and column of a value, by the keys and indices that lead to it.
+        """Return file, line and column of a value, given the keys and indices of its path.
 
-        If the file has no such value, it is the place of the last one on the way to it.
+        If the file has no such value, return the location of the last existing value on its path.
         """
         text, at = self._source.text, self._next(0)
         for step in path:
@@ -84,7 +84,7 @@ class JsonFile:
         return self._at(at)
 
     def _find(self, text: str, start: int, step: str | int) -> int | None:
-        """Return the offset of an entry of the mapping or the list that begins at an offset; None if it is not there."""
+        """Return the offset of an entry in the mapping or list at an offset; None if there is no such entry."""
         found = None
         if text[start : start + 1] != ("{" if isinstance(step, str) else "["):
             return None
@@ -93,9 +93,9 @@ class JsonFile:
             key: str | int = index
             if isinstance(step, str):
                 key, at = self._read(text, at)
-                at = self._next(self._next(at) + 1)  # behind the colon
+                at = self._next(self._next(at) + 1)  # after the colon
             if key == step:
-                found = at  # of equal keys, the last one counts
+                found = at  # of equal keys, the last one applies
                 if isinstance(step, int):
                     break
             _, at = self._read(text, at)

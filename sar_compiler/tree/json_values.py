@@ -1,4 +1,4 @@
-"""JSON as it is defined: numbers that are not finite are written, and read, as null."""
+"""Standard JSON: numbers that are not finite are written, and read, as null."""
 
 import functools
 import json
@@ -12,15 +12,15 @@ def _float(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-# Made once: `json.loads` with an option makes one for each text, which takes longer than reading a short one.
+# Created once: `json.loads` with an option creates a decoder for each text, which takes longer than decoding a short one.
 _decoder = json.JSONDecoder(parse_constant=lambda _: None, parse_float=_float)
 
 
 def json_text(data: object, **options: Any) -> str:
-    """Return a value as JSON; options are those of `json.JSONEncoder`, which is kept for each combination of them.
+    """Return a value as JSON; the options are those of `json.JSONEncoder`, which is cached for each combination.
 
     Raises:
-        TypeError: If it is no JSON value.
+        TypeError: If it is not a JSON value.
     """
     try:
         return _encoder(**options).encode(data)
@@ -34,12 +34,12 @@ def _encoder(**options: Any) -> json.JSONEncoder:
 
 
 def json_value(text: str) -> Any:
-    """Return the value of a text of JSON, also of one with Python's `NaN` and `Infinity`.
+    """Return the value of a JSON text, which may contain Python's `NaN` and `Infinity`.
 
     Raises:
-        ValueError: If it is no JSON.
+        ValueError: If it is not JSON.
     """
-    # Most texts have no blanks around the value, for which `decode` looks.
+    # Most texts have no blanks around the value; only `decode` skips blanks.
     try:
         value, end = _decoder.scan_once(text, 0)  # type: ignore[attr-defined]
     except StopIteration:

@@ -1,7 +1,7 @@
-"""All kinds of findings: what each says that there is, by its code, under the severity that it has by default.
+"""All kinds of findings: the code, the description and the default severity of each.
 
-A kind is declared here and nowhere else. It has a page in `docs/findings`, which `sar-compile explain` shows; `make schemas`
-makes the table there, the heads of the pages and the settings' schema from what is declared.
+A kind is declared only here. It has a page in `docs/findings`, which `sar-compile explain` prints. `make schemas`
+generates the table of kinds, the heads of the pages and the settings' schema from these declarations.
 """
 
 from sar_compiler.tree.severity import Severity
@@ -86,7 +86,7 @@ ERRORS = {
     "yaml-merge": "a YAML merge key",
     "yaml-tag": "a YAML tag",
 }
-"""A tree with one of these cannot be run: neither a comment nor a setting makes less of it."""
+"""Errors: a tree with one of these cannot be run, and no comment or setting can suppress or lower them."""
 
 WARNINGS = {
     "assignment-as-condition": "a condition that assigns a variable",
@@ -130,7 +130,7 @@ WARNINGS = {
     "wrong-model": "an error in the description of a node, which BehaviorTree.CPP does not read",
     "wrong-order": "a leaf in the wrong position relative to a leaf on which it depends",
 }
-"""What is probably a mistake."""
+"""Warnings: probable errors."""
 
 INFOS = {
     "changed": "a comment that conversion had to reword",
@@ -147,11 +147,11 @@ INFOS = {
     "short-timeout": "a time limit that is hardly longer than a tick, or too short for a wait below it",
     "unread-key": "a key that is written and never read",
 }
-"""What is worth knowing."""
+"""Notes."""
 
 KINDS = dict(sorted({**ERRORS, **WARNINGS, **INFOS}.items()))
-"""All of them, in alphabetical order."""
+"""All kinds, in alphabetical order."""
 
 _DECLARED = {Severity.ERROR: ERRORS, Severity.WARNING: WARNINGS, Severity.INFO: INFOS}
 SEVERITIES = {code: severity for severity, kinds in _DECLARED.items() for code in kinds}
-"""Their severities, where neither a rule nor a project's settings say otherwise."""
+"""The default severities, which a rule or a project's settings can override."""

@@ -1,4 +1,4 @@
-"""Pairing of the nodes of two tree files."""
+"""Matching of the nodes of two tree files."""
 
 import bisect
 from collections import Counter, defaultdict, deque
@@ -19,16 +19,16 @@ class Node:
 
     Attributes:
         element: The element.
-        parent: The one around it.
+        parent: The enclosing node.
         type: Its tag; in the explicit form (`<Action ID="Say"/>`) the ID.
-        attributes: Its attributes, without those that say nothing of the tree.
-        ordered: Whether the order of what is in it means something.
-        children: Those in it.
-        number: Its place among those around it, from 0.
-        mark: The same number for all elements, of either file, that say the same.
-        size: How many elements it consists of.
-        label: What a path calls it.
-        partner: The element of the other file that it is.
+        attributes: Its attributes, without those that do not affect the tree.
+        ordered: Whether the order of its children is significant.
+        children: The nodes in it.
+        number: Its index among its siblings, from 0.
+        mark: A number that is equal for all equal elements of both files.
+        size: The number of elements in its subtree.
+        label: Its name in a path.
+        partner: The matching node of the other file.
     """
 
     element: Element
@@ -45,17 +45,17 @@ class Node:
 
     @property
     def name(self) -> str:
-        """Its label among nodes of its type; empty if it has none."""
+        """The label among nodes of its type; empty if it has none."""
         return next((self.attributes[key] for key in _NAMES if key in self.attributes), "")
 
     @property
     def identity(self) -> tuple[str, str]:
-        """Its type and its name."""
+        """The type and the name."""
         return self.type, self.name
 
     @property
     def path(self) -> str:
-        """The labels of what is around it, and its own; the root is only named by itself."""
+        """The labels of the enclosing nodes and its own; the root has only its own."""
         labels = []
         node: Node | None = self
         while node is not None and node.parent is not None:
@@ -64,24 +64,24 @@ class Node:
         return "/".join(reversed(labels)) or self.label
 
     def iterate(self) -> "Iterator[Node]":
-        """Yield it and everything in it, in the order of the file."""
+        """Yield the node and its descendants, in the order of the file."""
         yield self
         for child in self.children:
             yield from child.iterate()
 
 
 Key = Callable[[Node], Hashable | None]
-"""The key that two nodes must share to be paired; None if the node pairs with nothing."""
+"""The key that two nodes must share to be paired; a node with None pairs with nothing."""
 
 
 def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
-    """Find out which elements of two files are the same, however they may have changed.
+    """Match the elements of two files, however they may have changed.
 
-    First what stands in the same place and says the same or has the same name; then what has moved; then
-    what has another name or another tag, where its place and its content speak for it.
+    Elements are paired in three steps: those at the same position with equal content or an equal name, then those that have
+    moved, then those with another name or tag whose position and content agree.
 
     Returns:
-        The roots of both files; `partner` says of every node in them which one it is in the other file.
+        The roots of both files; each node's `partner` is the matching node of the other file.
     """
     marks: dict[Hashable, int] = {}
     first, second = (_node(tree_file.root, None, marks, ordered=True) for tree_file in (old, new))
@@ -93,7 +93,7 @@ def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
 
 
 def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
-    """Return the pairs of children of a pair that follow each other in the same order in both."""
+    """Return the pairs of children that follow each other in the same order in both nodes of a pair."""
     there = {child.partner: child for child in old.children}
     pairs = [(there[child], child) for child in new.children if child in there]
     if not old.ordered:
@@ -103,13 +103,13 @@ def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
 
 
 def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, ordered: bool) -> Node:
-    """Make a node of an element; those that say the same get equal marks."""
+    """Make a node of an element; equal elements get equal marks."""
     kind, attributes = element.tag, dict(element.attributes)
     if kind in EXPLICIT_TAGS and "ID" in attributes and ordered:
         kind = attributes.pop("ID")
     if parent is None:
         attributes = {k: v for k, v in attributes.items() if not k.startswith(EDITOR_ATTRIBUTES)}
-    # Trees and descriptions are found by their names, wherever they stand.
+    # Trees and descriptions are found by name, at any position.
     inside = ordered and element.tag != MODEL_TAG
     node = Node(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)
     node.children = [_node(child, node, marks, ordered=inside) for child in element.children]
@@ -128,7 +128,7 @@ def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, 
 
 
 def _number(nodes: list[Node]) -> None:
-    """Number siblings, and tell apart those that a path would call the same."""
+    """Number siblings, and make their labels unique."""
     counts = Counter(node.label for node in nodes)
     numbers: Counter[str] = Counter()
     for number, node in enumerate(nodes):
@@ -143,7 +143,7 @@ def _pair(old: Node, new: Node) -> None:
 
 
 def _pair_equal(old: Node, new: Node) -> None:
-    """Pair two nodes that say the same, with everything in them."""
+    """Pair two equal nodes, with all their descendants."""
     if old.partner is not None or new.partner is not None:
         return
     _pair(old, new)
@@ -164,7 +164,7 @@ def _content(node: Node) -> Hashable | None:
 
 
 def _align(old: Node, new: Node) -> None:
-    """Pair what is in two nodes that are one, by what cannot be mistaken."""
+    """Pair the children of a pair of nodes by unambiguous keys."""
     if not old.ordered:
         for key in (_mark, _identity):
             _pair_by(_free(old.children), _free(new.children), key)
@@ -177,7 +177,7 @@ def _align(old: Node, new: Node) -> None:
 def _align_gap(
     old: list[Node], new: list[Node], key: Key, accept: Callable[[Node, Node], bool] = lambda _old, _new: True
 ) -> list[tuple[list[Node], list[Node]]]:
-    """Pair the nodes that two ranges have in the same order, and return the ranges in between."""
+    """Pair the nodes that two ranges have in the same order, and return the ranges between them."""
     keys = [[key(node) for node in nodes] for nodes in (old, new)]
     pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
     for i, j in pairs:
@@ -208,7 +208,7 @@ def _free(nodes: list[Node]) -> list[Node]:
 
 
 def _pair_by(old: list[Node], new: list[Node], old_key: Key, new_key: Key | None = None) -> None:
-    """Pair nodes by a key, whatever their place; those with the same key in their order."""
+    """Pair nodes by a key, at any position; nodes with the same key are paired in order."""
     by_key: dict[Hashable, deque[Node]] = defaultdict(deque)
     for node in new:
         by_key[(new_key or old_key)(node)].append(node)
@@ -222,7 +222,7 @@ def _pair_by(old: list[Node], new: list[Node], old_key: Key, new_key: Key | None
 
 
 def _find_moved(old: Node, new: Node) -> None:
-    """Pair what is left by what it says or is called, the largest first, and in the same parent first."""
+    """Pair the remaining nodes by content or name: the largest first, and those with the same parent first."""
     left, right = (sorted(_free(list(root.iterate())), key=lambda node: -node.size) for root in (old, new))
     _pair_by(
         left, right, lambda node: (node.mark, _home(node, other=True)), lambda node: (node.mark, _home(node))
@@ -236,7 +236,7 @@ def _home(node: Node, *, other: bool = False) -> int:
 
 
 def _find_renamed(old: Node) -> None:
-    """Pair nodes of different names or tags that have the same place in both files."""
+    """Pair nodes of different names or tags that have the same position in both files."""
     for node in old.iterate():
         if node.partner is None or node.mark == node.partner.mark:
             continue
@@ -255,7 +255,7 @@ def _shape(node: Node) -> Hashable | None:
 
 
 def _alike(old: Node, new: Node) -> bool:
-    """Return whether at least half of what two nodes hold is the same."""
+    """Return whether at least half of the content of two nodes is equal."""
     if old.children and new.children:
         ours, theirs = (Counter(child.identity for child in node.children) for node in (old, new))
         return 2 * sum((ours & theirs).values()) >= max(len(old.children), len(new.children))
@@ -268,7 +268,7 @@ def _alike(old: Node, new: Node) -> bool:
 
 
 _NEAR = 8
-"""For a repeated key, the number of places that are tried on either side of the expected one."""
+"""The number of positions that are tried on either side of the expected one, for a repeated key."""
 
 
 class _Link(NamedTuple):
@@ -279,13 +279,13 @@ class _Link(NamedTuple):
 def common_subsequence(
     old: Sequence[Hashable | None], new: Sequence[Hashable | None]
 ) -> list[tuple[int, int]]:
-    """Return the indexes in both lists of a long common subsequence.
+    """Return the indices in both lists of a long common subsequence.
 
-    It is the longest one unless a key is repeated very often; the time grows little more than the lists
+    It is the longest one unless a key is repeated very often. The time is little more than linear
     (the method of Hunt and Szymanski).
 
     Args:
-        old: The keys of one list; None equals nothing.
+        old: The keys of one list; None matches nothing.
         new: The keys of the other.
     """
     head = _common_head(old, new)
@@ -313,7 +313,7 @@ def _chained(old: Sequence[Hashable | None], new: Sequence[Hashable | None]) -> 
         if key is not None:
             places[key].append(j)
     met: Counter[Hashable] = Counter()
-    # By the length of a chain: the earliest place where one of that length can end, and that chain.
+    # By the length of a chain: the earliest position at which a chain of that length can end, and that chain.
     ends: list[int] = []
     chains: list[_Link] = []
     for i, key in enumerate(old):
@@ -321,7 +321,7 @@ def _chained(old: Sequence[Hashable | None], new: Sequence[Hashable | None]) -> 
             continue
         nth = met[key]
         met[key] += 1
-        # From the last to the first, so that no chain takes two places for one key.
+        # From the last to the first, so that no chain uses two positions for one key.
         for j in reversed(places[key][max(nth - _NEAR, 0) : nth + _NEAR + 1]):
             length = bisect.bisect_left(ends, j)
             link = _Link((i, j), chains[length - 1] if length else None)

@@ -1,4 +1,4 @@
-"""A tree file as data: elements, attributes and their places, whatever form the file had."""
+"""The data model of tree files: elements, attributes and their locations, for every form."""
 
 import bisect
 import functools
@@ -20,29 +20,28 @@ MODEL_TAG = "TreeNodesModel"
 INCLUDE_TAG = "include"
 SUBTREE_TAG = "SubTree"
 SECTIONS = (TREE_TAG, INCLUDE_TAG, MODEL_TAG)
-"""The sections that may be directly in the root element."""
+"""The sections that are allowed directly in the root element."""
 
 PROJECT_ATTRIBUTE = "project_name"
-"""The attribute of the root element that only a Groot2 project (`.btproj`) has."""
+"""The attribute of the root element that only Groot2 projects (`.btproj`) have."""
 EDITOR_ATTRIBUTES = ("xmlns", "xsi:")
-"""How the names of its attributes begin that tell an editor about XML, and nothing of the tree."""
+"""The prefixes of attributes for XML editors, which do not affect the tree."""
 
 CHILDREN_KEY = "children"
 TEXT_KEY = "$text"
-"""The keys under which YAML has an element's children and its text."""
+"""The YAML keys for an element's children and its text."""
 
 
 @dataclass(frozen=True, slots=True)
 class Comment:
-    """A comment, and where it belongs.
+    """A comment and its position.
 
     Attributes:
-        text: What it says: lines without the marks of the form, the indentation they share, or blank ones
-            around them.
-        index: The child before which it stands; the number of children if it stands behind the last one.
-        attribute: The attribute to which it belongs instead, which only YAML can have.
-        trailing: It shares the line of what it belongs to: of the attribute, or else of the element's tag.
-        after_blank_line: A blank line stands before it.
+        text: The text, without comment marks, common indentation and surrounding blank lines.
+        index: The index of the child that follows it; the number of children if none follows.
+        attribute: The attribute that it belongs to instead; only in YAML.
+        trailing: Whether it is on the line of its attribute, or else of the element's tag.
+        after_blank_line: Whether a blank line precedes it.
     """
 
     text: str
@@ -53,7 +52,7 @@ class Comment:
 
 
 class About(Advice, total=False):
-    """What a finding about an element has besides; see `Element.finding`."""
+    """The optional attributes of a finding about an element; see `Element.finding`."""
 
     name: str | None
     value: str | None
@@ -63,17 +62,17 @@ class About(Advice, total=False):
 class Element:
     """One element of a tree file.
 
-    Two elements are equal if they say the same; places, comments and the order of attributes do not count.
+    Two elements are equal if their content is equal; locations, comments and the order of attributes are ignored.
 
     Attributes:
         tag: Its tag.
         attributes: Its attributes, in the order written.
         children: The elements in it.
         source: The file.
-        line: The line where it begins, from 1.
-        column: The column where it begins, from 1.
-        text: The text in it: the description of a port in a `TreeNodesModel`; empty elsewhere.
-        comments: The comments in it and beside it, in the order of the file.
+        line: The line of its first character, from 1.
+        column: The column of its first character, from 1.
+        text: The description of a port in a `TreeNodesModel`; empty for other elements.
+        comments: Its comments, in the order of the file.
     """
 
     tag: str
@@ -87,7 +86,7 @@ class Element:
 
     @property
     def place(self) -> tuple[int, int]:
-        """The line and the column where it begins."""
+        """The line and the column of its first character."""
         return self.line, self.column
 
     @property
@@ -97,30 +96,30 @@ class Element:
 
     @property
     def file_and_line(self) -> str:
-        """Where it is, for people."""
+        """The location, for messages."""
         return f"{self.source.path}:{self.line}"
 
     @property
     def follows_blank_line(self) -> bool:
-        """Whether a blank line is directly before it."""
+        """Whether a blank line directly precedes it."""
         return self.line > 0 and self.source.blank_before(self.offset, passing="- \t\r\n")
 
     def tag_span(self) -> Span:
-        """Return where it begins, up to the end of its tag's name."""
+        """Return the span from its first character to the end of its tag's name."""
         return self.source.inside(*self.source.spans.tag(self))
 
     def name_span(self, attribute: str) -> Span:
-        """Return where the name of one of its attributes is."""
+        """Return the span of an attribute's name."""
         places = self.source.attribute(self, attribute)
         return self.source.inside(*places[:2]) if places else self.tag_span()
 
     def value_span(self, attribute: str) -> Span:
-        """Return where the value of one of its attributes is, without quotes."""
+        """Return the span of an attribute's value, without quotes."""
         places = self.source.attribute(self, attribute)
         return self.source.inside(*places[2:]) if places else self.tag_span()
 
     def within_value(self, attribute: str, start: int, end: int) -> Span:
-        """Return where the characters from *start* to *end* of an attribute's value as it was read are."""
+        """Return the span of the characters from *start* to *end* of an attribute's parsed value."""
         source = self.source
         places = source.attribute(self, attribute)
         if places is None:
@@ -138,14 +137,14 @@ class Element:
         value: str | None = None,
         **advice: "Unpack[Advice]",
     ) -> Diagnostic:
-        """Return a finding about a part of it, or about it as a whole.
+        """Return a finding about the element, or about a part of it.
 
         Args:
             code: As in `Diagnostic`.
             message: As in `Diagnostic`.
-            span: The part.
-            name: The attribute whose name is the part.
-            value: The attribute whose value is the part.
+            span: The span of the part.
+            name: The attribute, if its name is the part.
+            value: The attribute, if its value is the part.
             **advice: As in `Diagnostic`.
         """
         if name is not None:
@@ -155,7 +154,7 @@ class Element:
         return Diagnostic(code, message, self.source, span or self.tag_span(), **advice)
 
     def content(self) -> "Iterator[Comment | Element]":
-        """Yield its children and the comments before, between and after them, in the order of the file."""
+        """Yield the children, and the comments before, between and after them, in the order of the file."""
         comments = [each for each in self.comments if each.attribute is None and not each.trailing]
         comments.sort(key=lambda each: each.index)
         done = 0
@@ -167,7 +166,7 @@ class Element:
         yield from comments[done:]
 
     def iterate(self) -> Iterator["Element"]:
-        """Yield it and everything in it, in the order of the file."""
+        """Yield the element and its descendants, in the order of the file."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -177,7 +176,7 @@ class Element:
 
 
 def last_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Element | None:
-    """Return the last of some elements, which are in the order of the file, that begins at a place or before it."""
+    """Return the last element at or before a location; the elements are in the order of the file."""
     index = bisect.bisect_right(elements, place, key=lambda each: each.place)
     return elements[index - 1] if index else None
 
@@ -189,9 +188,9 @@ class TreeFile:
     Attributes:
         source: The file's text and name.
         root: Its outermost element.
-        comments: The comments before (index 0) and behind it (index 1).
-        findings: What reading it has mended.
-        is_named: Whether somebody has named it, and it does not only lie beside others.
+        comments: The comments before the root (index 0) and after it (index 1).
+        findings: The findings about errors that the reader has repaired.
+        is_named: Whether the user named it, and it was not only found beside other files.
     """
 
     source: Source
@@ -207,17 +206,17 @@ class TreeFile:
 
     @property
     def main_tree_name(self) -> str | None:
-        """The tree that the file itself names as the one to execute."""
+        """The ID of the tree to execute, as the file names it."""
         return self.root.attributes.get("main_tree_to_execute")
 
 
 def is_groot2_project(tree_file: TreeFile) -> bool:
-    """Return whether a file is what Groot2 keeps of a project: the files in it, and models of their nodes."""
+    """Return whether a file is a Groot2 project: a list of files, and models of their nodes."""
     return tree_file.source.path.endswith(".btproj") or PROJECT_ATTRIBUTE in tree_file.root.attributes
 
 
 class OpenTag(NamedTuple):
-    """Where an element begins.
+    """The location of a start tag.
 
     Attributes:
         line: The line, from 1.
@@ -231,11 +230,11 @@ class OpenTag(NamedTuple):
 
 
 class FileBeginning(NamedTuple):
-    """What a file says before the place where it goes wrong.
+    """The content of a malformed file up to the first error.
 
     Attributes:
-        tree_file: The elements that begin before it.
-        unfinished: Those that do not end before it.
+        tree_file: The elements that begin before the error.
+        unfinished: The elements that do not end before the error.
     """
 
     tree_file: TreeFile
@@ -243,10 +242,10 @@ class FileBeginning(NamedTuple):
 
 
 class UnfinishedFileError(TreeError):
-    """A file that goes wrong somewhere, after a beginning that can be read.
+    """An error for a file that is malformed after a readable beginning.
 
     Attributes:
-        beginning: What it says before that place; None where that is not known.
+        beginning: The content before the error; None if it is not known.
     """
 
     def __init__(self, findings: Iterable[Diagnostic], beginning: FileBeginning | None) -> None:
@@ -258,14 +257,14 @@ class UnfinishedFileError(TreeError):
 
 
 def text_of_xml(data: str) -> str:
-    """Return the text of a comment, given what is between `<!--` and `-->`."""
+    """Return the text of a comment, given the characters between `<!--` and `-->`."""
     first, *rest = data.split("\n")
-    # The first line begins after the mark, so its indentation says nothing about the others'.
+    # The first line begins after the mark, so its indentation is no evidence about the other lines.
     return _without_blank_ends([first.strip(), *_dedented(rest)])
 
 
 def text_of_yaml(lines: Sequence[str]) -> str:
-    """Return the text of consecutive comment lines, given what follows the `#` of each."""
+    """Return the text of consecutive comment lines, given the part of each line after `#`."""
     return _without_blank_ends(_dedented([line.removeprefix(" ") for line in lines]))
 
 
@@ -280,18 +279,18 @@ def _without_blank_ends(lines: Sequence[str]) -> str:
 
 
 _NAME = r"[A-Za-z_:][A-Za-z0-9_:.\-]*"
-# It takes as long to compile as all others together, and names are seldom in another script.
+# The exact expression takes as long to compile as all others together, and names are seldom in another script.
 _PERHAPS = r"[A-Za-z0-9_:.\-\u0080-\U0010ffff]+"
 
 
 @functools.lru_cache(maxsize=1024)
 def is_name(text: str) -> bool:
-    """Return whether a text can be the name of a tag or an attribute."""
+    """Return whether a text is a valid name of a tag or an attribute."""
     if re.fullmatch(_NAME, text):
         return True
     if text.isascii() or not re.fullmatch(_PERHAPS, text):
         return False
-    # Which letters of the world XML allows, expat knows.
+    # expat knows which letters of all scripts XML allows.
     try:
         expat.ParserCreate(encoding="utf-8").Parse(f"<{text}/>".encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
     except expat.ExpatError:
@@ -304,7 +303,7 @@ class _SpansOfYaml(Spans):
 
 
 NO_SPANS, NO_SPANS_OF_YAML = Spans(), _SpansOfYaml()
-"""For a text without elements, or without their places; for one in YAML."""
+"""Spans for texts without elements, or without their locations; those of YAML texts."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 
@@ -312,10 +311,10 @@ _SOURCE = Source("<made>", "", NO_SPANS)
 def synthetic_element(
     tag: str, attributes: Mapping[str, str] | None = None, children: Iterable[Element] = (), text: str = ""
 ) -> Element:
-    """Make an element; its line is 0."""
+    """Make an element without a file; its line is 0."""
     return Element(tag, attributes or {}, tuple(children), _SOURCE, 0, 0, text)
 
 
 def synthetic_file(root: Element) -> TreeFile:
-    """Make a file of an element."""
+    """Make a file of an element, without a text."""
     return TreeFile(_SOURCE, root)

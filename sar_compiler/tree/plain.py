@@ -8,9 +8,9 @@ from sar_compiler.tree.showing import UNSEEN, UNSPEAKABLE
 
 
 def as_json(data: object, indent: int | None = 2) -> str:
-    """Return data as JSON, with the characters escaped that a terminal would obey.
+    """Return data as JSON, with terminal control characters escaped.
 
-    It is indented by so many spaces, or in one line. Numbers that are not finite are null, because JSON has none.
+    The text is indented by *indent* spaces, or on one line if it is None. Numbers that are not finite become null.
     """
     return re.sub(UNSEEN, _escaped, json_text(data, indent=indent, ensure_ascii=False))
 
@@ -21,7 +21,7 @@ def _escaped(match: re.Match[str]) -> str:
 
 
 def plain(value: object) -> object:
-    """Return a value for JSON: an enum's name, numbers and texts unchanged."""
+    """Return a value for JSON: an enum as its name, numbers and strings unchanged."""
     if isinstance(value, Enum):
         return value.name
     return value if isinstance(value, (bool, int, float, str, type(None))) else str(value)
@@ -37,10 +37,10 @@ def value_as_script(value: object) -> str:
 
 
 def count_text(number: int, what: str) -> str:
-    """Return a number of things, of which there may be one: `1 file`, `1,000 files`."""
+    """Return a number with a noun in singular or plural: `1 file`, `1,000 files`."""
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def speakable(text: str) -> str:
-    """Return a text with each character replaced that XML cannot have."""
+    """Return a text with each character replaced that XML cannot represent."""
     return re.sub(UNSPEAKABLE, "\ufffd", text)

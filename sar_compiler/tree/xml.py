@@ -1,7 +1,7 @@
 """Reading tree files in XML.
 
-expat does the work: it knows the line and column of every tag. Where an attribute stands is looked up
-in the text only when somebody asks, which is when there is something to say about it.
+expat provides the line and column of each tag. The location of an attribute is looked up in the text only when a
+finding needs it.
 """
 
 import dataclasses
@@ -34,7 +34,7 @@ from sar_compiler.tree.model import (
 from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
-# What stands for one character of a value.
+# The written form of one character of a value.
 _CHARACTER = re.compile(rf"{REFERENCE}|\r\n|.", re.DOTALL)
 
 
@@ -42,8 +42,8 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """Read a tree file's content.
 
     Raises:
-        TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE. Where it is not well-formed,
-            the error has the elements before that place.
+        TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE. The error of a malformed file
+            contains the elements before the error.
     """
     declared = _DECLARED_ENCODING.match(data) if isinstance(data, bytes) else None
     encoding = declared.group(1).decode("ascii") if declared else None
@@ -70,7 +70,7 @@ class _XmlSpans(Spans):
         return _offsets(text, start, end)
 
 
-@functools.lru_cache(maxsize=4)  # a long value with many mistakes in it is asked for with each
+@functools.lru_cache(maxsize=4)  # each error in a long value asks for them
 def _offsets(text: str, start: int, end: int) -> list[int]:
     return [found.start() for found in _CHARACTER.finditer(text, start, end)] + [end]
 
@@ -85,7 +85,7 @@ _HINTS = {
 
 
 class _XmlReader:
-    """One pass over a text; builds each element when its end comes, so that it can be frozen."""
+    """One pass over a text; creates each element at its end tag, so that it can be frozen."""
 
     def __init__(self, source: Source, recovered: Recovered | None = None) -> None:
         self._source = source
@@ -95,10 +95,10 @@ class _XmlReader:
         parser.CommentHandler = self._comment
         parser.ProcessingInstructionHandler = self._instruction
         self._instructions: list[Diagnostic] = []
-        # What is open: tag, attributes, line, column; and the elements of each level that have ended.
+        # Open elements: tag, attributes, line, column; and, for each level, the elements that have ended.
         self._open: list[tuple[str, dict[str, str], int, int]] = []
         self._levels: list[list[Element]] = [[]]
-        # What few elements have, by the number of elements around it.
+        # Content that few elements have, by the number of enclosing elements.
         self._comments: dict[int, list[Comment]] = {}
         self._texts: dict[int, list[str]] = {}
         parser.StartElementHandler, self._end = self._handlers()
@@ -108,7 +108,7 @@ class _XmlReader:
         recovered = self._recovered
         text = recovered.text if recovered is not None else self._source.text
         try:
-            # A lone surrogate cannot be written as UTF-8; expat then says where the bad byte is.
+            # A lone surrogate cannot be written as UTF-8; expat then reports the position of the bad byte.
             with gc_paused(len(text)):
                 self._parser.Parse(text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
         except expat.ExpatError as error:
@@ -126,14 +126,14 @@ class _XmlReader:
         return TreeFile(self._source, self._levels[0][0], tuple(self._comments.get(0, ())), findings)
 
     def _beginning(self) -> FileBeginning | None:
-        """Return what was read before the place where the file goes wrong; None if that is no element."""
+        """Return the elements before the error in the file; None if there are none."""
         unfinished = [OpenTag(line, column, tag) for tag, _, line, column in self._open]
         for place in reversed(unfinished):
             self._end(place.tag)
         return FileBeginning(self._file(), tuple(unfinished)) if self._levels[0] else None
 
     def _handlers(self) -> tuple[Callable[[str, dict[str, str]], None], Callable[[str], None]]:
-        """Return the handlers for start and end tags; closures, which are faster than methods."""
+        """Return the handlers for start and end tags, as closures because they are faster than methods."""
         parser, source, opened, levels = self._parser, self._source, self._open, self._levels
         comments, texts, recovered = self._comments, self._texts, self._recovered
         count = 0
@@ -150,7 +150,7 @@ class _XmlReader:
             opened.append((tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
             levels.append([])
             if tag == MODEL_TAG:
-                # Only there does text mean something: it describes a port.
+                # Text has a meaning only there: it describes a port.
                 parser.CharacterDataHandler = self._data
             if len(opened) > MAX_DEPTH:
                 self._refuse("too-deep", f"elements are nested more than {MAX_DEPTH} deep", tag)
@@ -166,7 +166,7 @@ class _XmlReader:
         return start, end
 
     def _extras(self) -> tuple[str, tuple[Comment, ...]]:
-        """Take the text and the comments of the element that ends."""
+        """Return and clear the text and the comments of the element that ends."""
         depth = len(self._open)
         text = "".join(self._texts.pop(depth, ())).strip()
         return "" if self._levels[-1] else text, tuple(self._comments.pop(depth, ()))
@@ -179,7 +179,7 @@ class _XmlReader:
         depth, start, siblings = len(self._open), self._here(), self._levels[-1]
         text = text_of_xml(self._recovered.original(data) if self._recovered is not None else data)
         written = self._source.text
-        # What is before it in its line.
+        # The text before the comment on its line.
         first, last = self._source.offset(self._parser.CurrentLineNumber, 1), start
         while last > first and written[last - 1].isspace():
             last -= 1
@@ -199,7 +199,7 @@ class _XmlReader:
             self._comments.setdefault(depth, []).append(comment)
 
     def _instruction(self, target: str, _data: str) -> None:
-        """Report the first processing instruction that does not stand before the root element."""
+        """Report the first processing instruction after the start of the root element."""
         if (self._open or self._levels[0]) and not self._instructions:
             start = self._here()
             span = self._source.span(start, start + len(target) + 2)
@@ -213,7 +213,7 @@ class _XmlReader:
 
     def _doctype(self, *_declaration: object) -> None:
         message = "a DOCTYPE is not allowed in a tree file (entities could hide what the file says)"
-        # expat speaks up behind the declaration's name.
+        # expat reports the declaration after its name.
         start = self._source.text.rfind("<!DOCTYPE", 0, self._here())
         self._refuse("doctype", message, "!DOCTYPE", start, hint="delete the declaration")
 
@@ -223,13 +223,13 @@ class _XmlReader:
     def _refuse(
         self, code: str, message: str, name: str, start: int | None = None, hint: str | None = None
     ) -> None:
-        """Raise the finding about a `<` and the name behind it: where the parser is, unless a start is given."""
+        """Raise the finding about a `<` and the name after it, at *start* or else at the parser's position."""
         start = self._here() if start is None else start
         span = self._source.span(start, start + len(name) + 1)
         raise TreeError([Diagnostic(code, message, self._source, span, hint=hint)])
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
-        """Return a finding in the reader's words for an error that expat's own words do not explain."""
+        """Return a finding in the user's terms for an error that expat's message does not explain."""
         from sar_compiler.tree.xml_mistakes import mistake_at
 
         start = self._source.offset(error.lineno, error.offset + 1)
@@ -241,12 +241,12 @@ class _XmlReader:
             span = self._source.span(found.start, found.end)
             return Diagnostic("malformed-xml", message, self._source, span, found.suggestion, found.hint)
         if words == expat.errors.XML_ERROR_TAG_MISMATCH and self._open:
-            start -= len("</")  # expat speaks of the name behind it
+            start -= len("</")  # expat reports the name after it
             tag, _, opened, *_ = self._open[-1]
-            words = f"the end tag does not close <{tag}>, which was opened in line {opened}"
+            words = f"the end tag does not close <{tag}>, which was opened on line {opened}"
             hint = f"</{tag}> is expected here"
         elif words == expat.errors.XML_ERROR_NO_ELEMENTS and self._open:
             tag, _, opened, *_ = self._open[-1]
-            words = f"the file ends before <{tag}>, opened in line {opened}, is closed"
+            words = f"the file ends before <{tag}>, opened on line {opened}, is closed"
         span = self._source.span(start, start + 1)
         return Diagnostic("malformed-xml", f"not well-formed XML: {words}", self._source, span, hint=hint)

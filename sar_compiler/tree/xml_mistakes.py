@@ -1,4 +1,4 @@
-"""What is wrong with a file that is not well-formed XML, at the place where expat gives up. Imported for such files alone."""
+"""Explanations of errors in malformed XML, at the position where expat stops. Imported for such files only."""
 
 import re
 from typing import NamedTuple
@@ -8,9 +8,9 @@ from sar_compiler.tree.xml_recovery import NAME, attributes_end
 
 _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
 _UNSEEN = re.compile(r"[\u00ad\u180e\u200b-\u200f\u2060\ufeff]|[^\S \t\r\n]")
-"""A character that nobody sees, or that looks like a blank and is none."""
+"""An invisible character, or one that looks like a blank."""
 _NEAR = 200
-"""How far before a place an ampersand is looked for."""
+"""The number of characters before an error that are searched for an ampersand."""
 _ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
 _BUILT_IN = frozenset(("amp", "lt", "gt", "apos", "quot"))
 _ATTRIBUTE_NAME = re.compile(r"[^\s=/>\"'<]+")
@@ -20,14 +20,14 @@ _OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
 
 
 class XmlMistake(NamedTuple):
-    """A mistake in a file that is not well-formed.
+    """An error in a file that is not well-formed.
 
     Attributes:
-        message: What is wrong.
-        start: The offset of the first character that is.
-        end: The offset after the last one.
-        suggestion: What to write there.
-        hint: What to do, where there is no such text.
+        message: The error.
+        start: The offset of the first wrong character.
+        end: The offset after the last wrong character.
+        suggestion: The replacement.
+        hint: A short instruction, if there is no replacement.
     """
 
     message: str
@@ -38,10 +38,10 @@ class XmlMistake(NamedTuple):
 
 
 def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
-    """Return the probable mistake at the place where expat gave up.
+    """Return the probable error at the position where expat stopped.
 
     Returns:
-        None if expat's words are all there is to say.
+        None if expat's message says everything.
     """
     by_words = {
         expat.errors.XML_ERROR_UNDEFINED_ENTITY: _undefined,
@@ -64,7 +64,7 @@ def _invalid(text: str, place: int) -> XmlMistake | None:
 
 
 def _unseen(text: str, place: int) -> XmlMistake:
-    what = "looks like a blank and is none for XML" if text[place].isspace() else "is here, which nobody sees"
+    what = "looks like a blank, but XML does not treat it as one" if text[place].isspace() else "is invisible"
     hint = "write a blank in its place" if text[place].isspace() else "delete it"
     import unicodedata
 
@@ -74,16 +74,16 @@ def _unseen(text: str, place: int) -> XmlMistake:
 
 def _in_comment(text: str, place: int) -> XmlMistake:
     start = text.rfind("--", 0, place)
-    return XmlMistake("-- is not allowed in a comment of XML", start, start + len("--"), "- -")
+    return XmlMistake("-- is not allowed in an XML comment", start, start + len("--"), "- -")
 
 
 def _out_of_place(text: str, place: int) -> XmlMistake | None:
     before = text[max(text.rfind("<", 0, place), 0) : place]
     if before.startswith("</") and ">" in before:
         hint = "put it in a comment, or delete it"
-        return XmlMistake("text is not allowed behind the root", place, place + 1, hint=hint)
+        return XmlMistake("text is not allowed after the root", place, place + 1, hint=hint)
     if text[place : place + 1] in (",", ";"):
-        message = f"no {text[place]} stands between the attributes of a tag"
+        message = f"a {text[place]} is not allowed between the attributes of a tag"
         return XmlMistake(message, place, place + 1, hint="write a blank in its place")
     return None
 
@@ -104,16 +104,16 @@ def _in_tag(text: str, place: int) -> XmlMistake | None:
     if before.rstrip().endswith("="):
         return XmlMistake("the value of an attribute must be in quotes", place, place + 1)
     if text.startswith("<!--", place):
-        hint = "put it before or behind the tag"
+        hint = "move it in front of the tag or after it"
         return XmlMistake("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
     return _in_attributes(text, tag, place)
 
 
 def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
-    """Return the mistake behind the last attribute that is complete."""
+    """Return the error after the last complete attribute."""
     name = NAME.match(text, tag)
     if name is None:
-        message = "a tag's name follows its < directly, and a < in a text is written &lt;"
+        message = "a tag's name must follow its < directly; write a < in a text as &lt;"
         return XmlMistake(message, tag, place + 1) if text.startswith("<", tag) else None
     end = attributes_end(text, name.end(), place)
     valueless = _VALUELESS.fullmatch(text, end, place)
@@ -123,7 +123,7 @@ def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
     if text.startswith("<", place):
         return XmlMistake("the tag that begins here has no >", tag, name.end())
     if end == place and text[place - 1] in "\"'":
-        message = "a blank is missing before this, or there is a quotation mark too many before it"
+        message = "a blank is missing, or there is an extra quotation mark, to the left of this"
         return XmlMistake(message, place, place + 1)
     return None
 
@@ -137,10 +137,10 @@ def _twice(text: str, place: int) -> XmlMistake | None:
 
 
 def _unclosed(text: str, place: int) -> XmlMistake | None:
-    """Return what has no end in the whole file."""
+    """Return the error if a comment, value or tag never ends."""
     if text.startswith("<!--", place):
         return XmlMistake(
-            "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> behind it"
+            "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> after it"
         )
     name = NAME.match(text, place)
     if name is None:
@@ -152,7 +152,7 @@ def _unclosed(text: str, place: int) -> XmlMistake | None:
 
 
 def _in_value(text: str, place: int, quote: int) -> XmlMistake:
-    """Return the mistake of a < in a value: unescaped, or after a missing closing quote."""
+    """Return the error of a < in a value: unescaped, or after a missing closing quote."""
     value = text[quote:place].rstrip(" \t")
     if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):
         return XmlMistake("the value that begins here has no closing quotation mark", quote, quote + 1)

@@ -1,8 +1,8 @@
-"""Recovery of files that only BehaviorTree.CPP's reader takes: & and < as themselves, -- in comments, content outside the root.
+"""Recovery of malformed files that BehaviorTree.CPP accepts: raw & and <, -- in comments, content outside of the root.
 
-Each such character is replaced by a stand-in of one character, which nothing else in the file is. So expat can read
-the text, every line and column stays, and what was read gets its characters back. An XML declaration behind empty
-lines becomes empty lines, too, and so does text before the root.
+Each such character is replaced by a stand-in, one character that the file does not contain. So expat can parse
+the text, every line and column stays, and the parsed text gets its characters back. An XML declaration after empty
+lines is replaced by empty lines, and so is text before the root.
 """
 
 import itertools
@@ -16,13 +16,13 @@ from sar_compiler.tree.diagnostic import Diagnostic, Source
 from sar_compiler.tree.model import TreeFile
 
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
-"""A regular expression of what is read as another character."""
+"""A regular expression for a reference, which is read as another character."""
 NAME = re.compile(r"<[^\s/>]+")
-"""That of the beginning of a tag."""
+"""A regular expression for the beginning of a tag."""
 ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
-"""That of an attribute with the blanks before it: its name, its quotation mark, its value."""
+"""A regular expression for an attribute with preceding blanks: its name, its quotation mark, its value."""
 TAG_END = re.compile(r"\s*/?>")
-"""That of the end of a start tag, with the blanks before it."""
+"""A regular expression for the end of a start tag, with preceding blanks."""
 _LONE = rf"(?!{REFERENCE})&"
 _RAW = re.compile(rf"(?:{_LONE})+|<")
 _NUMBERED = r"&#(?:x0*([0-9a-fA-F]{1,6})|0*([0-9]{1,7}));"
@@ -35,12 +35,12 @@ _PRIVATE = (range(0xE000, 0xF900), range(0xF0000, 0xFFFFE))
 _STANDING_ALONE = "&<-"
 _MOST = 1000
 """The most findings in a file."""
-_TOLD_PASSED = "BehaviorTree.CPP passes over it, other readers of XML do not"
-_TOLD = "BehaviorTree.CPP takes it as it is, other readers of XML do not"
+_TOLD_PASSED = "BehaviorTree.CPP ignores it, other XML parsers do not"
+_TOLD = "BehaviorTree.CPP accepts it, other XML parsers do not"
 
 
 class _PartOfFile(Enum):
-    """What a stretch of a text is, with the regular expression of what is not XML in it."""
+    """The role of a part of the text, with a regular expression for the characters that are not allowed in it."""
 
     BEFORE_ROOT = _LINE
     BESIDE_ROOT = re.compile(r"\S(?:.*\S)?", re.DOTALL)
@@ -49,12 +49,12 @@ class _PartOfFile(Enum):
 
 
 class Recovered(NamedTuple):
-    """A text that expat can read.
+    """A text that expat can parse.
 
     Attributes:
-        text: The text, with stand-ins.
-        originals: The character that each stand-in is for, for `str.translate`.
-        findings: What was recovered, at its place.
+        text: The text with stand-ins.
+        originals: The original character of each stand-in, for `str.translate`.
+        findings: A finding for each recovered part.
     """
 
     text: str
@@ -62,19 +62,19 @@ class Recovered(NamedTuple):
     findings: tuple[Diagnostic, ...]
 
     def original(self, text: str) -> str:
-        """Return what a text that was read says."""
+        """Return a parsed text with the original characters."""
         return text.translate(self.originals)
 
 
 def attributes_end(text: str, offset: int, limit: int = sys.maxsize) -> int:
-    """Return where the attributes of a tag end that begin at an offset, behind its name; those before a limit count."""
+    """Return the end offset of the attributes that begin before *limit*; *offset* is the end of the tag's name."""
     while match := ATTRIBUTE.match(text, offset, limit):
         offset = match.end()
     return offset
 
 
 def recover(source: Source) -> Recovered | None:
-    """Return a text with stand-ins up to the first place that is beyond recovery; None if there is nothing to recover."""
+    """Return a text with stand-ins up to the first irrecoverable error; None if there is nothing to recover."""
     stand_ins = _stand_ins(source.text)
     if stand_ins is None:
         return None
@@ -83,7 +83,7 @@ def recover(source: Source) -> Recovered | None:
     if declaration := re.match(_LATE_DECLARATION, text):
         parts, done = [re.sub(_NOT_BLANK, " ", declaration[0])], declaration.end()
         message = f"an XML declaration must be at the very beginning of a file: {_TOLD}"
-        span, hint = source.span(*declaration.span(1)), "delete the blanks and lines before it"
+        span, hint = source.span(*declaration.span(1)), "delete the blanks and lines that precede it"
         findings.append(Diagnostic("loose-xml", message, source, span, hint=hint))
     for start, end, part in _TagWalk(text).stretches():
         raw = part.value
@@ -100,13 +100,13 @@ def recover(source: Source) -> Recovered | None:
 
 
 def readable(tree_file: TreeFile) -> str:
-    """Return the text of a file that was read, with stand-ins where it was recovered."""
+    """Return the text of a parsed file, with stand-ins if it was recovered."""
     recovered = recover(tree_file.source) if tree_file.findings else None
     return recovered.text if recovered is not None else tree_file.source.text
 
 
 def escaped(written: str) -> str:
-    """Return a piece of a value as XML has it."""
+    """Return a part of a value, escaped for XML."""
     return _RAW.sub(lambda raw: _replacement(raw[0]), written)
 
 
@@ -115,7 +115,7 @@ def _replacement(raw: str) -> str:
 
 
 def _stand_ins(text: str) -> dict[int, str] | None:
-    """Return a character that the text does not have for each that is replaced; None if it has too many."""
+    """Return a character that is not in the text for each that is replaced; None if the text has too many characters."""
     used = set(text)
     codes = (
         int(hexadecimal, 16) if hexadecimal else int(decimal)
@@ -138,17 +138,17 @@ def _replace(stretch: str, stand_ins: dict[int, str], part: _PartOfFile) -> str:
 
 
 class _TagWalk:
-    """A way through a text from tag to tag, until one cannot be understood."""
+    """An iterator over the tags of a text, up to the first that cannot be parsed."""
 
     def __init__(self, text: str) -> None:
         self._text = text
         self._has_root = False
         self._opened: list[str] = []
-        # Where an element begins that is not in the root.
+        # The offset of an element outside of the root.
         self._beside = -1
 
     def stretches(self) -> Iterator[tuple[int, int, _PartOfFile]]:
-        """Yield the places of texts, values and comments, and of what is not in the root."""
+        """Yield the offsets of texts, values and comments, and of content outside of the root."""
         offset = 0
         while (tag := self._text.find("<", offset)) >= 0:
             if self._beside < 0:
@@ -168,7 +168,7 @@ class _TagWalk:
         return _PartOfFile.CONTENT if self._opened else _PartOfFile.BESIDE_ROOT
 
     def _behind_tag(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
-        """Add what is found in a tag, and return its end; 0 if it makes no sense."""
+        """Add the parts of a tag, and return its end; 0 if it cannot be parsed."""
         text = self._text
         if text.startswith("<!--", tag):
             end = _behind(text, "-->", tag + len("<!--"))
@@ -202,7 +202,7 @@ def _behind(text: str, end: str, start: int) -> int:
 
 
 def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> int:
-    """Add the places of a start tag's values, and return its end; 0, and none, if it makes no sense."""
+    """Add the offsets of a start tag's values, and return its end; 0, without values, if it cannot be parsed."""
     name = None if text.startswith("<!", tag) else NAME.match(text, tag)
     if name is None:
         return 0
@@ -212,24 +212,24 @@ def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> 
         offset = match.end()
     end = TAG_END.match(text, offset)
     if end is None:
-        # A value that lacks its quotation mark may have ended with another's.
+        # A value without its quotation mark may have ended at the mark of another one.
         values[:] = [each for each in values if "<" not in text[each[0] : each[1]]]
         return 0
     return end.end()
 
 
 _PASSED = {
-    _PartOfFile.BEFORE_ROOT: ("text is not allowed before the root", "put it in a comment, or delete it"),
+    _PartOfFile.BEFORE_ROOT: ("text is not allowed ahead of the root", "put it in a comment, or delete it"),
     _PartOfFile.BESIDE_ROOT: (
-        "a file is one <root>, and this is none of it",
+        "a file has one <root>, but this is outside of it",
         "delete it, or put it into the <root>",
     ),
 }
-"""What is wrong with what BehaviorTree.CPP passes over, and what to do."""
+"""The message and the hint for content that BehaviorTree.CPP ignores."""
 
 
 def _recovery(source: Source, start: int, end: int, part: _PartOfFile) -> Diagnostic:
-    """Return the finding about something that is not XML."""
+    """Return the finding about content that is not XML."""
     if part not in _PASSED:
         return _loose(source, start, end)
     what, hint = _PASSED[part]
@@ -242,11 +242,11 @@ def _loose(source: Source, start: int, end: int) -> Diagnostic:
     raw, named = source.text[start:end], _NAMED.match(source.text, start)
     suggestion, hint = None, None
     if "-" in raw:
-        message = f"-- is not allowed in a comment of XML: {_TOLD}"
+        message = f"-- is not allowed in an XML comment: {_TOLD}"
         suggestion = " ".join(raw) if len(raw) > 1 else "- "
         if source.text.startswith("<!--", start - 2):
             start, suggestion = start - 2, None
-            message, hint = "a comment begins in another one", "end the first one with -->"
+            message, hint = "a comment begins inside another comment", "end the first one with -->"
     elif named is not None:
         message, end = f"XML does not know '{named[0]}': {_TOLD}", named.end()
         hint = "an & is written &amp;, other characters as themselves"

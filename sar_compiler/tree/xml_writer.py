@@ -1,8 +1,8 @@
-"""Writing tree files in XML, in one canonical form.
+"""Writer of tree files in canonical XML.
 
-One element a line, two spaces for each level, attributes in the order written; a start tag that would be
-longer than 100 columns has one attribute a line. Comments stay where they are, and so do line breaks
-within values and one blank line where there was any.
+Each element has its own line, each level is indented by two spaces, and attributes keep their order. A start tag longer
+than 100 columns has one attribute a line. Comments keep their positions, line breaks within values are kept, and
+consecutive blank lines become one.
 """
 
 import re
@@ -34,7 +34,7 @@ def write_xml(tree_file: TreeFile) -> str:
 
 
 def comment_in_xml(text: str) -> str:
-    """Return the text of a comment as XML can have it: two hyphens would end it."""
+    """Return the text of a comment for XML, without the two hyphens that would end it."""
     return re.sub("-(?=-)", "- ", text)
 
 
@@ -42,7 +42,7 @@ def _element(element: Element, indent: str, *, after_blank_line: bool) -> Iterat
     if after_blank_line:
         yield ""
     for comment in element.comments:
-        if comment.attribute is not None:  # XML has no place for it in a tag
+        if comment.attribute is not None:  # XML allows no comment in a tag
             yield from _comment(comment, indent, after_blank_line=False)
     trailing = "".join(
         f"  <!-- {comment_in_xml(one.text)} -->"
@@ -85,7 +85,7 @@ def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterat
 
 
 def _as_broken(element: Element, name: str, value: str) -> str | None:
-    """Return a value with the line breaks that it has in XML, where they count as spaces; None if it has none."""
+    """Return a value with its line breaks in the XML file, which are read as spaces; None if it has none."""
     source = element.source
     if source.form is not Form.XML or " " not in value:
         return None
@@ -96,7 +96,7 @@ def _as_broken(element: Element, name: str, value: str) -> str | None:
 
     start, end = source.offsets(span)
     broken = re.sub(r"\r\n?", "\n", source.text[start:end]).replace('"', "&quot;").replace("\t", " ")
-    # The element may have been given another value since it was read.
+    # The element may have been given another value after parsing.
     return escaped(broken) if unescape(broken.replace("\n", " ")) == value else None
 
 
@@ -118,7 +118,7 @@ def _escape(text: str, escapes: dict[str, str]) -> str:
 
 
 def one_tag_a_line(root: Element) -> str:
-    """Return an element as XML in which the n-th line begins with the n-th start tag, for tools that count lines."""
+    """Return an element as XML in which line n begins with start tag n, for tools that count lines."""
     return "\n".join(_tags(root))
 
 

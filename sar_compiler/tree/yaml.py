@@ -1,7 +1,7 @@
 """Reading tree files in YAML: the same tree as in XML, element for element.
 
-A node is a mapping of one key, its tag; below it stand its attributes and, under `children`, a list of nodes.
-A node with nothing in it is its bare tag. What an attribute says is the text as it is written.
+A node is a mapping with one key, its tag. Below it are its attributes and, under `children`, a list of nodes.
+A node without content is its bare tag. The value of an attribute is its text, exactly as written.
 """
 
 import re
@@ -32,12 +32,12 @@ from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
 _OF_THE_ROOT = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
-# Written behind a plain text, with nothing but one blank in between: few comments are.
+# A plain string followed by a single blank and a #: few comments look so.
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
 """A key in braces, which is a mapping in YAML."""
-# A plain text goes on in a line that is indented further, whatever that begins with.
+# A plain string continues on a line with more indentation, whatever that line begins with.
 _CONTINUED = re.compile(r"[\r\n][ \t]*(- [^\r\n]*)")
 
 
@@ -45,7 +45,7 @@ def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """Read a tree file's content.
 
     Raises:
-        TreeError: If it is not YAML, not a tree, too large, too deep, or uses what only YAML has.
+        TreeError: If it is not YAML, not a tree, too large, too deep, or uses a feature that only YAML has.
     """
     spans = YamlSpans()
     return _YamlReader(source_of(data, path, spans, None, _EMPTY_HINT), spans).read()
@@ -61,24 +61,24 @@ class _Parts:
         self.children: list[Element] = []
         self.comments: list[Comment] = []
         self.text = ""
-        # Begin and end of the name and of the value of each attribute.
+        # Start and end of the name and of the value of each attribute.
         self.places: list[int] = []
-        # Where each key began.
+        # The offset of each key.
         self.seen: dict[str, int] = {}
-        # What is wrong with the attributes that are lists or mappings, if they are none of fields.
+        # Findings about attributes that are lists or mappings, unless the attributes take message fields.
         self.unquoted: dict[str, Diagnostic] = {}
 
 
 class _YamlReader:
-    """One pass over the events of a text; continues after an error, so that all are found."""
+    """One pass over the events of a text; continues after an error, so that all errors are found."""
 
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
         self._spans = spans
         self._events = Events(source, closing=True)
-        # Elements of which something is missing, or wrong.
+        # Elements that are incomplete or wrong.
         self._unfinished: list[OpenTag] = []
-        # What may be meant so.
+        # Findings about text that may be intended.
         self._doubts: list[Diagnostic] = []
         self._report = self._events.report
         self._depth = 0
@@ -98,8 +98,8 @@ class _YamlReader:
         after += [_comment(one, 1) for one in events.comments()]
         if isinstance(events.next, yaml.DocumentStartEvent):
             start, end = _place(events.next)
-            message = "a second document begins here; a tree file is one"
-            self._report("second-document", message, start, end, hint="put it in a file of its own")
+            message = "a second document begins here, but a tree file has only one"
+            self._report("second-document", message, start, end, hint="move it to a separate file")
         tree_file = (
             TreeFile(self._source, root, (*before, *after), tuple(self._doubts)) if root is not None else None
         )
@@ -114,7 +114,7 @@ class _YamlReader:
         if not isinstance(start, yaml.DocumentStartEvent):
             self._report("empty-file", "the file is empty", 0, 0, hint=_EMPTY_HINT)
         elif start.version or start.tags:
-            message = "a tree file has no directives of YAML"
+            message = "YAML directives are not allowed in a tree file"
             self._report("yaml-directive", message, *_place(start), hint="delete the lines that begin with %")
 
     def _node(self) -> Element | None:
@@ -125,18 +125,18 @@ class _YamlReader:
         if not isinstance(first, yaml.MappingStartEvent):
             end = events.skip()
             if isinstance(first, yaml.SequenceStartEvent):
-                what = f"'{ROOT_TAG}:' begins a tree file" if not self._depth else "a node belongs here"
+                what = f"a tree file begins with '{ROOT_TAG}:'" if not self._depth else "a node must be here"
                 hint = (
                     f"write the node's tag; put a list of nodes under its '{CHILDREN_KEY}:'"
                     if self._depth
                     else f"delete the '- ' before '{ROOT_TAG}:'; put a list under its '{CHILDREN_KEY}:'"
                 )
-                self._report("wrong-shape", f"{what}, and this is a list", _place(first)[0], end, hint=hint)
+                self._report("wrong-shape", f"{what}, but this is a list", _place(first)[0], end, hint=hint)
             return None
         events.take()
         if isinstance(events.next, yaml.MappingEndEvent):
             events.take()
-            self._report("wrong-shape", "these braces are empty; a node has a tag", *_place(first))
+            self._report("wrong-shape", "these braces are empty, but a node needs a tag", *_place(first))
             return None
         if not self._depth and getattr(events.next, "value", None) in _OF_THE_ROOT:
             return self._rootless()
@@ -150,10 +150,10 @@ class _YamlReader:
         return element
 
     def _rootless(self) -> Element | None:
-        """Read the contents of a root that is not named itself."""
+        """Read the content of a root that is not named."""
         first, parts = self._events.next, _Parts()
         message = f"a tree file begins with '{ROOT_TAG}:'; '{first.value}' belongs below it"
-        hint = f"write '{ROOT_TAG}:' above, and indent all that follows"
+        hint = f"write '{ROOT_TAG}:' above, and indent the following lines"
         self._report("wrong-root", message, *_place(first), hint=hint)
         number = self._spans.begin(*_place(first))
         self._depth += 1
@@ -163,9 +163,9 @@ class _YamlReader:
         return self._element(tag, parts, number)
 
     def _bare(self, tag: Any) -> Element | None:
-        """Make an element of a tag without contents."""
+        """Make an element of a tag without content."""
         if tag.start_mark.index == tag.end_mark.index:
-            message = "there is nothing behind this '-'"
+            message = "there is nothing after this '-'"
             start = self._source.text.rfind("-", 0, tag.start_mark.index)
             self._report("wrong-shape", message, start, start + 1, hint="write a node, or delete the line")
             return None
@@ -198,12 +198,12 @@ class _YamlReader:
             parts.comments += [_comment(one, 0) for one in events.comments(column + 1)]
         else:
             end = events.skip()
-            message = f"below '{tag.value}' come its attributes, as name: value, and its '{CHILDREN_KEY}'"
+            message = f"'{tag.value}' takes its attributes, as name: value, and its '{CHILDREN_KEY}'"
             hint = f"put a list of nodes under '{CHILDREN_KEY}:'"
             if isinstance(content, yaml.ScalarEvent):
                 what = f"- {content.value}" if is_name(content.value) else "- "
                 hint = f"a node in it belongs below '{CHILDREN_KEY}:', as '{what}'"
-            if not isinstance(content, yaml.AliasEvent):  # of which its own finding has told
+            if not isinstance(content, yaml.AliasEvent):  # which has its own finding
                 self._report("wrong-shape", message, _place(content)[0], end, hint=hint)
         if len(events.findings) > wrong or events.is_cut or isinstance(content, yaml.AliasEvent):
             self._unfinished.append(OpenTag(*self._source.place(tag.start_mark.index), tag.value))
@@ -250,7 +250,7 @@ class _YamlReader:
         parts.comments += [_comment(one, len(parts.children)) for one in events.comments(column)]
         self._refuse_structures(tag, parts)
         if parts.text and parts.children:
-            place, message = parts.seen[TEXT_KEY], "an element has children or text, not both"
+            place, message = parts.seen[TEXT_KEY], "an element can have children or text, but not both"
             self._report("wrong-shape", message, place, place + len(TEXT_KEY))
         events.take()
 
@@ -270,7 +270,7 @@ class _YamlReader:
             message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
             self._report("wrong-character", message, *_place(value), hint="delete it")
         elif value.tag is not None:
-            pass  # of which its own finding has told
+            pass  # which has its own finding
         elif key.value != TEXT_KEY:
             parts.attributes[key.value] = value.value
             parts.places += (*_place(key), *_place(value))
@@ -283,19 +283,19 @@ class _YamlReader:
             self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
 
     def _look_for_cut(self, key: Any, value: Any) -> None:
-        """Report a plain text of which a # has perhaps cut off the rest."""
+        """Report a plain string that a # has possibly cut off."""
         start, end = _place(value)
         cut = _CUT.match(self._source.text, end) if not value.style and value.value[:1].isalpha() else None
         if cut is None or cut[0].startswith(" #sar:"):
             return
         written = self._source.text[start : cut.end()].rstrip()
-        message = f"{key.value}: a # behind a blank begins a comment, so the text is '{value.value}'"
+        message = f"{key.value}: a # after a blank begins a comment, so the value is '{value.value}'"
         hint = f"write '{written}' in quotes; a comment begins with '# '"
         span = self._source.span(end + 1, cut.end())
         self._doubts.append(Diagnostic("cut-text", message, self._source, span, hint=hint))
 
     def _structure(self, parts: _Parts, key: Any, trailing: str | None) -> None:
-        """Read a list or a mapping in place of an attribute's value: its text is the value, as it is written."""
+        """Read a list or a mapping in place of an attribute's value: the value is its text, as written."""
         events, value = self._events, self._events.next
         if isinstance(value, yaml.AliasEvent):
             events.skip()
@@ -313,9 +313,9 @@ class _YamlReader:
             self._spans.add_verbatim(start)
 
     def _refuse_structures(self, tag: str, parts: _Parts) -> None:
-        """Report lists and mappings in place of texts.
+        """Report lists and mappings in place of strings.
 
-        Only now is the ID known, which may stand behind the others and says what takes fields.
+        This comes last because the ID, which determines the attributes that take fields, may follow the others.
         """
         for name, finding in parts.unquoted.items():
             if not takes_fields(tag, parts.attributes, name):
@@ -324,17 +324,17 @@ class _YamlReader:
                 self._events.findings.append(finding)
 
     def _not_a_text(self, parts: _Parts, key: Any, value: Any, end: int) -> Diagnostic:
-        """Return the finding about a list or a mapping in place of a text."""
+        """Return the finding about a list or a mapping in place of a string."""
         start = _place(value)[0]
         written = self._source.text[start:end]
         if value.flow_style and REFERENCE.fullmatch(written):
-            message = f"{key.value}: braces are a mapping in YAML, so put a reference in quotes"
+            message = f"{key.value}: braces are a mapping in YAML, so a reference needs quotes"
             span = self._source.span(start, end)
             return Diagnostic("wrong-shape", message, self._source, span, suggestion=f"'{written}'")
         what = "a list" if isinstance(value, yaml.SequenceStartEvent) else "a mapping"
-        message = f"'{key.value}' is an attribute, and its value is {what}, not a text"
+        message = f"'{key.value}' is an attribute, and its value is {what}, not a string"
         hint = (
-            f"a node begins with '- ' under '{CHILDREN_KEY}'; put a text that begins with {{ or [ in quotes"
+            f"a node begins with '- ' under '{CHILDREN_KEY}'; put a string that begins with {{ or [ in quotes"
         )
         block = isinstance(value, yaml.SequenceStartEvent) and not value.flow_style
         meant = CHILDREN_KEY if block and CHILDREN_KEY not in parts.seen else None
@@ -346,7 +346,7 @@ class _YamlReader:
         start: Any = events.next
         if not isinstance(start, yaml.SequenceStartEvent):
             events.skip()
-            message = f"'{CHILDREN_KEY}' is a list of nodes"
+            message = f"'{CHILDREN_KEY}' must be a list of nodes"
             hint = (
                 "begin each node with '- '"
                 if not _is_nothing(start)
@@ -365,25 +365,25 @@ class _YamlReader:
         events.take()
 
     def _key(self) -> Any:
-        """Take the key that comes next; None, after a finding, where it is no text."""
+        """Read the next key; None, after a finding, if it is not a string."""
         key = self._events.next
         if isinstance(key, yaml.ScalarEvent):
             return self._events.take()
         end = self._events.skip()
         if not isinstance(key, yaml.AliasEvent):
             hint = "put a name that begins with { or [ in quotes"
-            self._report("wrong-shape", "a key is a name", _place(key)[0], end, hint=hint)
+            self._report("wrong-shape", "a key must be a name", _place(key)[0], end, hint=hint)
         return None
 
     def _is_wrong(self, key: Any, parts: _Parts) -> bool:
         name = key.value
         if name in parts.seen:
             line = self._source.place(parts.seen[name])[0]
-            message = f"'{name}' is given twice; the first is in line {line}"
+            message = f"'{name}' is given twice; the first is on line {line}"
             self._report("duplicate-key", message, *_place(key), hint="delete one of them")
             return True
         if name == "<<" and not key.style:
-            message = "'<<' would merge another mapping into this one; in a tree file, write everything where it belongs"
+            message = "'<<' is a YAML merge key, which is not allowed in a tree file"
             self._report("yaml-merge", message, *_place(key), hint="write the attributes out")
             return True
         split = split_number(self._source.text, *_place(key)) if _is_nothing(self._events.next) else None
@@ -398,23 +398,23 @@ class _YamlReader:
         return False
 
     def _is_no_text(self, key: Any, value: Any) -> bool:
-        """Report a scalar that is no text of an attribute: nothing, or a node that was meant to follow it."""
+        """Report a scalar that is no string for an attribute: an empty value, or a node that was meant to follow the key."""
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
-            hint = f"write {key.value}: '' for an empty text, or delete the line"
+            hint = f"write {key.value}: '' for an empty string, or delete the line"
             self._report("missing-value", message, *_place(key), hint=hint)
             return True
         return self._is_too_deep(value)
 
     def _is_too_deep(self, scalar: Any) -> bool:
-        """Report a node that is indented so far that it continues the text above it; return whether there is one."""
+        """Report a node whose indentation makes it a continuation of the string above; return whether there is one."""
         start, end = _place(scalar)
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
         if node is None:
             return False
         above = in_one_line(self._source.text[start : node.start()].strip())
-        message = f"this line is indented deeper than '{above}', so it continues that text and is no node"
-        hint = "indent it as the '- ' of the nodes beside it"
+        message = f"this line is indented deeper than '{above}', so it continues that string"
+        hint = "indent it like the '- ' of its siblings"
         self._report("wrong-shape", message, node.start(1), node.end(1), hint=hint)
         return True
 
@@ -425,17 +425,17 @@ class _YamlReader:
         message = f"'{written}' cannot be the name of {what}" if written else f"{what} has a name"
         if "\n" in written or not written.isprintable():
             message = f"this cannot be the name of {what}"
-        hint = "names have letters, digits, '_', '-' and '.', and begin with a letter or '_'"
+        hint = "use letters, digits, '_', '-' and '.', and begin with a letter or '_'"
         self._report("wrong-name", message, *_place(scalar), hint=hint)
 
     def _stray_key(self, tag: Any) -> None:
-        """Report a key beside a node's tag, which does not belong there."""
+        """Report a key beside a node's tag."""
         key = self._key()
         self._events.skip()
         if key is None or tag is None:
             return
         if not self._depth:
-            message = f"a tree file has one key at its top; '{key.value}' is beside '{tag.value}'"
+            message = f"a tree file has one top-level key, but '{key.value}' is beside '{tag.value}'"
         else:
             message = f"'{key.value}' is beside '{tag.value}', not below it"
         hint = "indent it further, or begin a node with '- '"

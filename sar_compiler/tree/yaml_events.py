@@ -1,7 +1,7 @@
-"""The events of a YAML text, one ahead, with the comments between them and without what a tree file cannot use.
+"""The events of a YAML text with one event of lookahead, with comments, and without YAML-only features.
 
-libyaml (or PyYAML, where that is missing) splits the text. Scalars are taken as they are written: what YAML
-would make of `no`, `12:30` or `1e3` is never asked.
+libyaml (or PyYAML, if that is missing) parses the text. Scalars are used as they are written: `no`, `12:30` and
+`1e3` are never converted.
 """
 
 import functools
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-# What no YAML can have as it is, and what ends a line for some readers and not for others.
+# Characters that YAML does not allow unescaped, and those that end a line for only some parsers.
 _UNREADABLE = re.compile(
     "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
-# An element takes three levels: its list, its tag's mapping, its own. Deeper brackets only cost the parser time.
+# An element takes three levels: its list, its tag's mapping, its own. Deeper nesting only costs parser time.
 _MAX_NESTING = 3 * (MAX_DEPTH + 2)
 _COMMENT = re.compile(r"#([^\r\n]*)")
 _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
@@ -37,13 +37,13 @@ _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
 
 @dataclass
 class Waiting:
-    """A comment on lines of its own that nothing has claimed yet.
+    """A comment on lines of its own that no element has claimed yet.
 
     Attributes:
-        column: Where its `#` stands, from 1.
+        column: The column of its `#`, from 1.
         end: The offset of its end.
-        lines: What stands behind each `#`.
-        after_blank_line: A blank line stands before it, and no other comment before that.
+        lines: The text after each `#`.
+        after_blank_line: Whether a blank line precedes it, without another comment before that.
     """
 
     column: int
@@ -58,17 +58,17 @@ class Waiting:
 
 
 class Events:
-    """The events of a text, one ahead.
+    """The events of a text, with one event of lookahead.
 
     Attributes:
-        findings: What is wrong with the file so far; whoever reads the events adds to it.
-        next: The event that comes next.
-        trailing: What the comment says that shares the line of the event taken last; None if there is none.
-        is_cut: Whether the text goes wrong before its end.
+        findings: The findings so far; the consumer of the events adds its own.
+        next: The next event.
+        trailing: The text of the comment on the line of the last event taken; None if there is none.
+        is_cut: Whether the text is malformed before its end.
 
     Args:
         source: The text.
-        closing: Whether a text that goes wrong ends there, with all that is open, instead of raising an error.
+        closing: Whether a malformed text ends at the error, which closes all open collections, instead of raising.
     """
 
     def __init__(self, source: Source, *, closing: bool = False) -> None:
@@ -84,7 +84,7 @@ class Events:
         unreadable = _UNREADABLE.search(source.text)
         if unreadable:
             code = ord(unreadable.group())
-            message = f"the character U+{code:04X} is not allowed in YAML as it is"
+            message = f"the character U+{code:04X} is not allowed in YAML unescaped"
             hint = f'delete it, or write "\\u{code:04x}" in double quotes'
             self.report("wrong-character", message, *unreadable.span(), hint=hint)
             raise TreeError(self.findings)
@@ -95,17 +95,17 @@ class Events:
         self.take()
 
     def report(self, code: str, message: str, start: int, end: int, **advice: "Unpack[Advice]") -> None:
-        """Note something that is wrong between two offsets; nothing of what a text that was cut lacks."""
+        """Add a finding about the text between two offsets, unless a cut text lacks that part."""
         if self.is_cut:
             return
         span = self._source.span(start, max(start + 1, end))
         self.findings.append(Diagnostic(code, message, self._source, span, **advice))
 
     def take(self) -> Any:
-        """Return the event that comes next, and look one further.
+        """Return the next event, and read one ahead.
 
         Raises:
-            TreeError: If the text behind it is not well-formed.
+            TreeError: If the text after it is not well-formed.
         """
         taken = self.next
         try:
@@ -132,8 +132,8 @@ class Events:
         return taken
 
     def _ends(self) -> Iterator[Any]:
-        """Yield the events that end all that is open where the text goes wrong."""
-        # For each collection that is open: the event that ends it, and whether the value of a key comes next.
+        """Yield the events that close all open collections at the error in the text."""
+        # For each open collection: the event that ends it, and whether the value of a key comes next.
         opened: list[tuple[Any, bool]] = []
         mark: Any = yaml.Mark("", 0, 0, 0, None, 0)
         with suppress(yaml.YAMLError):
@@ -152,14 +152,14 @@ class Events:
             if end is yaml.MappingEndEvent and is_value:
                 yield yaml.ScalarEvent(None, None, (True, False), "", mark, mark)
             yield end(mark, mark)
-            if opened:  # what has ended was a key, and its value comes next, or a value
+            if opened:  # a key has ended, and its value comes next, or a value has
                 end, is_value = opened[-1]
                 opened[-1] = end, not is_value
         yield yaml.DocumentEndEvent(mark, mark)
         yield yaml.StreamEndEvent(mark, mark)
 
     def skip(self) -> int:
-        """Pass over the value that comes next, whatever it is; returns the offset of its end."""
+        """Skip the next value, whatever it is, and return the offset of its end."""
         depth = end = 0
         while True:
             event = self.take()
@@ -171,16 +171,16 @@ class Events:
             if isinstance(event, yaml.ScalarEvent) and event.style in ("|", ">"):
                 end = end_of_block(self._source.text, *at, event.value)
             elif isinstance(event, yaml.ScalarEvent) or at[0] < at[1]:
-                # The end of a block has no characters, and stands where the next token begins.
+                # The end event of a block has no characters, and is at the beginning of the next token.
                 end = at[1]
             if depth == 0:
                 return end
 
     def comments(self, from_column: int = 0) -> list[Waiting]:
-        """Take the comments before the next event.
+        """Return and clear the comments before the next event.
 
         Args:
-            from_column: The first that stands further left, and all behind it, are left to others.
+            from_column: The first comment further left, and all that follow it, are kept for other elements.
         """
         waiting = self._waiting
         count = next((i for i, one in enumerate(waiting) if one.column < from_column), len(waiting))
@@ -188,10 +188,10 @@ class Events:
         return waiting[:count]
 
     def skip_fields(self) -> tuple[int, Waiting | None]:
-        """Pass over a list or a mapping with the comments and tags in it, which are a part of its text.
+        """Skip a list or a mapping with its comments and tags, which are part of its text.
 
         Returns:
-            The offset of its end, and the comment in the line of a bracket that ends it.
+            The offset of its end, and the comment on the line of its closing bracket.
         """
         is_block, found = not self.next.flow_style, len(self.findings)
         start = self.next.start_mark.index
@@ -215,7 +215,7 @@ class Events:
             raise TreeError(self.findings)
 
     def _collect(self, taken: Any, event: Any) -> None:
-        """Find the comments between the end of the event before and the beginning of this one."""
+        """Collect the comments between the end of the previous event and the beginning of this one."""
         start, self._end = self._end, max(self._end, event.start_mark.index)
         follows = isinstance(taken, yaml.ScalarEvent) and taken.style not in ("|", ">")
         for match in _COMMENT.finditer(self._source.text, start, self._end):
@@ -239,7 +239,7 @@ class Events:
                 last.lines.append(match.group(1))
                 last.end = match.end()
                 return
-        # Comments that follow each other are told apart by a blank line, which therefore says nothing more.
+        # Consecutive comments are separated by a blank line, which therefore has no other meaning.
         after_blank_line = self._source.blank_before(match.start()) and last is None
         self._waiting.append(Waiting(column, match.end(), [match.group(1)], after_blank_line))
 
@@ -247,21 +247,19 @@ class Events:
         start = event.start_mark.index
         if event.anchor is not None:
             mark = "*" if isinstance(event, yaml.AliasEvent) else "&"
-            written, what = f"{mark}{event.anchor}", "an alias" if mark == "*" else "an anchor"
-            message = (
-                f"'{written}' is {what} of YAML, which is not allowed here: write everything where it belongs"
-            )
-            hint = f"write it out; put a text that begins with {mark} in quotes"
+            written, what = f"{mark}{event.anchor}", "alias" if mark == "*" else "anchor"
+            message = f"'{written}' is a YAML {what}, which is not allowed here"
+            hint = f"write the value itself, or put a string that begins with {mark} in quotes"
             self.report("yaml-anchor", message, start, start + len(written), hint=hint)
         else:
             end = start + len(self._source.text[start : start + 80].split(maxsplit=1)[0])
-            message = f"'{self._source.text[start:end]}' is a tag of YAML, which is not allowed here"
-            hint = "delete it; put a text that begins with ! in quotes"
+            message = f"'{self._source.text[start:end]}' is a YAML tag, which is not allowed here"
+            hint = "delete it, or put a string that begins with ! in quotes"
             self.report("yaml-tag", message, start, end, hint=hint)
 
 
 def malformed(source: Source, error: yaml.YAMLError) -> Diagnostic:
-    """Return the finding for a text that the parser of YAML refuses."""
+    """Return the finding for a text that the YAML parser rejects."""
     problem, start = str(error), 0
     if isinstance(error, yaml.MarkedYAMLError):
         problem = f"{error.problem}"
@@ -283,7 +281,7 @@ def _rewordings() -> list[dict[str, str]]:
 
 def _said(character: str, problem: str) -> tuple[str, str | None]:
     if "cannot start any token" in problem and character != "\t":
-        return f"a text cannot begin with {character}", "put it in quotes"
+        return f"a string cannot begin with {character}", "put it in quotes"
     for words in _rewordings():
         if re.search(words["problem"], "tab" if character == "\t" else problem):
             return words["message"], words.get("hint")

@@ -1,4 +1,4 @@
-"""Attributes that are YAML themselves: the fields of messages, which `nodes.ros_fields` reads."""
+"""Attributes whose values are YAML: the fields of messages, which `nodes.ros_fields` reads."""
 
 import re
 from collections.abc import Mapping
@@ -11,41 +11,41 @@ FIELD_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "RosService": ("request", "fields"),
     "RosTopic": ("fields",),
 }
-"""The attributes of fields by the node's tag.
+"""The attributes that take message fields, by the node's tag.
 
-A tree file is read without node models, so the ports of `nodes.ros_leaves` are named here once more; a test compares them.
+A tree file is read without node models, so this repeats the ports of `nodes.ros_leaves`; a test compares them.
 """
 EXPLICIT_TAGS = ("Action", "Condition", "Control", "Decorator")
-"""The tags of nodes that are named by their ID."""
+"""The tags of nodes in explicit form, which are named by their ID."""
 
-# `@` begins no scalar in YAML, and a key may begin with it; a field such as `poses[0]` has brackets, which end one between braces.
-# Private characters stand for them while YAML is read, so that all offsets stay the same.
+# In YAML, no scalar begins with `@`, but a key may, and the brackets of a field such as `poses[0]` end it between braces.
+# Private-use characters replace them while YAML is parsed, so that all offsets stay the same.
 _MASKS = {ord("@"): "\ue000", ord("["): "\ue001", ord("]"): "\ue002"}
 _UNMASKS = {ord(after): chr(before) for before, after in _MASKS.items()}
 _MASKED = re.compile(r"(?<=\{)\s*@(?=\w)|(?<=\w)\[\d+\](?=[\w.\[\]]*\s*:)")
 
 
 def takes_fields(tag: str, attributes: Mapping[str, str], name: str) -> bool:
-    """Return whether an attribute of an element is YAML itself."""
+    """Return whether an attribute of an element takes YAML."""
     return name in FIELD_ATTRIBUTES.get(attributes.get("ID", "") if tag in EXPLICIT_TAGS else tag, ())
 
 
 def masked(text: str) -> str:
-    """Return a text with other characters for those of keys and fields that YAML does not read."""
+    """Return a text with replacements for the characters in keys and fields that YAML does not accept."""
     return _MASKED.sub(lambda match: match[0].translate(_MASKS), text)
 
 
 def unmasked(text: str) -> str:
-    """Return a part of a masked text as it was."""
+    """Return a part of a masked text with its original characters."""
     return text.translate(_UNMASKS)
 
 
 def dedented(text: str, column: int) -> str:
-    """Return a part of a file as a text of its own.
+    """Return a part of a file as a separate text.
 
     Args:
         text: The part.
-        column: The column of its first character, from 1; the other lines lose so many blanks at most.
+        column: The column of its first character, from 1; at most *column* - 1 blanks are removed from each other line.
     """
     first, *rest = LINE_END.split(text)
     blanks = re.compile(f" {{0,{column - 1}}}")

@@ -1,4 +1,4 @@
-"""The places of the parts of an element in a YAML text."""
+"""The locations of an element's parts in a YAML text."""
 
 import bisect
 import re
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from sar_compiler.tree.diagnostic import LINE_END, AttributePlaces, ElementView, Form, Spans
 
 _HEADER = re.compile(r"[|>][^\r\n]*(?:\r\n|\r|\n|$)")
-# What stands for the characters of a value: a fold, an escape, or a character for itself.
+# The written form of characters of a value: a fold, an escape, or a character itself.
 _FOLD = r"(?P<fold>[ \t]*(?:\r\n|\r|\n)[ \t\r\n]*)"
 _PLAIN = re.compile(rf"{_FOLD}|.", re.DOTALL)
 _SINGLE = re.compile(rf"{_FOLD}|''|.", re.DOTALL)
@@ -19,61 +19,61 @@ _DOUBLE = re.compile(
 
 
 class YamlSpans(Spans):
-    """The places of a file's tags, attribute names and values.
+    """The locations of a file's tags, attribute names and values.
 
-    They are noted while the file is read, as plain numbers in the order of the file, because nothing less than
-    reading it again could find them later.
+    They are stored as plain numbers in file order while the file is read; finding them later would mean parsing the file
+    again.
     """
 
     form = Form.YAML
 
     def __init__(self) -> None:
-        # For each element: where its tag stands, and which places of attributes are its own.
+        # For each element: the offsets of its tag, and the range of its attributes' offsets.
         self._tags = array("L")
         self._tag_ends = array("L")
         self._first = array("L")
-        # For each attribute: begin and end of its name, begin and end of its value with quotes.
+        # For each attribute: start and end of its name, start and end of its value with quotes.
         self._places = array("L")
-        # Where values begin that are a part of the file as it stands: lists and mappings.
+        # The offsets of values that are verbatim parts of the file: lists and mappings.
         self._verbatim: set[int] = set()
 
     def begin(self, start: int, end: int) -> int:
-        """Note the place of a tag, and return its number for `finish`."""
+        """Store the location of a tag, and return its number for `finish`."""
         self._tags.append(start)
         self._tag_ends.append(end)
         self._first.append(0)
         return len(self._tags) - 1
 
     def finish(self, number: int, places: Iterable[int]) -> None:
-        """Note the places of the attributes of an element: four numbers for each, in their order."""
+        """Store the offsets of an element's attributes: four numbers for each, in their order."""
         self._first[number] = len(self._places)
         self._places.extend(places)
 
     def add_verbatim(self, start: int) -> None:
-        """Note where a value begins that is a list or a mapping."""
+        """Store the offset of a value that is a list or a mapping."""
         self._verbatim.add(start)
 
     def is_verbatim(self, start: int) -> bool:
-        """Return whether a value that begins there stands in the file as it is read, but for its indentation."""
+        """Return whether the value at an offset is a verbatim part of the file, except for its indentation."""
         return start in self._verbatim
 
     def tag(self, element: ElementView) -> tuple[int, int]:
-        """Return where the element's tag is."""
+        """Return the offsets of the element's tag."""
         number = self._number(element)
         return self._tags[number], self._tag_ends[number]
 
     def attributes(self, element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
-        """Yield the names and the places of an element's attributes, which have quotes or the header of a block."""
+        """Yield the names and offsets of an element's attributes, including quotes or the header of a block."""
         for index, name in enumerate(element.attributes, self._first[self._number(element)] // 4):
             start, end, begin, behind = self._places[4 * index : 4 * index + 4]
             yield name, (start, end, begin, behind)
 
     def inside(self, text: str, start: int, end: int) -> tuple[int, int]:
-        """Return the place of a name or a value, without quotes and without the header of a block."""
+        """Return the offsets of a name or a value, without quotes and without the header of a block."""
         return (start, end) if start in self._verbatim else unquoted(text, start, end)
 
     def characters(self, text: str, start: int, end: int, value: str) -> Sequence[int]:
-        """Return the place of each character of a value as it was read, and of its end."""
+        """Return the offset of each character of a parsed value, and of its end."""
         if start in self._verbatim:
             return [min(offset, end) for offset in _offsets_in_literal(text, start, end, value)]
         return offsets_in_scalar(text, start, end, value)
@@ -83,7 +83,7 @@ class YamlSpans(Spans):
 
 
 def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
-    """Return the stretch of a scalar without its quotes, or without the header and end of a block."""
+    """Return the offsets of a scalar without its quotes, or without the header and end of a block."""
     if text[start : start + 1] in ("'", '"'):
         return start + 1, end - 1
     header = _HEADER.match(text, start, end)
@@ -96,7 +96,7 @@ def unquoted(text: str, start: int, end: int) -> tuple[int, int]:
 
 
 def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[int]:
-    """Return the place of each character of a value, and of its end, in the scalar written for it."""
+    """Return the offset of each character of a value, and of its end, in the scalar written for it."""
     first, last = unquoted(text, start, end)
     if last - first == len(value) and text.startswith(value, first):  # nearly every value
         return range(first, last + 1)
@@ -111,7 +111,7 @@ def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[i
 
 
 def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
-    """Take what is plain or in quotes apart; a line break and the space around it are one blank."""
+    """Return the offsets for a plain or quoted scalar; a line break and the space around it are one blank."""
     units = {"'": _SINGLE, '"': _DOUBLE}.get(text[start], _PLAIN)
     offsets: list[int] = []
     for unit in units.finditer(text, first, last):
@@ -128,7 +128,7 @@ def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
 
 
 def _offsets_in_literal(text: str, start: int, last: int, value: str) -> list[int]:
-    """Compare line by line: what a line of the block has more than that of the value is indentation."""
+    """Return the offsets for a literal block: the text that a line has in addition to the value's line is indentation."""
     offsets: list[int] = []
     for line in value.split("\n"):
         ending = LINE_END.search(text, start, last)
@@ -139,7 +139,7 @@ def _offsets_in_literal(text: str, start: int, last: int, value: str) -> list[in
 
 
 def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int]:
-    """Find one character after the other; what is passed over is space."""
+    """Return the offsets for a folded block: characters are matched in order, and skipped ones are space."""
     offsets: list[int] = []
     place = first
     for character in value:
@@ -152,13 +152,13 @@ def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int
 
 
 class SplitNumber(NamedTuple):
-    """A number with a decimal comma between the braces of a mapping, where the comma ends the value.
+    """A number with a decimal comma between the braces of a mapping, in which the comma ends the value.
 
     Attributes:
         start: The offset of its first character.
         written: Its text: `0,5`.
-        meant: The number with a point; None if the comma may stand between thousands as well.
-        hint: What to do.
+        meant: The number with a point; None if the comma may also separate thousands.
+        hint: A short instruction.
     """
 
     start: int
@@ -168,7 +168,7 @@ class SplitNumber(NamedTuple):
 
 
 def split_number(text: str, start: int, end: int) -> SplitNumber | None:
-    """Return the number of which a key is the digits behind the comma; None for any other key.
+    """Return the number whose digits after the comma are a key; None for any other key.
 
     Args:
         text: The text of the file.
@@ -182,12 +182,12 @@ def split_number(text: str, start: int, end: int) -> SplitNumber | None:
     number = before[1]
     point, written = f"{number}.{digits}", f"{number},{digits}"
     if len(digits) == 3 and number.strip("+-0"):  # noqa: PLR2004 - of a group of thousands
-        hint = f"a comma may mean either: write {number}{digits}, or {point}"
+        hint = f"the comma is ambiguous: write {number}{digits}, or {point}"
         return SplitNumber(start - len(number) - 1, written, None, hint)
     return SplitNumber(start - len(number) - 1, written, point, None)
 
 
 _LONGEST = 40
 _BEFORE_COMMA = re.compile(r"(?<![\w.])([+-]?[0-9]+),$")
-SPLIT = "between braces a comma ends a value, so '{}' is two"
+SPLIT = "between braces a comma ends a value, so '{}' is read as two values"
 """The message about such a number."""

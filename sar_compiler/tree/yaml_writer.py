@@ -1,9 +1,9 @@
-"""Writing tree files in YAML, in one canonical form.
+"""Writer of tree files in canonical YAML.
 
-A text is plain where no reader of YAML could take it for anything else. So are `true`, `false` and decimal
-numbers, which every reader gives back as they were written; `no`, `12:30` and `1e3` stand in quotes. A text
-of several lines is a block, if a block can hold it. Fields of messages are written as the YAML that they are, if
-that is read as the same text; a key that stands for all of them is in quotes, as everywhere.
+A string is plain if every YAML parser reads it as this string. `true`, `false` and decimal numbers are plain, too,
+because all parsers return them as written; `no`, `12:30` and `1e3` are quoted. A string of several lines is a block
+if a block can hold it. Message fields are written as YAML if that is read back as the same text; a key that holds
+all fields is quoted, as usual.
 """
 
 import re
@@ -16,7 +16,7 @@ from sar_compiler.tree.yaml_fields import takes_fields
 
 _WHOLE_NUMBER = re.compile(r"0|-?[1-9][0-9]{0,14}")
 _DECIMAL_NUMBER = re.compile(r"-?[0-9]{1,9}\.[0-9]{1,6}")
-# Words that some reader of YAML takes for a bool or for nothing, whatever their case.
+# Words that some YAML parser reads as a bool or as null, in any case.
 _GUESSED = frozenset({"yes", "no", "on", "off", "true", "false", "null"})
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
@@ -25,7 +25,7 @@ def write_yaml(tree_file: TreeFile) -> str:
     """Return a tree file as YAML.
 
     Raises:
-        TreeError: If an attribute is called `children`.
+        TreeError: If an attribute is named `children`.
     """
     wrong = [_taken(element) for element in tree_file.root.iterate() if CHILDREN_KEY in element.attributes]
     if wrong:
@@ -45,12 +45,12 @@ def write_yaml(tree_file: TreeFile) -> str:
 
 
 def comment_in_yaml(text: str) -> str:
-    """Return the text of a comment as YAML can have it: what cannot be printed is written as an escape."""
+    """Return the text of a comment for YAML, with unprintable characters escaped."""
     return "".join(one if one.isprintable() or one == "\n" else _escape(one) for one in text)
 
 
 def scalar(text: str) -> str:
-    """Return a text as a scalar in one line that every reader of YAML takes for this text."""
+    """Return a string as a scalar on one line that every YAML parser reads as this string."""
     if _is_plain(text):
         return text
     if not text.isprintable() or ("'" in text and not set(text) & {'"', "\\"}):
@@ -59,7 +59,7 @@ def scalar(text: str) -> str:
 
 
 def _node(element: Element, indent: str, dash: str) -> Iterator[str]:
-    """Yield the lines of an element; the contents of its tag are indented four columns from its dash."""
+    """Yield the lines of an element; the content of its tag is indented four columns from its dash."""
     key = scalar(element.tag)
     below = indent + ("    " if dash else "  ")
     content = [*_attributes(element, below), *_children(element, below)]
@@ -126,7 +126,7 @@ def _value(text: str, indent: str) -> list[str]:
 
 
 def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
-    """Return the lines of fields as YAML; none if that would be read as another text, or if they are none."""
+    """Return the lines of fields as YAML; none if that would be read as another text, or if they are no fields."""
     if not takes_fields(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
         return []
     lines = text.removesuffix("\n").split("\n")
@@ -134,7 +134,7 @@ def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
         first, below = text, []
     else:
         first, below = "", [f"  {line}" if line else "" for line in lines]
-    # Reading it is the one certain way to know what it is read as.
+    # Parsing it is the only certain way to know how it is read.
     trial = [f"{element.tag}:", f"  ID: {scalar(element.attributes.get('ID', '-'))}", f"  {name}: {first}"]
     try:
         root = parse_yaml("\n".join([*trial, *(f"  {line}" for line in below), "  name: '-'"])).root
@@ -169,6 +169,6 @@ def _escape(character: str) -> str:
 
 def _taken(element: Element) -> Diagnostic:
     message = (
-        f"an attribute '{CHILDREN_KEY}' cannot be written in YAML, where the nodes in a node have this name"
+        f"an attribute '{CHILDREN_KEY}' cannot be written in YAML, which uses this name for a node's children"
     )
     return element.finding("not-in-yaml", message, name=CHILDREN_KEY, hint="rename it")

@@ -196,7 +196,7 @@ def test_the_options_about_nodes_are_those_of_every_call(work):
     assert [each["tag"] for each in known["output"]] == ["ComputePathToPose"]
     assert verified["notes"] == ""
     (unknown,) = call(calls[0])
-    assert "no node is called 'ComputePathToPose'" in unknown
+    assert "there is no node 'ComputePathToPose'" in unknown
 
 
 def test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered(work):

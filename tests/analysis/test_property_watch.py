@@ -118,7 +118,7 @@ def cases(count):
         if "Timeout" not in branches and "Delay" not in branches:
             bodies[" of branches"] = branches, random_properties(branches, seed)
         for kind, (body, properties) in bodies.items():
-            with suppress(TreeError):  # what py_trees takes for an interruption may be skipped
+            with suppress(TreeError):  # what py_trees treats as an interruption may be skipped
                 yield f"seed {seed}{kind}", Case(body, properties)
 
 

@@ -331,4 +331,4 @@ def test_a_described_leaf_skips_below_a_class_of_ones_own_only_where_somebody_sa
             simulated_file(text, registry=registry, answers={key: (Answer("SUCCESS"), Answer("SKIPPED"))})
         (finding,) = error.value.findings
         assert finding.code == "skip-misread"
-        assert finding.message == "'Grab' can be skipped, which <Strict> takes for an interruption"
+        assert finding.message == "'Grab' can be skipped, which <Strict> treats as an interruption"

@@ -73,7 +73,7 @@ IN_A_TREE = {
         22,
         None,
     ),
-    "a whole number with an exponent": (
+    "an integer with an exponent": (
         '<Retry num_failures="1e3"><Success/></Retry>',
         "wrong-value",
         3,
@@ -101,7 +101,7 @@ IN_A_TREE = {
         1,
         "Success",
     ),
-    "a fraction for a whole number": (
+    "a fraction for an integer": (
         '<Retry num_failures="2.5"><Success/></Retry>',
         "wrong-value",
         3,
@@ -329,7 +329,7 @@ def test_a_misspelt_node_brings_no_second_finding_for_those_that_refer_to_it(bro
 def test_what_is_said_names_what_can_be_written_instead(registry):
     text = document("<Retry><NotifyBase/></Retry>")
     retry, notify = [f.render() for f in check(forest_of(text), registry)]
-    assert retry.endswith('write num_failures="..." (a whole number)')
+    assert retry.endswith('write num_failures="..." (an integer)')
     assert notify.endswith("add a <DetectSurvivor> to the tree")
 
 

@@ -201,15 +201,13 @@ def test_a_file_that_says_its_version_or_has_no_trees_is_right(text):
 
 def test_a_name_of_an_older_version_is_said_to_be_one():
     (finding,) = check(forest_of(document("<SequenceStar><Success/></SequenceStar>")), default_registry())
-    assert (
-        finding.message == "no node is called 'SequenceStar' any more: that is a name of BehaviorTree.CPP 3"
-    )
+    assert finding.message == "there is no node 'SequenceStar' any more, only in BehaviorTree.CPP 3"
 
 
 @pytest.mark.parametrize("tag", REPLACEMENTS)
 def test_a_node_of_another_engine_is_answered_with_nodes_and_attributes_that_exist(tag):
     (finding, *_) = check(forest_of(document(f"<{tag}/>")), default_registry())
-    assert finding.message == f"no node is called '{tag}', which is known from {REPLACEMENTS[tag].engine}"
+    assert finding.message == f"there is no node '{tag}', which is known from {REPLACEMENTS[tag].engine}"
     hint = finding.hint or ""
     assert hint.startswith(REPLACEMENTS[tag].hint)
     written = re.findall(r"<(\w+)([^>]*)", hint)

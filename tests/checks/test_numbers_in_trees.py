@@ -61,7 +61,7 @@ def test_a_number_at_the_end_of_what_is_usual_is_not_warned_of(body):
 def test_an_output_that_is_left_empty_is_a_warning_and_the_tree_can_be_run(text):
     [finding] = found(f'<Sequence><ComputePathToPose goal="1;map;0;0;0;0;0;0;1" path="{text}"/></Sequence>')
     assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
-    assert finding.hint == 'leave path out, or write path="{key}"'
+    assert finding.hint == 'remove path, or write path="{key}"'
     assert found('<Sequence><ComputePathToPose goal="1;map;0;0;0;0;0;0;1"/></Sequence>') == []
 
 
@@ -94,7 +94,7 @@ def errors(text):
     [
         ("          - Sleep: {msec: 0,5}\n", 27, "did you mean '0.5'?"),
         ("          - Sleep: {name: a, msec: -0,25}\n", 36, "did you mean '-0.25'?"),
-        ("          - Sleep: {msec: 1,500}\n", 27, "a comma may mean either: write 1500, or 1.500"),
+        ("          - Sleep: {msec: 1,500}\n", 27, "the comma is ambiguous: write 1500, or 1.500"),
     ],
 )
 def test_a_decimal_comma_between_braces_is_one_number(text, column, advice):
@@ -116,7 +116,7 @@ def test_a_key_of_digits_with_a_value_is_no_decimal_comma():
 def test_a_node_that_is_indented_too_deep_is_reported_in_its_own_line(text):
     line = 6 + text[: text.index("- AlwaysFailure")].count("\n")
     column = text.splitlines()[line - 6].index("-") + 1
-    assert errors(text) == [("wrong-shape", line, column, "indent it as the '- ' of the nodes beside it")]
+    assert errors(text) == [("wrong-shape", line, column, "indent it like the '- ' of its siblings")]
 
 
 class Drive(py_trees.behaviour.Behaviour):
@@ -135,10 +135,10 @@ class Drive(py_trees.behaviour.Behaviour):
     [
         ('timeout_sec="20s"', "did you mean '20'?"),
         ('timeout_sec="500ms"', "did you mean '0.5'?"),
-        ('timeout_sec="2 V"', "write the number alone; if it has a unit, the author of the node knows which"),
+        ('timeout_sec="2 V"', "write only the number, in the unit that the node's documentation gives"),
         ('yaw="90 degrees"', "write 1.5708 if 'yaw' is in radians"),
         ('yaw="0,5"', "did you mean '0.5'?"),
-        ('speed="3m"', "write the number alone; if it has a unit, the author of the node knows which"),
+        ('speed="3m"', "write only the number, in the unit that the node's documentation gives"),
         ('yaw="180"', "180 degrees are 3.1416 rad: write 3.1416"),
         ('timeout_sec="1e7"', "10000000 ms are 10000 s: write 10000"),
     ],

@@ -168,7 +168,7 @@ MISTAKES = {
     "a number's key without its closing brace": (
         '<Delay delay_msec="{wait"><Say text="hi"/></Delay>',
         ("wrong-value", 3, 20, "{wait}"),
-        "a key is written between two braces",
+        "a key needs two braces",
     ),
 }
 

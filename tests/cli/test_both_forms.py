@@ -45,4 +45,4 @@ def test_findings_stand_where_they_are_in_yaml(capsys, tmp_path):
     assert main(["validate", str(path)]) == 1
     out = capsys.readouterr().out
     assert f"{path}:7:23: error[wrong-value]: memory: 'no' is neither true nor false" in out
-    assert f"{path}:8:35: error[unknown-node]: no node is called 'Sucess'" in out
+    assert f"{path}:8:35: error[unknown-node]: there is no node 'Sucess'" in out

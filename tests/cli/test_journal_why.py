@@ -99,13 +99,13 @@ def test_a_tree_that_was_changed_since_is_not_taken_for_the_one_that_ran(why, tr
 def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
     why()
     tree.write_text(document(BODY.replace("<A ", "<Fly ")), encoding="utf-8")
-    assert f"{tree} now has errors: no node is called 'Fly'" in why()
+    assert f"{tree} now has errors: there is no node 'Fly'" in why()
     assert json.loads(why("--format", "json"))["counterfactual"] is None
 
 
 def test_the_options_of_the_run_that_are_missing_are_named(why):
     said = why(nodes=(), options=[["--nodes", NODES[1]], ["--model", "ros:jazzy"]])
-    assert "cannot be loaded without options of that run: no node is called 'A'" in said
+    assert "cannot be loaded without options of that run: there is no node 'A'" in said
     assert f"Add them: --nodes {NODES[1]}\n" in said
     assert "instead of FAILURE" in why()
 

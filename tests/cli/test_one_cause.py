@@ -33,7 +33,7 @@ def test_a_name_that_is_unknown_in_several_files_is_told_once_with_the_other_pla
         write(f"ws/{name}.xml", tree_of("Grasp"))
     _, out, err = run(capsys, "ws")
     assert len(heads(out)) == 1
-    assert "no node is called 'Grasp'; and in 2 more places: ws/b.xml:3, ws/c.xml:3" in out
+    assert "there is no node 'Grasp'; and in 2 more places: ws/b.xml:3, ws/c.xml:3" in out
     assert err == "1 error in 3 files; --all lists 3 locations\n"
 
 
@@ -79,7 +79,7 @@ def test_names_that_are_all_unknown_are_one_cause_if_there_are_more_than_three(c
     write("a.xml", tree_of("Grasp", "Place", "Lift", "Grasp", "Weld"))
     (told,) = heads(run(capsys, "a.xml")[1])
     names = "'Grasp' (2), 'Place' (1), 'Lift' (1), 'Weld' (1), in 5 places"
-    assert told.endswith(f"no nodes are called like these: {names}")
+    assert told.endswith(f"there are no nodes of these names: {names}")
 
 
 def test_a_palette_in_a_folder_describes_the_nodes_of_its_trees_and_is_named(capsys):
@@ -133,7 +133,7 @@ def test_sarif_has_every_place_with_its_cause(capsys):
     write("a.xml", tree_of(*["Grasp"] * 5))
     results = json.loads(run(capsys, "--format", "sarif", "a.xml")[1])["runs"][0]["results"]
     causes = [each["properties"]["cause"] for each in results]
-    assert causes == ["unknown-node: no nodes are called like these"] * 5
+    assert causes == ["unknown-node: there are no nodes of these names"] * 5
 
 
 @pytest.mark.parametrize(("options", "told"), [((), 1), (("--all",), 5)])

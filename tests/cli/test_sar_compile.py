@@ -33,7 +33,7 @@ def test_findings_have_status_1_and_stand_on_standard_output(capsys, broken):
     status, out, _ = run(capsys, "validate", broken)
     assert status == 1
     assert out.startswith(
-        f"{broken}:4:3: error[unknown-node]: no node is called 'Sey'\n    4 |   <Sey message"
+        f"{broken}:4:3: error[unknown-node]: there is no node 'Sey'\n    4 |   <Sey message"
     )
 
 
@@ -83,11 +83,10 @@ def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
             "end_column": 7,
             "severity": "error",
             "code": "unknown-node",
-            "message": "no node is called 'Sey'",
+            "message": "there is no node 'Sey'",
             "suggestion": None,
-            "hint": "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette "
-            "(nodes --from-use makes one)",
-            "cause": "unknown-node: no nodes are called like these",
+            "hint": "list them by sar-compile nodes; add a module of leaves by --nodes, or a palette by --model",
+            "cause": "unknown-node: there are no nodes of these names",
         }
     ]
 
@@ -194,14 +193,14 @@ def test_nodes_describes_a_tag_with_its_attributes(capsys):
 
 def test_nodes_tells_ports_by_their_direction(capsys):
     _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves")
-    assert "  heard: output, takes a {key}; a text. required. What was heard.\n" in out
+    assert "  heard: output, takes a {key}; a string. required. What was heard.\n" in out
     assert "  anything: input and output; a value. required. Whatever it is.\n" in out
     assert "  volume: input; a number. optional. How loud.\n" in out
 
 
 def test_nodes_writes_defaults_as_a_tree_file_has_them(capsys):
     _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves")
-    assert "numbers with ; between them. default: 0.5;1.0. " in out
+    assert "numbers separated by ;. default: 0.5;1.0. " in out
     assert "default: 1.5. How long." in out
     assert "memory: true or false. default: true. " in run(capsys, "nodes", "Sequence")[1]
     assert "memory: true or false. always false. " in run(capsys, "nodes", "ReactiveSequence")[1]
@@ -260,7 +259,7 @@ def test_nodes_as_json_is_complete(capsys):
         "name": "num_failures",
         "role": "attribute",
         "direction": None,
-        "type": "a whole number",
+        "type": "an integer",
         "refers_to": None,
         "required": True,
         "default": None,
@@ -270,7 +269,7 @@ def test_nodes_as_json_is_complete(capsys):
 
 def test_nodes_of_an_unknown_tag_suggests_the_nearest(capsys):
     status, _, err = run(capsys, "nodes", "Retyr")
-    assert (status, err) == (2, "sar-compile: no node is called 'Retyr'; did you mean 'Retry'?\n")
+    assert (status, err) == (2, "sar-compile: there is no node 'Retyr'; did you mean 'Retry'?\n")
 
 
 def test_leaves_of_a_user_are_known_to_every_command(capsys, tmp_path):
@@ -279,7 +278,7 @@ def test_leaves_of_a_user_are_known_to_every_command(capsys, tmp_path):
     leaves = ["--nodes", "tests.nodes.leaves"]
     assert run(capsys, "validate", *leaves, str(path))[0] == 0
     assert run(capsys, "show", *leaves, str(path))[1] == "--> Say\n"
-    assert "message: a text. required. What to say" in run(capsys, "nodes", *leaves, "Say")[1]
+    assert "message: a string. required. What to say" in run(capsys, "nodes", *leaves, "Say")[1]
     assert '<xs:element name="Say"' in run(capsys, "schema", *leaves)[1]
 
 
@@ -300,12 +299,12 @@ def test_a_module_that_cannot_be_loaded_has_status_2(capsys):
 @pytest.mark.parametrize(
     ("written", "words"),
     [
-        ("tests/nodes/leaves.py", "is a file; write it as a module: --nodes tests.nodes.leaves"),
-        ("./tests/nodes/leaves.py", "write it as a module: --nodes tests.nodes.leaves"),
-        ("tests/nodes/leaves", "write it as a module: --nodes tests.nodes.leaves"),
-        ("leaves.py", "write it as a module: --nodes leaves"),
-        ("/elsewhere/leaves.py", "a module that is installed or lies in the current folder: --nodes PKG.MOD"),
-        ("../leaves.py", "a module that is installed or lies in the current folder: --nodes PKG.MOD"),
+        ("tests/nodes/leaves.py", "is a file; write its import path: --nodes tests.nodes.leaves"),
+        ("./tests/nodes/leaves.py", "write its import path: --nodes tests.nodes.leaves"),
+        ("tests/nodes/leaves", "write its import path: --nodes tests.nodes.leaves"),
+        ("leaves.py", "write its import path: --nodes leaves"),
+        ("/elsewhere/leaves.py", "a module that is installed or in the current folder: --nodes PKG.MOD"),
+        ("../leaves.py", "a module that is installed or in the current folder: --nodes PKG.MOD"),
     ],
 )
 def test_a_file_in_the_place_of_a_module_is_told_how_to_be_written(capsys, written, words):

@@ -159,7 +159,7 @@ def test_github_gets_an_annotation_for_each_finding(folder, capsys):
     )
     assert second == (
         "::error file=a%2Cb.xml,line=3,col=29,endLine=3,endColumn=36,title=unknown-node::"
-        "no node is called 'Sequnce'%0Adid you mean 'Sequence'?"
+        "there is no node 'Sequnce'%0Adid you mean 'Sequence'?"
     )
 
 

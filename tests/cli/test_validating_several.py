@@ -137,7 +137,7 @@ def test_standard_input_is_xml_or_yaml_by_its_content(capsys, monkeypatch, text,
     monkeypatch.setattr("sys.stdin", TextIOWrapper(BytesIO(text.encode())))
     status, out, err = run(capsys, "-")
     assert (status, err) == (1, "1 error in 1 file\n")
-    assert out.startswith(f"<stdin>:{place}: error[unknown-node]: no node is called 'NavigateToBse'")
+    assert out.startswith(f"<stdin>:{place}: error[unknown-node]: there is no node 'NavigateToBse'")
 
 
 def test_standard_input_has_the_configuration_of_the_current_folder_and_includes_from_it(capsys, monkeypatch):
@@ -156,7 +156,7 @@ def test_hints_are_data_too(capsys):
     write("a.xml", document("<Nothing/>"))
     _, out, _ = run(capsys, "--format", "json", "a.xml")
     (finding,) = json.loads(out)
-    assert (finding["suggestion"], finding["hint"][:19]) == (None, "sar-compile nodes l")
+    assert (finding["suggestion"], finding["hint"][:19]) == (None, "list them by sar-co")
     for form in ("sarif", "github"):
         assert finding["hint"] in run(capsys, "--format", form, "a.xml")[1]
 

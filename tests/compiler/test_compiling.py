@@ -182,7 +182,7 @@ def test_a_constructor_that_forgets_that_of_its_base_is_a_finding(registry):
             return Status.SUCCESS
 
     hollow = Registry([NodeSpec("Hollow", Hollow, Kind.ACTION)])
-    with pytest.raises(TreeError, match=r"constructor-failed.*has not called super\(\)\.__init__\(name\)"):
+    with pytest.raises(TreeError, match=r"constructor-failed.*did not call super\(\)\.__init__\(name\)"):
         compiled("<Hollow/>", hollow)
 
 

@@ -122,7 +122,7 @@ def test_a_node_in_a_subtree_that_refers_to_what_the_subtree_stands_in_is_a_find
     )
     text = f'<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence><SubTree ID="T0"/></Sequence></BehaviorTree>{trees}</root>'
     with pytest.raises(
-        TreeError, match="'Inside' refers to 'Sequence', which needs the subtree around it first"
+        TreeError, match="'Inside' refers to 'Sequence', which is created after the subtree of 'Inside'"
     ):
         bind_main(forest_of(text), registry)
 

@@ -138,7 +138,7 @@ def test_on_the_page_a_tree_is_broken_mended_proved_and_its_counterexample_walks
         browser.wait_for("#state", "no findings", _LOADED_SEC)
         assert len(nodes_of(browser.js("return document.getElementById('picture').innerHTML"))) == 7
         write(*SLIP)
-        browser.wait_for("#findings", "8:9 error: no node is called 'DetectSurvivr'", _LOADED_SEC)
+        browser.wait_for("#findings", "8:9 error: there is no node 'DetectSurvivr'", _LOADED_SEC)
         assert browser.js("return document.getElementById('prove').disabled")
         write(*reversed(SLIP))
         browser.wait_for("#state", "no findings", _LOADED_SEC)

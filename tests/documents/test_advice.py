@@ -181,7 +181,7 @@ def test_a_number_in_another_notation_or_unit_gets_the_one_that_is_to_be_written
         ("answers: {A: {answer: SUCCESS, sec: 20s}}", "did you mean '20'?"),
         ("answers: {A: {answer: SUCCESS, sec: 150}}", None),
         ("answers: {A: {answer: SUCCESS, p: 150}}", "for example 0.9"),
-        ("answers: {A: {answer: SUCCESS, sec: '1,500'}}", "a comma may mean either: write 1500, or 1.5"),
+        ("answers: {A: {answer: SUCCESS, sec: '1,500'}}", "the comma is ambiguous: write 1500, or 1.5"),
         ("period: 2 sec", "did you mean '2s'?"),
         ("period: 1,5s", "did you mean '1.5s'?"),
         ("period: soon", "for example 4s, 500ms or 2min"),
@@ -265,7 +265,10 @@ def test_a_command_prints_the_warnings_about_a_file_and_goes_on(words, tmp_path,
     assert out
     assert "error" not in err
     place = f"1:{text.index('5000000') + 1}"
-    assert f"file.yaml:{place}: warning[out-of-range]: 'sec' is 5000000, which is unusual for seconds" in err
+    assert (
+        f"file.yaml:{place}: warning[out-of-range]: 'sec' is 5000000, which is implausible: seconds are usually"
+        in err
+    )
 
 
 def test_the_simulator_prints_the_warnings_about_a_world(tmp_path, monkeypatch, capsys):

@@ -87,7 +87,7 @@ def test_a_leaf_that_returns_no_status_ends_the_run_and_its_time_out(fly):
     run = fly('<Timeout duration="600"><Forgetful name="Out"/></Timeout>')
     assert run.end() == 1, run.output
     assert (
-        "'Out' (Forgetful) failed: update() returned None, which is no status; "
+        "'Out' (Forgetful) failed: update() returned None, which is not a status: "
         "return Status.SUCCESS, FAILURE or RUNNING (" in run.output
     )
     assert "tree.xml:3). The tree is stopped." in run.output

@@ -54,7 +54,7 @@ def test_how_a_run_has_ended_is_told_by_its_status_and_its_summary(status, last,
 
 def test_the_reason_stands_before_what_ros_has_logged():
     log = "[WARN] [1795868746.7] [rcl]: ROS_LOCALHOST_ONLY is deprecated"
-    finding, verdict = "tree.xml:3:5: error[unknown-node]: no node is called 'X'", "sar-run: it cannot be run"
+    finding, verdict = "tree.xml:3:5: error[unknown-node]: there is no node 'X'", "sar-run: it cannot be run"
     assert ended_run(2, "", f"{log}\n{finding}\n{verdict}").message == f"{verdict}\n{finding}"
     assert ended_run(3, "", log).message == log
 

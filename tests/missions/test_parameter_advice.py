@@ -104,12 +104,12 @@ def test_a_parameter_in_another_notation_or_unit_gets_the_number_that_is_to_be_w
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("initial_pose.yaw", 90.0, "initial_pose.yaw is 90, which is unusual for radians: they are from -6.2832 to 6.2832 as a rule; 90 degrees are 1.5708 rad: write 1.5708"),
+        ("initial_pose.yaw", 90.0, "initial_pose.yaw is 90, which is implausible: radians are usually from -6.2832 to 6.2832; 90 degrees are 1.5708 rad: write 1.5708"),
         ("initial_pose.yaw", "30 degrees", "initial_pose.yaw: must be a number, is the string '30 degrees' (write 0.5236)"),
         ("time_limit_sec", "20s", "time_limit_sec: must be a number, is the string '20s' (write 20)"),
         ("time_limit_sec", "0,5", "time_limit_sec: must be a number, is the string '0,5' (write 0.5)"),
         ("time_limit_sec", [30.0], "time_limit_sec: must be a number, is the list [30.0] (write 30.0, without brackets)"),
-        ("time_limit_sec", "soon", "time_limit_sec: must be a number, is the string 'soon' (write the number alone, in seconds)"),
+        ("time_limit_sec", "soon", "time_limit_sec: must be a number, is the string 'soon' (write only the number, in seconds)"),
         ("time_limit_sec", 1e308, "time_limit_sec: must be seconds from 0 to 1000000000, is 1e+308"),
         ("energy.reserve", 15, "energy.reserve: must be a share from 0 to 1, is 15; 15 percent are 0.15: write 0.15"),
         ("energy.reserve", 10**400, "energy.reserve: must be a finite number, is inf"),

@@ -67,15 +67,15 @@ def test_a_control_has_no_answers():
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ({"answers": ["SUCCESS"]}, "answers holds the text 'SUCCESS'; write Answer"),
-        ({"answers": Answer("SUCCESS")}, "write several or one in brackets"),
-        ({"answers": [Answer("SUCESS")]}, "the status the text 'SUCESS'; the outcomes of this leaf are"),
+        ({"answers": ["SUCCESS"]}, "answers holds the string 'SUCCESS'; write Answer"),
+        ({"answers": Answer("SUCCESS")}, "write a list or tuple"),
+        ({"answers": [Answer("SUCESS")]}, "the status the string 'SUCESS'; the outcomes of this leaf are"),
         ({"answers": [Answer("SKIPPED")]}, "the outcomes of this leaf are FAILURE, RUNNING, SUCCESS"),
-        ({"answers": [Answer("SUCCESS"), Answer("SUCCESS")]}, "answers holds 'SUCCESS' twice"),
-        ({"facts": ["left"]}, "facts is .*; write names and values at the start"),
-        ({"facts": {"zones left": 1}}, "a fact cannot be called the text 'zones left'"),
+        ({"answers": [Answer("SUCCESS"), Answer("SUCCESS")]}, "answers contains 'SUCCESS' twice"),
+        ({"facts": ["left"]}, "facts is .*; write names and initial values"),
+        ({"facts": {"zones left": 1}}, "the string 'zones left' is not a valid fact name"),
         ({"facts": {"left": [1]}}, r"the fact 'left' is \[1\]; write a number"),
-        ({"reads": "left"}, "reads is the text 'left'; write several"),
+        ({"reads": "left"}, "reads is the string 'left'; write a list or tuple"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_when_the_class_is_marked(said, message):
@@ -94,7 +94,7 @@ def test_a_script_that_cannot_be_read_is_refused_when_the_tag_is_first_used():
     "said", [{"answers": [Answer("SUCCESS", when="by_{name}")]}, {"facts": {"by_{name}": 1}}]
 )
 def test_a_placeholder_stands_for_the_node_itself_or_for_a_reference(said):
-    with pytest.raises(RegistrationError, match=r"nothing is called \{name\}; there is \{self\}, \{say\}"):
+    with pytest.raises(RegistrationError, match=r"unknown placeholder \{name\} \(known: \{self\}, \{say\}"):
         registered(**said)
     assert registered(facts={"by_{self}": 1, "by_{say}": 2}).facts
 
@@ -122,7 +122,7 @@ def trying(**said):
 def test_in_scripts_a_placeholder_stands_for_the_value_of_a_whole_number():
     answers = [Answer("SUCCESS", when="tried < {tries}"), Answer("FAILURE"), Answer("RUNNING")]
     assert trying(answers=answers, facts={"tried": 0}).answers == tuple(answers)
-    with pytest.raises(RegistrationError, match=r"nothing is called \{tries\}; there is \{self\}"):
+    with pytest.raises(RegistrationError, match=r"unknown placeholder \{tries\} \(known: \{self\}"):
         trying(facts={"after_{tries}": 0})
     with pytest.raises(RegistrationError, match=r"answer 'SUCCESS': then '\{tries\} = 1'"):
         trying(answers=[Answer("SUCCESS", then="{tries} = 1"), *answers[1:]])
@@ -179,5 +179,5 @@ def test_a_port_that_has_another_value_in_every_tick_stands_for_nothing():
     cls = register(
         "Watching", kind=Kind.ACTION, outcomes=ANY, answers=[Answer("SUCCESS", when="{tries} > 1")]
     )
-    with pytest.raises(RegistrationError, match=r"nothing is called \{tries\}; there is \{self\}"):
+    with pytest.raises(RegistrationError, match=r"unknown placeholder \{tries\} \(known: \{self\}"):
         used(cls(Watching))

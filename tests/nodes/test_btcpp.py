@@ -158,12 +158,12 @@ def test_a_node_becomes_the_one_that_does_the_same(before, after):
         (
             '<Parallel policy="SuccessOnAll">',
             '<Parallel success_count="-1" failure_count="1">',
-            "ticks all children before it judges",
+            "ticks all children before it decides",
         ),
         (
             '<Parallel policy="SuccessOnOne" synchronise="false">',
             '<Parallel success_count="1" failure_count="1">',
-            "ticks all children before it judges",
+            "ticks all children before it decides",
         ),
     ],
 )
@@ -220,9 +220,9 @@ FAR = """<TreeNodesModel><Action ID="Far"><input_port name="a" type="int"/><inpu
     [
         ('<Far a="2147483647" b="2147483648" c="0;4294967295"/>', None),
         ('<Far a="{k}" c="{k}"/>', None),
-        ('<Far a="2147483648"/>', "a: 2147483648 does not go into BehaviorTree.CPP's int"),
+        ('<Far a="2147483648"/>', "a: 2147483648 does not fit into BehaviorTree.CPP's int"),
         ('<Far a="-2147483649"/>', "a: -2147483649 does not"),
-        ('<Far c="1;-1"/>', "c: -1 does not go into BehaviorTree.CPP's unsigned int"),
+        ('<Far c="1;-1"/>', "c: -1 does not fit into BehaviorTree.CPP's unsigned int"),
         (f'<Repeat num_cycles="2147483648">{LEAF}</Repeat>', "num_cycles: 2147483648 does not"),
         (f'<Timeout duration="4294967.296">{LEAF}</Timeout>', "msec: 4294967296 does not"),
         (f'<LoopInt queue="1;2147483648" value="{{k}}">{LEAF}</LoopInt>', "queue: 2147483648 does not"),
@@ -231,7 +231,7 @@ FAR = """<TreeNodesModel><Action ID="Far"><input_port name="a" type="int"/><inpu
 )
 def test_a_whole_number_that_needs_more_bits_than_there_are_in_cpp_is_told(body, told):
     file = parse_xml(f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree>{FAR}</root>')
-    found = [note for note in to_btcpp(file, BITS)[1] if "does not go" in note.message]
+    found = [note for note in to_btcpp(file, BITS)[1] if "does not fit" in note.message]
     assert [(note.code, note.severity) for note in found] == [("no-counterpart", Severity.WARNING)] * bool(
         told
     )
@@ -312,7 +312,7 @@ def test_a_reference_that_is_not_written_is_told_at_the_node():
 def test_the_name_of_a_node_that_behaviortree_cpp_refuses_is_told():
     (note,) = converted("<my.Node/>")[1]
     assert (note.code, note.severity) == ("no-counterpart", Severity.WARNING)
-    assert note.hint == "register it by a name without '.'"
+    assert note.hint == "register it under a name without '.'"
 
 
 def test_a_decorator_that_is_called_like_a_kind_of_node_is_written_in_the_explicit_form():
@@ -389,8 +389,8 @@ def test_a_tree_without_an_id_gets_one_where_there_is_something_beside_it():
 @pytest.mark.parametrize(
     ("tree_id", "words"),
     [
-        ("My tree", "refuses the ID 'My tree'"),
-        ("Root", "refuses the ID 'Root'"),
+        ("My tree", "rejects the ID 'My tree'"),
+        ("Root", "rejects the ID 'Root'"),
         ("Inverter", "the ID of a node, 'Inverter'"),
         ("Mine", "the ID of a node, 'Mine'"),
     ],
@@ -601,6 +601,4 @@ def test_a_node_that_is_called_as_a_kind_stays_in_explicit_form_where_that_is_no
     converted, notes = to_btcpp(parse_xml(text), default_registry())
     [node] = converted.trees[0].children[0].children
     assert (node.tag, node.attributes) == ("Action", {"ID": "Action"})
-    assert [(note.code, note.hint) for note in notes] == [
-        ("no-counterpart", "put it into a Sequence of its own")
-    ]
+    assert [(note.code, note.hint) for note in notes] == [("no-counterpart", "wrap it in a Sequence")]

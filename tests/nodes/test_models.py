@@ -217,8 +217,8 @@ def test_a_model_that_contradicts_the_registry_is_a_warning(name):
 @pytest.mark.parametrize(
     ("model", "said"),
     [
-        ('<Action ID="Sequence"/>', "<Sequence> is a Control, and the model says Action"),
-        ('<Condition ID="Sleep"/>', "<Sleep> is an Action, and the model says Condition"),
+        ('<Action ID="Sequence"/>', "<Sequence> is a Control, but the model declares Action"),
+        ('<Condition ID="Sleep"/>', "<Sleep> is an Action, but the model declares Condition"),
     ],
 )
 def test_another_kind_is_named_with_its_article(model, said):
@@ -258,7 +258,7 @@ def test_a_default_that_the_port_does_not_take_is_a_finding_at_the_default(which
     column = DEFAULTS[which].index("{}") + 1
     assert (finding.code, finding.span.line, finding.span.column) == ("wrong-model", 2, column)
     assert finding.severity is Severity.WARNING
-    assert finding.message == "default: '12abc' is not a whole number"
+    assert finding.message == "default: '12abc' is not an integer"
     assert slips(palette(DEFAULTS[which].format("12"), trees=TREE)) == []
 
 
@@ -272,7 +272,7 @@ def test_a_port_that_is_described_twice_is_a_finding():
     text = palette('<Action ID="Do"><input_port name="x"/>\n<input_port name="x"/></Action>', trees=TREE)
     (finding,) = check(forest_of(text), REGISTRY)
     assert (finding.code, finding.span.line, finding.span.column) == ("wrong-model", 3, 19)
-    assert finding.message == "the port 'x' is described in line 2 already"
+    assert finding.message == "the port 'x' is already described on line 2"
 
 
 def test_a_node_that_is_described_twice_must_be_described_alike():
@@ -280,7 +280,7 @@ def test_a_node_that_is_described_twice_must_be_described_alike():
     assert slips(palette(FLY, FLY, trees=TREE)) == []
     (finding,) = check(forest_of(palette(FLY, other, trees=TREE)), REGISTRY)
     assert (finding.code, finding.span.line) == ("wrong-model", 3)
-    assert finding.message == "'Fly' is described in line 2 already, differently"
+    assert finding.message == "'Fly' is already described on line 2, differently"
 
 
 def test_a_file_that_describes_a_node_otherwise_than_its_palette_is_a_finding_in_the_file():
@@ -357,7 +357,7 @@ def test_whoever_means_the_node_of_py_trees_is_told_to_delete_the_model():
     with pytest.raises(TreeError) as caught:
         compile_tree(bind_main(forest_of(text), REGISTRY), {}, {})
     (finding,) = caught.value.findings
-    assert "if py_trees' <Dummy> is meant" in (finding.hint or "")
+    assert "to use py_trees' <Dummy>" in (finding.hint or "")
 
 
 def test_a_description_of_a_node_of_py_trees_that_is_noted_as_such_is_one():

@@ -48,7 +48,7 @@ def test_a_time_in_milliseconds_is_what_an_unsigned_number_can_be(number):
 def test_any_other_is_a_finding_that_says_the_range_and_the_schema_refuses_it(node, number):
     ((code, column, message),) = found(node.format(number))
     assert (code, column) == ("wrong-value", node.index("{}") + 1)
-    assert f"'{number}' is not a whole number from 0 to 4294967295" in message
+    assert f"'{number}' is not an integer from 0 to 4294967295" in message
     assert schema_errors(parse_xml(document(node.format(number))), REGISTRY)
 
 
@@ -70,7 +70,7 @@ def test_a_number_on_the_blackboard_beyond_the_range_is_an_error_that_says_it(he
     tree.instance.scope.resolve("pause").write(held)
     with pytest.raises(
         PortError,
-        match=r"msec: \{pause\}: .* is not a (whole number|duration \(milliseconds) from 0 to 4294967295",
+        match=r"msec: \{pause\}: .* is not an? (integer|duration \(milliseconds) from 0 to 4294967295",
     ):
         tree.root.tick_once()
 
@@ -112,7 +112,7 @@ def registry():
 def test_a_leaf_says_in_its_annotation_from_which_number_on(registry):
     assert errors(forest('<Patient attempts="1" speed="2"/>'), registry) == []
     (finding,) = errors(forest('<Patient attempts="0"/>'), registry)
-    assert finding.message == "attempts: '0' is not a whole number, 1 or more"
+    assert finding.message == "attempts: '0' is not an integer, 1 or more"
     assert (finding.code, finding.suggestion) == ("wrong-value", None)  # 1 would be another number
 
 
@@ -120,7 +120,7 @@ def test_a_leaf_says_in_its_annotation_from_which_number_on(registry):
 def test_a_leaf_says_in_its_annotation_which_numbers_make_sense(registry, share):
     (finding,) = check(forest(f'<Patient share="{share}"/>'), registry)
     assert (finding.code, finding.severity) == ("out-of-range", Severity.WARNING)
-    assert finding.hint == "write a number, from 0 to 1"
+    assert finding.hint == "write a number from 0 to 1"
     assert check(forest('<Patient share="1"/>'), registry) == []
 
 
@@ -135,7 +135,7 @@ def test_per_cent_and_what_lies_below_zero_make_no_sense_to_leaves_of_a_search(l
 
 def test_a_parameter_of_the_mission_must_be_such_a_number_as_well(registry):
     binding = bind_main(forest('<Patient attempts="{@tries}"/>'), registry)
-    with pytest.raises(TreeError, match="the mission's parameter 'tries' does not fit: '0' is not"):
+    with pytest.raises(TreeError, match="the mission parameter 'tries' is invalid: '0' is not"):
         compile_tree(binding, {}, {"tries": 0})
     root = compile_tree(binding, {}, {"tries": 2}).root
     assert isinstance(root, Patient)
@@ -145,7 +145,7 @@ def test_a_parameter_of_the_mission_must_be_such_a_number_as_well(registry):
 @pytest.mark.parametrize(
     ("node", "column", "words"),
     [
-        ('<LoopInt queue="1;x"><Success/></LoopInt>', 17, "'x' is not a whole number"),
+        ('<LoopInt queue="1;x"><Success/></LoopInt>', 17, "'x' is not an integer"),
         ('<LoopDouble queue="fast"><Success/></LoopDouble>', 20, "'fast' is not a number"),
         ('<LoopBool queue="maybe"><Success/></LoopBool>', 18, "'maybe' is not true or false"),
     ],

@@ -88,14 +88,14 @@ class TestNumbers:
     @pytest.mark.parametrize(
         ("body", "suggestion", "hint"),
         [
-            ('<Spin spin_dist="90deg"/>', "1.5708", "write the number alone, in radians"),
-            ('<Spin spin_dist="-90°"/>', "-1.5708", "write the number alone, in radians"),
-            ('<Wait wait_duration="500ms"/>', "0.5", "write the number alone, in seconds"),
-            ('<Wait wait_duration="2 V"/>', None, "write the number alone, in seconds"),
-            ('<Wait wait_duration="1,500ms"/>', None, "a comma may mean either: write 1.5, or 0.0015"),
-            ('<BackUp backup_speed="0,1"/>', "0.1", "write the number alone, in metres per second"),
-            ('<Wait server_timeout="5s"/>', "5000", "write whole milliseconds, without a unit"),
-            ('<Wait server_timeout="0.5ms"/>', None, "write whole milliseconds, without a unit"),
+            ('<Spin spin_dist="90deg"/>', "1.5708", "write only the number, in radians"),
+            ('<Spin spin_dist="-90°"/>', "-1.5708", "write only the number, in radians"),
+            ('<Wait wait_duration="500ms"/>', "0.5", "write only the number, in seconds"),
+            ('<Wait wait_duration="2 V"/>', None, "write only the number, in seconds"),
+            ('<Wait wait_duration="1,500ms"/>', None, "the comma is ambiguous: write 1.5, or 0.0015"),
+            ('<BackUp backup_speed="0,1"/>', "0.1", "write only the number, in metres per second"),
+            ('<Wait server_timeout="5s"/>', "5000", "write an integer in milliseconds, without a unit"),
+            ('<Wait server_timeout="0.5ms"/>', None, "write an integer in milliseconds, without a unit"),
         ],
     )
     def test_a_unit_is_worked_out_where_nav2_has_another_one_or_none(self, body, suggestion, hint):
@@ -116,7 +116,7 @@ class TestNumbers:
             body = f'<{node} {name}="{number}">{children}</{node}>'
             found = check(forest(body), REGISTRIES["kilted"])
             [finding] = [each for each in found if each.code == "out-of-range"]
-            assert (finding.severity, finding.hint) == (Severity.WARNING, f"write a number, {bounds}")
+            assert (finding.severity, finding.hint) == (Severity.WARNING, f"write a number {bounds}")
 
     def test_a_port_has_the_unit_that_its_description_says(self):
         said = {
@@ -172,7 +172,7 @@ class TestValues:
             ),
             (
                 '<ComputePathToPose goal="{g}" path="{g}"/>',
-                "path: 'g' is a path here, and a pose for goal of 'ComputePathToPose' (line 3)",
+                "path: 'g' is a path here, but a pose for goal of 'ComputePathToPose' (line 3)",
             ),
         ],
     )
@@ -194,9 +194,9 @@ class TestNames:
         [
             (
                 "nav2:jazy",
-                "there is no palette 'nav2:jazy', did you mean 'nav2:jazzy'?; there is nav2:jazzy, nav2:kilted, nav2:main",
+                "there is no palette 'nav2:jazy', did you mean 'nav2:jazzy'? (installed: nav2:jazzy, nav2:kilted, nav2:main)",
             ),
-            ("nav:jazzy", "there is no palette 'nav:jazzy', did you mean 'nav2:...'?; there is nav2:..."),
+            ("nav:jazzy", "there is no palette 'nav:jazzy', did you mean 'nav2:...'? (installed: nav2:..."),
         ],
     )
     def test_a_name_that_is_not_known_is_told_with_those_that_are(self, name, message):
@@ -297,5 +297,5 @@ def test_a_palette_that_only_lies_in_the_current_folder_is_not_loaded(tmp_path, 
     (tmp_path / "gripper_palette.py").write_text("raise SystemExit", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(PaletteError, match="there is no palette 'gripper:1'; there is nav2"):
+    with pytest.raises(PaletteError, match=r"there is no palette 'gripper:1' \(installed: nav2"):
         load_palettes(["gripper:1"])

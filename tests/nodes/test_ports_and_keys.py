@@ -178,14 +178,14 @@ def test_a_key_is_written_in_braces_or_left_to_the_name_of_the_port(written):
 def test_spaces_in_the_braces_belong_to_the_key():
     nodes = made('<Sequence><Write to="{ a }"/><Read text="{a}"/></Sequence>')
     nodes["Write"].to.set("hello")
-    with pytest.raises(PortError, match="nothing has been written to 'a'"):
+    with pytest.raises(PortError, match="the key 'a' has no value"):
         nodes["Read"].ports["text"].get()
 
 
 def test_a_key_that_nobody_has_written_is_an_error_that_names_it_or_the_default_given():
     port = made('<Read number="{speed}"/>')["Read"].ports["number"]
     assert port.get(0.5) == 0.5
-    with pytest.raises(PortError, match=r"number: \{speed\}: nothing has been written to 'speed'"):
+    with pytest.raises(PortError, match=r"number: \{speed\}: the key 'speed' has no value"):
         port.get()
 
 
@@ -307,9 +307,9 @@ def test_a_list_of_the_mission_reaches_an_attribute_that_is_fixed():
 
 
 SHARED = {
-    "a number and a whole number": ('<Write to="{x}" number="{k}"/>', '<Read count="{k}"/>', "count"),
-    "a whole number and a text": ('<Read count="{k}"/>', '<Read text="{k}"/>', "text"),
-    "a colour and a whole number": ('<Read colour="{k}"/>', '<Read count="{k}"/>', "count"),
+    "a number and an integer": ('<Write to="{x}" number="{k}"/>', '<Read count="{k}"/>', "count"),
+    "an integer and a text": ('<Read count="{k}"/>', '<Read text="{k}"/>', "text"),
+    "a colour and an integer": ('<Read colour="{k}"/>', '<Read count="{k}"/>', "count"),
 }
 
 

@@ -569,21 +569,21 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             '<CheckBlackboardVariableValues checks="x gt 1;y" operator="or"/>',
             "wrong-value",
             47,
-            "'y' is no comparison",
+            "'y' is not a comparison",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected=""><Success/></Parallel>',
             "wrong-value",
             48,
-            "no child is named",
+            "it names no child",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="Success;x"><Success/></Parallel>',
             "wrong-value",
             56,
-            "called 'x'",
+            "named 'x'",
         ),
-        ('<SuccessEveryN n="two"/>', "wrong-value", 19, "'two' is not a whole number"),
+        ('<SuccessEveryN n="two"/>', "wrong-value", 19, "'two' is not an integer"),
         ('<StatusQueue queue=""/>', "wrong-value", 21, "RUNNING;SUCCESS"),
         ('<StatusQueue queue="SUCESS"/>', "wrong-value", 21, "'SUCESS' is not one of"),
         ('<StatusQueue queue="INVALID"/>', "wrong-value", 21, "'INVALID' is not one of"),
@@ -594,20 +594,25 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             "'DONE' is not one of SUCCESS, FAILURE, RUNNING",
         ),
         ('<Condition status="INVALID"><Success/></Condition>', "wrong-value", 20, "'INVALID' is not one of"),
-        ('<ProbabilisticBehaviour weights="1;2"/>', "wrong-value", 34, "three ways to answer, and 2 numbers"),
+        (
+            '<ProbabilisticBehaviour weights="1;2"/>',
+            "wrong-value",
+            34,
+            "expected 3 weights (SUCCESS, FAILURE, RUNNING), got 2",
+        ),
         (
             '<ProbabilisticBehaviour weights="0;0;0"/>',
             "wrong-value",
             34,
-            "one of the three must be more than 0",
+            "at least one of the three weights must be more than 0",
         ),
-        ('<ProbabilisticBehaviour weights="2;-1;1"/>', "wrong-value", 36, "'-1' is less than 0"),
-        ('<WaitForBlackboardVariable variable_name=""/>', "wrong-value", 43, "is no key"),
-        ('<WaitForBlackboardVariable variable_name="/x"/>', "wrong-value", 43, "without a slash"),
+        ('<ProbabilisticBehaviour weights="2;-1;1"/>', "wrong-value", 36, "'-1' is negative"),
+        ('<WaitForBlackboardVariable variable_name=""/>', "wrong-value", 43, "is not a key"),
+        ('<WaitForBlackboardVariable variable_name="/x"/>', "wrong-value", 43, "without a leading slash"),
         ('<WaitForBlackboardVariable variable_name="a b"/>', "wrong-value", 43, "without spaces"),
         ('<WaitForBlackboardVariable variable_name=".x"/>', "wrong-value", 43, "begins with a dot"),
-        ('<WaitForBlackboardVariable variable_name="json:3"/>', "wrong-value", 43, "'json:3' is no key"),
-        ('<UnsetBlackboardVariable key="a.b"/>', "wrong-value", 31, "has a dot in it"),
+        ('<WaitForBlackboardVariable variable_name="json:3"/>', "wrong-value", 43, "'json:3' is not a key"),
+        ('<UnsetBlackboardVariable key="a.b"/>', "wrong-value", 31, "contains a dot"),
         (
             '<CheckBlackboardVariableValue variable="x" operator="==" value="1"/>',
             "wrong-value",
@@ -642,19 +647,19 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             '<Parallel policy="SuccessOnSelected" selected="lift"><Success name="left"/></Parallel>',
             "wrong-value",
             48,
-            "no child is called 'lift'",
+            "no child is named 'lift'",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="x"><Success name="left"/></Parallel>',
             "wrong-value",
             48,
-            "there are left",
+            "the children are left",
         ),
         (
             '<Parallel policy="SuccessOnSelected" selected="Success"><Success/><Success/></Parallel>',
             "wrong-value",
             48,
-            "2 children are called 'Success'",
+            "2 children are named 'Success'",
         ),
         (
             '<Parallel policy="SuccessOnSelected"><Success/></Parallel>',
@@ -666,19 +671,19 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
             '<Parallel policy="SuccessOnAll" selected="Success"><Success/></Parallel>',
             "conflicting-attributes",
             33,
-            "goes with the policy SuccessOnSelected",
+            "requires the policy SuccessOnSelected",
         ),
         (
             '<Parallel policy="SuccessOnOne" synchronise="true"><Success/></Parallel>',
             "conflicting-attributes",
             33,
-            "leave it out",
+            "remove it",
         ),
         (
             '<Repeat num_success="1" num_cycles="1"><Success/></Repeat>',
             "conflicting-attributes",
             None,
-            "does not go with",
+            "conflicts with",
         ),
     ],
 )
@@ -721,7 +726,7 @@ def test_a_child_that_can_be_skipped_is_refused_with_what_to_write(tag, advice):
     name = tag.split()[0]
     (finding,) = errors(forest_of(document(f"<{tag}>{SKIPPABLE}</{name}>")), default_registry())
     assert (finding.code, finding.span.line, finding.span.column) == ("skip-misread", 3, len(tag) + 3)
-    assert f"can be skipped, which <{name}> takes for an interruption" in finding.message
+    assert f"can be skipped, which <{name}> treats as an interruption" in finding.message
     assert finding.hint == f"{advice} instead"
 
 

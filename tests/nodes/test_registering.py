@@ -125,24 +125,24 @@ def test_a_tag_is_any_name_of_xml(tag):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"kind": "action"}, "<M>: kind is the text 'action'; write Kind.ACTION"),
+        ({"kind": "action"}, "<M>: kind is the string 'action'; write Kind.ACTION"),
         (
             {"kind": "leaf"},
-            "<M>: kind is the text 'leaf'; write Kind.CONTROL or Kind.DECORATOR or Kind.ACTION or Kind.CONDITION",
+            "<M>: kind is the string 'leaf'; write Kind.CONTROL or Kind.DECORATOR or Kind.ACTION or Kind.CONDITION",
         ),
-        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes holds the text 'SUCCESS'; write Status.SUCCESS"),
+        ({"outcomes": {"SUCCESS"}}, "<M>: outcomes holds the string 'SUCCESS'; write Status.SUCCESS"),
         (
             {"outcomes": [True]},
             "<M>: outcomes holds True; write Status.SUCCESS, Status.FAILURE or Status.RUNNING",
         ),
         (
             {"outcomes": "SUCCESS"},
-            "<M>: outcomes is the text 'SUCCESS'; write several or one in brackets, as {Status.SUCCESS}",
+            "<M>: outcomes is the string 'SUCCESS'; write a list or tuple, such as {Status.SUCCESS}",
         ),
         (
             {"uses": ["odometry"]},
             (
-                "<M>: uses holds the text 'odometry'; "
+                "<M>: uses holds the string 'odometry'; "
                 "write Use.action(name), Use.service(name), Use.topic(name), Use.transforms() or Use.nav2()"
             ),
         ),
@@ -150,7 +150,7 @@ def test_a_tag_is_any_name_of_xml(tag):
             {"uses": Use.topic("odometry")},
             (
                 "<M>: uses is Use(kind='topic', name='odometry'); "
-                'write several or one in brackets, as [Use.topic("...")]'
+                'write a list or tuple, such as [Use.topic("...")]'
             ),
         ),
     ],
@@ -257,7 +257,7 @@ def test_a_class_is_marked_as_context_with_or_without_brackets():
         def __init__(self, number: int) -> None: ...
 
     assert isinstance(preview_of(Bare), Bare)
-    with pytest.raises(PreviewError, match=r"no stand-in for the context object Port.*missing 1 required"):
+    with pytest.raises(PreviewError, match=r"a placeholder for the context object Port.*missing 1 required"):
         preview_of(mission_context(Port))
     assert preview_of(Previewed) == 7
 
@@ -287,13 +287,13 @@ def test_a_description_of_a_parameter_is_that_of_the_nearest_class_that_has_one(
 
 @pytest.mark.parametrize("thing", [lambda name: name, type("Loose", (), {})])
 def test_what_is_no_class_of_behaviours_is_refused(thing):
-    with pytest.raises(RegistrationError, match="is no class of behaviours; derive one from"):
+    with pytest.raises(RegistrationError, match="is not a behaviour class; derive it from"):
         register("Tag", kind=Kind.ACTION)(thing)
 
 
 def test_a_meaning_in_other_words_than_semantics_is_refused():
     with pytest.raises(
-        RegistrationError, match=r"semantics is the text 'sequence'; write Semantics\.sequence"
+        RegistrationError, match=r"semantics is the string 'sequence'; write for example Semantics\.sequence"
     ):
         register("Tag", kind=Kind.CONTROL, semantics="sequence")  # type: ignore[arg-type]
 
@@ -309,7 +309,7 @@ def test_a_control_of_ones_own_has_as_many_children_as_it_says(children, codes):
 
 @pytest.mark.parametrize("count", [2, (0, 1), (3, 2), (1, "many"), (True, None, 2)])
 def test_a_number_of_children_that_is_none_is_refused(count):
-    with pytest.raises(RegistrationError, match=r"child_count is .*; write the smallest and the largest"):
+    with pytest.raises(RegistrationError, match=r"child_count is .*; write the minimum and maximum"):
         register("Tag", kind=Kind.CONTROL, child_count=count)
 
 
@@ -324,7 +324,7 @@ def test_a_number_of_children_is_at_least_one(count):
 
 
 def test_a_number_of_children_is_for_controls():
-    with pytest.raises(RegistrationError, match="child_count is for controls"):
+    with pytest.raises(RegistrationError, match="child_count is only for controls"):
         register("Tag", kind=Kind.DECORATOR, child_count=(1, 1))
 
 
@@ -337,8 +337,8 @@ def test_a_limit_of_ones_own_is_read_off_the_attribute_that_the_meaning_names(li
 @pytest.mark.parametrize(
     ("tag", "words"),
     [
-        ("OwnSlip", "OwnSlip raised IndexError: list index out of range, for 'Here' in line 3"),
-        ("OwnGap", "OwnGap returned None; return a set of outcomes"),
+        ("OwnSlip", "OwnSlip raised IndexError: list index out of range, for 'Here' on line 3"),
+        ("OwnGap", "OwnGap returned None; return an outcome set"),
     ],
 )
 def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class_at_the_node(tag, words):

@@ -18,7 +18,7 @@ POSES = 'type="nav2_msgs/action/NavigateThroughPoses"'
 # Each with the code, the part of the line that is marked, and what is said.
 MISTAKES = {
     "a field of the request": (f'<RosService service="a" {BOOL} request="dta: true"/>', "wrong-value", "dta", "request: there is no field 'dta'"),
-    "a value": (f'<RosService service="a" {BOOL} request="{{data: 5}}"/>', "wrong-value", "5", "request: data is 5, and must be boolean, true or false"),
+    "a value": (f'<RosService service="a" {BOOL} request="{{data: 5}}"/>', "wrong-value", "5", "request: data is 5, but must be boolean, true or false"),
     "a field of a list's element": (
         f'<RosAction action="a" {POSES} goal="poses: [{{}}, {{pose: {{positon: {{x: {{@speed}}}}}}}}]"/>',
         "wrong-value", "positon", "goal: there is no field 'poses[1].pose.positon'",
@@ -27,16 +27,16 @@ MISTAKES = {
     "one of several": (f'<RosAction action="a" {POSES} fields="error_code: {{c}}, error_mag: {{d}}"/>', "wrong-value", "error_mag", "fields: there is no field 'error_mag'"),
     "of the feedback": (f'<RosAction action="a" {POSES} feedback="distance: {{c}}"/>', "wrong-value", "distance", "feedback: there is no field 'distance'"),
     "that must be true": (f'<RosService service="a" {BOOL} success="ok"/>', "wrong-value", "ok", "success: there is no field 'ok'"),
-    "of a message": ('<RosPublish topic="a" type="std_msgs/msg/Int8" message="data: 128"/>', "wrong-value", "128", "message: data is 128, and must be int8, an integer from -128 to 127"),
+    "of a message": ('<RosPublish topic="a" type="std_msgs/msg/Int8" message="data: 128"/>', "wrong-value", "128", "message: data is 128, but must be int8, an integer from -128 to 127"),
     "of a topic": ('<RosTopic topic="a" type="std_msgs/msg/Int8" field="date" value="{b}"/>', "wrong-value", "date", "field: there is no field 'date'"),
-    "a type": ('<RosTopic topic="a" type="std_msgs/msg/Strin"/>', "unknown-interface", "std_msgs/msg/Strin", "type: there is no std_msgs/msg/Strin here"),
-    "no key for a field": (f'<RosService service="a" {BOOL} field="message"/>', "missing-attribute", "<RosService", "field: nothing says where it is written"),
+    "a type": ('<RosTopic topic="a" type="std_msgs/msg/Strin"/>', "unknown-interface", "std_msgs/msg/Strin", "type: std_msgs/msg/Strin is not installed"),
+    "no key for a field": (f'<RosService service="a" {BOOL} field="message"/>', "missing-attribute", "<RosService", "field: add the attribute 'value' with the key to write to"),
 }  # fmt: skip
 ALWAYS = {
-    "no YAML": (f'<RosService service="a" {BOOL} request="data: ["/>', "wrong-value", "[", "request: 'data: [' is no YAML"),
-    "an alias": (f'<RosService service="a" {BOOL} request="a: &amp;x [1], b: *x"/>', "wrong-value", "&amp;x [1]", "request: an alias (*) is not read here"),
-    "a field without its key": (f'<RosAction action="a" {POSES} fields="error_code: 5"/>', "wrong-value", "5", "fields: 'error_code' needs the key"),
-    "a path": (f'<RosService service="a" {BOOL} success="a b"/>', "wrong-value", "a b", "success: 'a b' is no field"),
+    "no YAML": (f'<RosService service="a" {BOOL} request="data: ["/>', "wrong-value", "[", "request: 'data: [' is not YAML"),
+    "an alias": (f'<RosService service="a" {BOOL} request="a: &amp;x [1], b: *x"/>', "wrong-value", "&amp;x [1]", "request: a YAML alias (*) is not allowed here"),
+    "a field without its key": (f'<RosAction action="a" {POSES} fields="error_code: 5"/>', "wrong-value", "5", "fields: 'error_code' needs a key"),
+    "a path": (f'<RosService service="a" {BOOL} success="a b"/>', "wrong-value", "a b", "success: 'a b' is not a field path"),
 }  # fmt: skip
 
 
@@ -132,7 +132,7 @@ def test_a_key_in_braces_is_the_whole_request_and_braces_around_fields_are_yaml(
     key = f'<RosTopic topic="b" type="std_msgs/msg/Bool" value="{{on}}"/><RosService service="a" {BOOL} request="{{on}}"/>'
     assert findings(key, tmp_path) == []
     (found,) = findings(f'<RosService service="a" {BOOL} request="{{data: [}}"/>', tmp_path)
-    assert "is no YAML" in found[2]
+    assert "is not YAML" in found[2]
 
 
 def test_a_simulated_run_says_which_leaf_writes_a_key_that_it_reads(tmp_path: Path) -> None:

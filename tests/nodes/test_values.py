@@ -154,8 +154,8 @@ def test_what_is_suggested_for_a_number_is_accepted_and_keeps_its_digits(text, a
 @pytest.mark.parametrize(
     ("annotation", "text", "hint"),
     [
-        (int, "1,000", "a comma may mean either: write 1000, or 1.000"),
-        (int, "500ms", "write the number alone; if it has a unit, the author of the node knows which"),
+        (int, "1,000", "the comma is ambiguous: write 1000, or 1.000"),
+        (int, "500ms", "write only the number, in the unit that the node's documentation gives"),
         (Seconds, "2m", "write a number with ms, s or min, for example 500ms, 1.5s or 2min"),
     ],
 )
@@ -177,7 +177,7 @@ def test_a_list_may_be_of_members_of_an_enumeration():
     value_type = value_type_of(list[Colour])
     assert value_type is not None
     assert value_type.convert("RED;GREEN") == [Colour.RED, Colour.GREEN]
-    assert value_type.label == "several with ; between them, each one of RED, GREEN"
+    assert value_type.label == "several values separated by ;, each one of RED, GREEN"
 
 
 @pytest.mark.parametrize("annotation", [list, list[list[int]], dict, object, int | str, Literal[1, 2]])

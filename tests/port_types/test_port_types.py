@@ -186,7 +186,7 @@ def test_a_number_that_becomes_another_one_is_judged_as_it_is_written():
     assert convert_to_btcpp(forest_of(text), default_registry()).losses == ()
     late = text.replace("1.5", "5000000")
     (loss,) = convert_to_btcpp(forest_of(late), default_registry()).losses
-    assert "does not go into" in loss.message
+    assert "does not fit into" in loss.message
 
 
 def test_each_type_by_itself_goes_with_itself():

@@ -133,7 +133,7 @@ def test_a_name_in_capitals_may_be_an_enumeration_where_none_is_declared(tree: P
 
 
 def test_a_tick_that_meets_an_undeclared_one_says_where_to_declare_it(tree: Path) -> None:
-    with pytest.raises(Exception, match=r"give its number in sar\.toml, under \[language\.enums\]"):
+    with pytest.raises(Exception, match=r"add its number to sar\.toml under \[language\.enums\]"):
         status_of_a_run(tree)
 
 
@@ -168,10 +168,10 @@ def test_a_number_of_another_type_is_an_error_in_its_line(tree: Path, text: str)
 WRONG = {
     "without a name": ('<Enum value="1"/>', "needs an ID"),
     "with a name that scripts cannot use": ('<Enum ID="a-b" value="1"/>', "needs an ID"),
-    "with a text for a number": ('<Enum ID="A" value="x"/>', "'x' is not a whole number"),
+    "with a text for a number": ('<Enum ID="A" value="x"/>', "'x' is not an integer"),
     "with two numbers": (
         '<Enum ID="A" value="1"/><Enum ID="A" value="2"/>',
-        "'A' stands for 1 already, and for 2 here",
+        "'A' is already defined as 1, but is 2 here",
     ),
 }
 

@@ -140,8 +140,9 @@ def test_its_ports_are_checked(folder, palette):
 def test_a_tree_that_is_only_described_is_not_executed(folder, palette, capsys, command):
     write(folder, "grip.xml", document('<SubTree ID="OpenGripper" force="3" _autoremap="true"/>'))
     assert main([command, "grip.xml"]) == 1
-    assert "error[not-installed]: the tree 'OpenGripper' is described by a model, but it is in no file" in (
-        capsys.readouterr().err
+    assert (
+        "error[not-installed]: the tree 'OpenGripper' is described by a model, but no file contains it"
+        in (capsys.readouterr().err)
     )
 
 
@@ -169,8 +170,10 @@ def test_of_several_trees_the_one_to_execute_is_asked_for_with_their_names(folde
     for command in ("simulate", "verify"):
         assert main([command, "two.xml"]) != 0
         err = capsys.readouterr().err
-        assert "error[no-main-tree]: the file has 2 trees and does not say which one to execute: A, B" in err
-        assert 'name one, --tree A, or write main_tree_to_execute="A"' in err
+        assert (
+            "error[no-main-tree]: the file has 2 trees, but does not define which one to execute: A, B" in err
+        )
+        assert 'choose one by --tree A, or write main_tree_to_execute="A"' in err
         assert main([command, "two.xml", "--tree", "A"]) == 0
 
 
@@ -195,7 +198,7 @@ def test_a_groot2_project_is_named_as_such(folder, capsys):
     write(folder, "Project.btproj", PROJECT.format('<include path="a.xml"/><include path="b.xml"/>', ""))
     assert main(["simulate", "Project.btproj"]) == 1
     assert (
-        "this Groot2 project has 2 trees and does not say which one to execute: a, b"
+        "this Groot2 project has 2 trees, but does not define which one to execute: a, b"
         in capsys.readouterr().err
     )
     assert main(["simulate", "--tree", "a", "Project.btproj"]) == 0

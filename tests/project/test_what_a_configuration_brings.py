@@ -425,7 +425,7 @@ class TestWhatAConfigurationReaches:
         ("palette", "said"),
         [
             ("nav2:jazy", "there is no palette 'nav2:jazy', did you mean 'nav2:jazzy'?"),
-            ("griper:1", "there is no palette 'griper:1'; there is nav2:"),
+            ("griper:1", "there is no palette 'griper:1' (installed: nav2:"),
             ("nodes.xml", "cannot read"),
         ],
     )

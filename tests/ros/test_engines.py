@@ -142,7 +142,7 @@ def test_an_update_that_returns_no_status_stops_the_tree(
     engine.tick_tock(10.0)
     ros.spin_until(lambda: engine.failure, "the failure")
     assert probe.ends == [Status.INVALID]
-    assert said.has("'Probe' (Probe) failed: update() returned None, which is no status")
+    assert said.has("'Probe' (Probe) failed: update() returned None, which is not a status")
     engine.shutdown()
 
 

@@ -287,55 +287,55 @@ MISTAKES: dict[str, tuple[str, str, str, str, str]] = {
         "there is no field 'poses[1].pse'; did you mean 'pose'?",
     ),
     "too large": (
-        "msg", "std_msgs/msg/UInt8", "data: 300", "300", "data is 300, and must be uint8, an integer from 0 to 255",
+        "msg", "std_msgs/msg/UInt8", "data: 300", "300", "data is 300, but must be uint8, an integer from 0 to 255",
     ),
     "not whole": (
         "msg", "std_msgs/msg/Int32", "data: 3.7", "3.7",
-        "data is 3.7, and must be int32, an integer from -2147483648 to 2147483647",
+        "data is 3.7, but must be int32, an integer from -2147483648 to 2147483647",
     ),
     "a number for a truth value": (
-        "srv", "std_srvs/srv/SetBool", "data: 3", "3", "data is 3, and must be boolean, true or false",
+        "srv", "std_srvs/srv/SetBool", "data: 3", "3", "data is 3, but must be boolean, true or false",
     ),
     "a text for a number": (
-        "msg", "std_msgs/msg/Float64", "data: much", "much", "data is 'much', and must be double, a number",
+        "msg", "std_msgs/msg/Float64", "data: much", "much", "data is 'much', but must be double, a number",
     ),
     "too large for 32 bits": (
-        "msg", "std_msgs/msg/Float32", "data: 1e39", "1e39", "data is '1e39', and must be float, a number",
+        "msg", "std_msgs/msg/Float32", "data: 1e39", "1e39", "data is '1e39', but must be float, a number",
     ),
     "a constant that is misspelt": (
         "msg", "diagnostic_msgs/msg/DiagnosticStatus", "level: EROR", "EROR",
-        "level is 'EROR', and must be octet, an integer from 0 to 255; did you mean 'ERROR'?",
+        "level is 'EROR', but must be octet, an integer from 0 to 255; did you mean 'ERROR'?",
     ),
     "too few numbers": (
         "msg", "sensor_msgs/msg/Imu", "orientation_covariance: [1, 2]", "[1, 2]",
-        "orientation_covariance has 2 values, and needs 9",
+        "orientation_covariance has 2 values, but needs 9",
     ),
     "too many of a bounded list": (
         "msg", "rcl_interfaces/msg/ParameterDescriptor", "integer_range: [{}, {}]", "[{}, {}]",
-        "integer_range has 2 values, and takes 1 at most",
+        "integer_range has 2 values, but at most 1 are allowed",
     ),
     "one value for a list": (
         "msg", "std_msgs/msg/Int32MultiArray", "data: 5", "5",
-        "data is 5, and must be sequence<int32>; write a list: [...]",
+        "data is 5, but must be sequence<int32>; write a list: [...]",
     ),
     "a number for a message": (
         "action", "nav2_msgs/action/NavigateToPose", "pose: 5", "5",
-        "pose is 5, and must be fields of geometry_msgs/PoseStamped; write {header: ...}",
+        "pose is 5, but must be fields of geometry_msgs/PoseStamped; write {header: ...}",
     ),
     "a word for a time": (
         "msg", "std_msgs/msg/Header", "stamp: soon", "soon",
-        "stamp is 'soon', and must be fields of builtin_interfaces/Time; write now, or {sec: ..., nanosec: ...}",
+        "stamp is 'soon', but must be fields of builtin_interfaces/Time; write now, or {sec: ..., nanosec: ...}",
     ),
     "fields for a number": (
-        "msg", "std_msgs/msg/Float64", "data: {x: 1}", "{x: 1}", "data is fields (x), and must be double, a number",
+        "msg", "std_msgs/msg/Float64", "data: {x: 1}", "{x: 1}", "data is fields (x), but must be double, a number",
     ),
     "no value": (
         "msg", "std_msgs/msg/String", "data: ~", "~",
-        "data is without a value, and must be string; write '' for an empty text",
+        "data is without a value, but must be string; write '' for an empty string",
     ),
     "a text that is too long": (
         "msg", "rmw_dds_common/msg/NodeEntitiesInfo", f"node_name: {'x' * 300}", "x" * 300,
-        "node_name has 300 characters, and takes 256 at most",
+        "node_name has 300 characters, but at most 256 are allowed",
     ),
 }  # fmt: skip
 
@@ -383,11 +383,11 @@ def test_types_that_are_rare_are_read_by_their_names() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("letter: xy", "letter is 'xy', and must be char, one character"),
-        ("name: 123456", "name has 6 characters, and takes 5 at most"),
-        ("names: [a, b, c]", "names has 3 values, and takes 2 at most"),
-        ("three: [1, 2]", "three has 2 values, and needs 3"),
-        ("three: [1, 2, 256]", r"three\[2\] is 256, and must be octet, an integer from 0 to 255"),
+        ("letter: xy", "letter is 'xy', but must be char, one character"),
+        ("name: 123456", "name has 6 characters, but at most 5 are allowed"),
+        ("names: [a, b, c]", "names has 3 values, but at most 2 are allowed"),
+        ("three: [1, 2]", "three has 2 values, but needs 3"),
+        ("three: [1, 2, 256]", r"three\[2\] is 256, but must be octet, an integer from 0 to 255"),
     ],
 )
 def test_what_is_too_much_for_them_is_refused(text: str, said: str) -> None:
@@ -436,19 +436,19 @@ class TestKeys:
     @pytest.mark.parametrize(
         ("text", "said"),
         [
-            ("data: [", "is no YAML"),
-            ("data", "is no field with a value"),
-            ("[a: 1]", "is no field with a value"),
-            ("a: &x [1], b: *x", r"an alias \(\*\) is not read here"),
-            ("a: &x [*x]", r"an alias \(\*\) is not read here"),
-            ("<<: {a: 1}", "a field has a name"),
-            ("? [a] : 1", "a field has a name"),
+            ("data: [", "is not YAML"),
+            ("data", "is not a field with a value"),
+            ("[a: 1]", "is not a field with a value"),
+            ("a: &x [1], b: *x", r"a YAML alias \(\*\) is not allowed here"),
+            ("a: &x [*x]", r"a YAML alias \(\*\) is not allowed here"),
+            ("<<: {a: 1}", "a field must have a name"),
+            ("? [a] : 1", "a field must have a name"),
             ("a: 1, a: 2", "'a' is written twice"),
             ("a: !!python/object/apply:os.system [ls]", None),
-            ("a: !!python/name:os.system ''", "is no value"),
+            ("a: !!python/name:os.system ''", "is not a value"),
             ("[" * 5000, "nested too deeply"),
             ("a: " + "[" * 5000, "nested too deeply"),
-            ("a: '" + "x" * 200_000 + "'", "are more than the 100000 that are read"),
+            ("a: '" + "x" * 200_000 + "'", "but at most 100000 are allowed"),
         ],
     )
     def test_what_is_no_yaml_or_would_be_more_than_data_is_refused(self, text: str, said: str | None) -> None:
@@ -471,9 +471,9 @@ class TestPaths:
     @pytest.mark.parametrize(
         ("text", "said"),
         [
-            ("a: 5", "'a' needs the key"),
-            ("a: [{b}]", "'a' needs the key"),
-            ("'a b': {c}", "'a b' is no field"),
+            ("a: 5", "'a' needs a key"),
+            ("a: [{b}]", "'a' needs a key"),
+            ("'a b': {c}", "'a b' is not a field path"),
         ],
     )
     def test_what_has_no_key_is_told(self, text: str, said: str) -> None:
@@ -482,17 +482,17 @@ class TestPaths:
 
     @pytest.mark.parametrize("text", ["a b", ".a", "a.", "a[x]", "a[1", "__class__", "a.__dict__", "a[-1]"])
     def test_what_is_no_path_is_refused(self, text: str) -> None:
-        with pytest.raises(ConversionError, match="is no field"):
+        with pytest.raises(ConversionError, match="is not a field path"):
             read_path(text)
 
     @pytest.mark.parametrize(
         ("path", "said"),
         [
             ("pose.positon", "there is no field 'pose.positon'; did you mean 'position'?"),
-            ("pose.position.x.y", "there is no field 'pose.position.x.y'; there is none"),
-            ("covariance.x", "'covariance.x': there is a list before 'x'"),
-            ("covariance[36]", "'covariance' is double[36], and has no element 36"),
-            ("pose[0]", "'pose' is geometry_msgs/Pose, and no list; write pose"),
+            ("pose.position.x.y", "there is no field 'pose.position.x.y'; it has no fields"),
+            ("covariance.x", "'covariance.x': the field that contains 'x' is a list"),
+            ("covariance[36]", "'covariance' is double[36], which has no element 36"),
+            ("pose[0]", "'pose' is geometry_msgs/Pose, not a list; write pose"),
         ],
     )
     def test_a_path_that_leads_nowhere_is_told(self, path: str, said: str) -> None:
@@ -504,7 +504,7 @@ class TestPaths:
     def test_an_element_that_a_list_does_not_have_is_told(self) -> None:
         response = generated_type("srv", "rcl_interfaces/srv/SetParameters").Response()
         with pytest.raises(
-            InterfaceError, match=r"'results\[0\].reason' is not there: 'results' has 0 values"
+            InterfaceError, match=r"'results\[0\].reason' does not exist: 'results' has 0 values"
         ):
             read_field(response, FieldPath("results[0].reason"))
 
@@ -512,12 +512,12 @@ class TestPaths:
 @pytest.mark.parametrize(
     ("kind", "written", "said", "is_certain"),
     [
-        ("srv", "std_srvs/srv/SetBol", "there is no std_srvs/srv/SetBol here; did you mean 'std_srvs/srv/SetBool'?", True),
-        ("srv", "std_srvs/msg/SetBool", "is a type of topics, and one of services is wanted; did you mean 'std_srvs/srv/SetBool'?", True),
-        ("srv", "std_srvs", "'std_srvs' is no type; write package/srv/Name, such as std_srvs/srv/Trigger", True),
-        ("action", "std_srvs/action/Go", "the package 'std_srvs' has no types of actions", False),
-        ("srv", "no_such_msgs/srv/X", "no package of interfaces is called 'no_such_msgs' here", False),
-        ("action", "nav2_msgs/action/Teleport", "there is no nav2_msgs/action/Teleport here; install", False),
+        ("srv", "std_srvs/srv/SetBol", "std_srvs/srv/SetBol is not installed; did you mean 'std_srvs/srv/SetBool'?", True),
+        ("srv", "std_srvs/msg/SetBool", "is a type of topics, but a type of services is expected; did you mean 'std_srvs/srv/SetBool'?", True),
+        ("srv", "std_srvs", "'std_srvs' is not a type; write package/srv/Name, such as std_srvs/srv/Trigger", True),
+        ("action", "std_srvs/action/Go", "the package 'std_srvs' has no action types", False),
+        ("srv", "no_such_msgs/srv/X", "there is no interface package 'no_such_msgs' on this machine", False),
+        ("action", "nav2_msgs/action/Teleport", "nav2_msgs/action/Teleport is not installed; install", False),
     ],
 )  # fmt: skip
 def test_a_type_that_is_not_there_is_told(kind: str, written: str, said: str, is_certain: bool) -> None:

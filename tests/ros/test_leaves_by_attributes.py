@@ -115,10 +115,10 @@ class TestRosService:
         ("attributes", "said"),
         [
             ({"request": "dat: true"}, "'Switch': there is no field 'dat'; did you mean 'data'?"),
-            ({"request": "data: 3"}, "'Switch': data is 3, and must be boolean, true or false"),
+            ({"request": "data: 3"}, "'Switch': data is 3, but must be boolean, true or false"),
             (
                 {"request": "{data: {x: 1}}"},
-                "'Switch': data is fields (x), and must be boolean, true or false",
+                "'Switch': data is fields (x), but must be boolean, true or false",
             ),
             ({"field": "mesage"}, "'Switch': there is no field 'mesage'; did you mean 'message'?"),
             ({"success": "ok"}, "'Switch': there is no field 'ok'"),
@@ -168,7 +168,7 @@ class TestRosService:
     def test_an_answer_without_the_element_that_is_asked_for_is_a_failure(self, ros: Ros) -> None:
         leaf = self.parameters(ros, success="results[0].successful")
         assert run(ros, leaf) is Status.FAILURE
-        said = "'Set': 'set' reports a failure: 'results[0]' is not there: 'results' has 0 values"
+        said = "'Set': 'set' reports a failure: 'results[0]' does not exist: 'results' has 0 values"
         assert (leaf.feedback_message, leaf.answer_label) == (said, "refused")
 
     def test_a_field_that_is_not_there_is_a_failure_and_the_others_are_written(self, ros: Ros) -> None:
@@ -176,7 +176,7 @@ class TestRosService:
         fields = "results[1].reason: {none}, results[0].reason: {why}"
         leaf = self.parameters(ros, (True, "fine"), fields=fields, scope=scope)
         assert run(ros, leaf) is Status.FAILURE
-        said = "'Set' failed: 'results[1].reason' is not there: 'results' has 1 value"
+        said = "'Set' failed: 'results[1].reason' does not exist: 'results' has 1 value"
         assert (leaf.feedback_message, leaf.answer_label) == (said, "no answer")
         assert (scope.resolve("why").read(), scope.resolve("none").exists) == ("fine", False)
 
@@ -197,10 +197,10 @@ class TestRosService:
             ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "an answer")
         assert asked == [True, False]
         scope.resolve("on").write("perhaps")
-        with pytest.raises(PortError, match="request: data is 'perhaps', and must be boolean, true or false"):
+        with pytest.raises(PortError, match="request: data is 'perhaps', but must be boolean, true or false"):
             leaf.tick_once()
         scope.resolve("on").remove()
-        with pytest.raises(PortError, match=r"request: \{on\}: nothing has been written to 'on' yet"):
+        with pytest.raises(PortError, match=r"request: \{on\}: the key 'on' has no value yet"):
             leaf.tick_once()
 
     def test_a_whole_request_comes_from_a_key_as_a_message_a_mapping_or_a_text(self, ros: Ros) -> None:
@@ -247,7 +247,7 @@ def test_a_run_tells_a_mistake_before_it_waits_for_a_server_that_nobody_has(
 def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> None:
     leaf = made(by_attributes.RosService, "Call", "call", written)
     with pytest.raises(
-        LeafDefinitionError, match=r"'Call': (no package of interfaces is called '|'.*' is no type)"
+        LeafDefinitionError, match=r"'Call': (there is no interface package '|'.*' is not a type)"
     ):
         leaf.setup(node=ros.node())
 
@@ -484,7 +484,7 @@ class TestRosTopic:
             return leaf.status not in (Status.RUNNING, Status.INVALID)
 
         assert run(ros, leaf, is_over) is Status.FAILURE
-        said = "'Cells': 'cell_voltage[2]' is not there: 'cell_voltage' has 1 value"
+        said = "'Cells': 'cell_voltage[2]' does not exist: 'cell_voltage' has 1 value"
         assert leaf.feedback_message == said
 
     def test_the_name_of_the_topic_comes_from_a_key_whenever_the_leaf_is_entered(self, ros: Ros) -> None:

@@ -547,7 +547,7 @@ class TestFailing:
         ros.spin_until(lambda: not runner.running, "the end of the tree")
         assert (runner.failed_behaviour, probe.updates, probe.ends) == (probe, 1, [Status.INVALID])
         assert said.has(
-            f"'Out' (Probe) failed: update() returned {returned!r}, which is no status; "
+            f"'Out' (Probe) failed: update() returned {returned!r}, which is not a status: "
             "return Status.SUCCESS, FAILURE or RUNNING. The tree is stopped."
         )
 

@@ -32,7 +32,7 @@ def test_an_entry_is_there_once_it_is_written(main):
 
 
 def test_what_was_never_written_cannot_be_read_and_the_error_names_the_key(main):
-    with pytest.raises(MissingEntryError, match=r"^nothing has been written to '@speed' yet$") as caught:
+    with pytest.raises(MissingEntryError, match=r"^the key '@speed' has no value yet$") as caught:
         main.resolve("@speed").read()
     assert caught.value.key == "@speed"
 

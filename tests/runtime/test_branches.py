@@ -198,11 +198,11 @@ def test_a_variable_that_does_not_fit_is_an_error():
     stage = Stage(v=2)
 
     def text(value):
-        raise ValueError(f"{value} is not a text")
+        raise ValueError(f"{value} is not a string")
 
     variable: Input[str] = Input(stage.entry("v"), text, "variable")
     root = Switch("s", stage.leaves(a="S", b="S", c="S"), variable, stage.enums, Input("1"), Input("2"))
-    with pytest.raises(PortError, match=r"variable: \{v\}: 2 is not a text"):
+    with pytest.raises(PortError, match=r"variable: \{v\}: 2 is not a string"):
         root.tick_once()
 
 

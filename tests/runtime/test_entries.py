@@ -59,13 +59,13 @@ def test_an_entry_without_a_type_of_its_own_takes_another_one():
 def test_an_entry_that_a_literal_has_made_stays_a_text():
     stage = Stage(source=1)
     stage.tick(setting(stage, Input("7")))
-    with pytest.raises(EntryTypeError, match="'set': k: 1 is not a text"):
+    with pytest.raises(EntryTypeError, match="'set': k: 1 is not a string"):
         setting(stage, stage.port("source")).tick_once()
 
 
 def test_a_key_that_is_no_text_is_an_error():
     stage = Stage(which=2.5)
-    with pytest.raises(EntryTypeError, match=r"'set': output_key: 2\.5 is no key"):
+    with pytest.raises(EntryTypeError, match=r"'set': output_key: 2\.5 is not a key"):
         SetBlackboard("set", Input("7"), stage.port("which"), stage.scope, stage.enums).tick_once()
 
 
@@ -91,7 +91,7 @@ def test_the_key_itself_can_come_from_the_blackboard():
 
 def test_a_value_that_the_entry_cannot_take_is_an_error_that_names_node_and_entry():
     stage = typed(k=1)
-    with pytest.raises(EntryTypeError, match="'set': k: the text 'seven' is not a number"):
+    with pytest.raises(EntryTypeError, match="'set': k: the string 'seven' is not a number"):
         setting(stage, Input("seven")).tick_once()
     assert stage.entry("k").read() == 1
 
@@ -101,7 +101,7 @@ def test_copying_an_entry_that_is_named_and_empty_fails_and_says_so_until_it_suc
     stage.entry("source").declare()
     node = setting(stage, stage.port("source"))
     assert stage.tick(node) == "F:"
-    assert node.feedback_message == "nothing has been written to 'source' yet"
+    assert node.feedback_message == "the key 'source' has no value yet"
     assert not stage.entry("k").exists
     stage.entry("source").write(1)
     assert stage.tick(node) == "S:"
@@ -110,7 +110,7 @@ def test_copying_an_entry_that_is_named_and_empty_fails_and_says_so_until_it_suc
 
 def test_copying_what_nobody_has_named_is_an_error():
     stage = Stage()
-    with pytest.raises(PortError, match="nothing has been written to 'source'"):
+    with pytest.raises(PortError, match="the key 'source' has no value"):
         setting(stage, stage.port("source")).tick_once()
 
 
@@ -231,7 +231,7 @@ def test_whatever_an_entry_is_given_it_keeps_its_type_or_refuses(current, value)
         stored = value_to_keep(current, value, {})
     except RefusedValueError:
         return
-    # A truth value is a whole number to a script.
+    # A truth value is an integer to a script.
     assert type(stored) is type(current) or (isinstance(current, bool) and type(stored) is int)
 
 

@@ -213,43 +213,43 @@ def test_a_name_of_an_enumeration_hides_a_variable_that_is_read():
 @pytest.mark.parametrize("text", ["nope = 3", "nope += 3"])
 def test_only_colon_equals_makes_a_variable(text):
     error = error_of(text)
-    assert (error.message, error.hint) == ("there is no variable 'nope'", "'nope := ...' makes one")
+    assert (error.message, error.hint) == ("there is no variable 'nope'", "'nope := ...' creates it")
     assert marked(text, error) == "nope"
 
 
 @pytest.mark.parametrize(
     ("text", "mark", "said"),
     [
-        ("1 + count + label * 2", "label * 2", "the text 'abc' is not a number"),
-        ("1 + count + label", "1 + count + label", "the text 'abc' is not a number"),
-        ("0 + (label + 1) + 2", "label + 1", "'..' joins a text and a number"),
-        ("1 + (label) + 2", "1 + (label)", "the text 'abc' is not a number"),
-        ("-label", "-label", "the text 'abc' is not a number"),
-        ("label - label", "label - label", "the text 'abc' is not a number"),
-        ("label && true", "label && true", "the text 'abc' is not a number"),
+        ("1 + count + label * 2", "label * 2", "the string 'abc' is not a number"),
+        ("1 + count + label", "1 + count + label", "the string 'abc' is not a number"),
+        ("0 + (label + 1) + 2", "label + 1", "'..' joins a string and a number"),
+        ("1 + (label) + 2", "1 + (label)", "the string 'abc' is not a number"),
+        ("-label", "-label", "the string 'abc' is not a number"),
+        ("label - label", "label - label", "the string 'abc' is not a number"),
+        ("label && true", "label && true", "the string 'abc' is not a number"),
         ("count && true", "count && true", "3 is neither true (1) nor false (0)"),
         ("true || -1.5", "true || -1.5", "-1.5 is neither true (1) nor false (0)"),
-        ("count .. 1", "count .. 1", "neither 3 nor 1 is a text"),
-        ("label == 1", "label == 1", "the text 'abc' is not a number"),
-        ("1 < 2 < label < 3", "1 < 2 < label", "the text 'abc' is not a number"),
-        ("'12abc' == 12", "'12abc' == 12", "the text '12abc' is not a number"),
-        ("'' == 0", "'' == 0", "the text '' is not a number"),
-        ("'1e999' > 0", "'1e999' > 0", "the text '1e999' is not a number"),
-        ("label ? 1 : 2", "label", "the text 'abc' is not a number"),
-        ("1.5 & 1", "1.5 & 1", "1.5 is not a whole number"),
+        ("count .. 1", "count .. 1", "neither 3 nor 1 is a string"),
+        ("label == 1", "label == 1", "the string 'abc' is not a number"),
+        ("1 < 2 < label < 3", "1 < 2 < label", "the string 'abc' is not a number"),
+        ("'12abc' == 12", "'12abc' == 12", "the string '12abc' is not a number"),
+        ("'' == 0", "'' == 0", "the string '' is not a number"),
+        ("'1e999' > 0", "'1e999' > 0", "the string '1e999' is not a number"),
+        ("label ? 1 : 2", "label", "the string 'abc' is not a number"),
+        ("1.5 & 1", "1.5 & 1", "1.5 is not an integer"),
         ("1 | 1e300", "1 | 1e300", "1e+300 is too large"),
-        ("~(1 / 0)", "~(1 / 0)", "inf is not a whole number"),
-        ("label += 1", "label += 1", "the text 'abc' is not a number"),
-        ("label *= 'a'", "label *= 'a'", "the text 'abc' is not a number"),
-        ("count /= 4", "count /= 4", "'count' cannot be given this value: 0.75 is not a whole number"),
-        ("count = 'many'", "count = 'many'", "the text 'many' is not a number"),
-        ("count := 1 / 0", "count := 1 / 0", "inf is not a whole number"),
-        ("label = 7", "label = 7", "'label' cannot be given this value: 7 is not a text"),
+        ("~(1 / 0)", "~(1 / 0)", "inf is not an integer"),
+        ("label += 1", "label += 1", "the string 'abc' is not a number"),
+        ("label *= 'a'", "label *= 'a'", "the string 'abc' is not a number"),
+        ("count /= 4", "count /= 4", "this value cannot be assigned to 'count': 0.75 is not an integer"),
+        ("count = 'many'", "count = 'many'", "the string 'many' is not a number"),
+        ("count := 1 / 0", "count := 1 / 0", "inf is not an integer"),
+        ("label = 7", "label = 7", "this value cannot be assigned to 'label': 7 is not a string"),
         ("9007199254740993 + 0", "9007199254740993 + 0", "too large to calculate with exactly"),
         ("pose = 1", "pose = 1", "1 is not of type list"),
         ("pose + 1", "pose + 1", "a value of type list is not a number"),
-        ("pose .. 'm'", "pose .. 'm'", "a value of type list is neither a text nor a number"),
-        ("huge == 1", "huge == 1", "a whole number of 20001 bits is too large"),
+        ("pose .. 'm'", "pose .. 'm'", "a value of type list is neither a string nor a number"),
+        ("huge == 1", "huge == 1", "an integer of 20001 bits is too large"),
     ],
 )
 def test_a_value_that_does_not_fit_is_pointed_at_and_explained(text, mark, said):
@@ -261,7 +261,7 @@ def test_a_value_that_does_not_fit_is_pointed_at_and_explained(text, mark, said)
 @pytest.mark.parametrize("text", ["a = a + a", "a += a", "a = a .. a", "a = a .. 1.5"])
 def test_a_text_does_not_grow_without_end(text):
     error = error_of(text, a="x" * LONGEST_TEXT)
-    assert f"a script makes texts of {LONGEST_TEXT:,} at most" in error.message
+    assert f"but the limit is {LONGEST_TEXT:,}" in error.message
 
 
 def test_a_text_that_somebody_else_has_made_may_be_longer():
@@ -312,7 +312,7 @@ def test_a_condition_is_a_script_with_a_yes_or_a_no():
 
 def test_an_assignment_that_is_no_condition_is_asked_whether_it_is_a_comparison():
     text = "y := 1; x = 2"
-    with pytest.raises(EvaluationError, match="'x = 2' is no condition: 2 is neither") as caught:
+    with pytest.raises(EvaluationError, match="'x = 2' is not a condition: 2 is neither") as caught:
         Program(parse(text)).holds(Desk(x=0))
     assert marked(text, caught.value) == "x = 2"
     assert caught.value.hint is not None

@@ -37,7 +37,7 @@ def test_none_is_a_default_as_any_other(entry):
 
 
 def test_an_input_without_a_value_is_an_error_that_names_port_and_key(entry):
-    with pytest.raises(PortError, match=r"^speed: \{x\}: nothing has been written to 'x' yet$"):
+    with pytest.raises(PortError, match=r"^speed: \{x\}: the key 'x' has no value yet$"):
         Input(entry, name="speed").get()
 
 
@@ -94,5 +94,5 @@ def test_a_port_that_is_both_writes_what_it_reads(entry):
 
 
 def test_a_port_that_is_both_cannot_write_a_constant():
-    with pytest.raises(PortError, match=r"count is a constant and cannot be written; give it a \{key\}"):
+    with pytest.raises(PortError, match=r"count is a constant and cannot be written; write a \{key\}"):
         InOut(1, name="count").set(2)

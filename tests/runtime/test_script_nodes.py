@@ -69,7 +69,7 @@ def test_a_script_may_count_on_from_a_truth_value():
     assert stage.values == {"seen": 2}
     run(stage, "seen -= 1; n := seen")
     assert repr(stage.values) == "{'seen': 1, 'n': 1}"
-    with pytest.raises(NodeScriptError, match=r"0\.5 is not a whole number"):
+    with pytest.raises(NodeScriptError, match=r"0\.5 is not an integer"):
         run(stage, "seen := 0.5")
 
 
@@ -89,10 +89,10 @@ def test_every_assignment_counts_as_an_update():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a := 1; nope = 3", "'run': code, column 9: there is no variable 'nope'; 'nope := ...' makes one"),
+        ("a := 1; nope = 3", "'run': code, column 9: there is no variable 'nope'; 'nope := ...' creates it"),
         ("a := 1;\n  b := nope", "'run': code, line 2, column 8: there is no variable 'nope'"),
         ("z := 10; z /= 4", "'run': code, column 10: "),
-        ("thing + 1", "'run': code, column 1: 'thing' holds a value of type object"),
+        ("thing + 1", "'run': code, column 1: 'thing' has a value of type object"),
     ],
 )
 def test_a_script_that_cannot_be_run_says_which_node_and_where(text, message):

@@ -13,12 +13,12 @@ def rendered(text, find, **advice):
     tree = parse_xml(text, "trees/mission.xml")
     element = next(e for e in tree.root.iterate() if e.tag == find.split("@")[0])
     span = element.value_span(find.split("@")[1]) if "@" in find else element.tag_span()
-    return Diagnostic("unknown-node", "no node is called 'Sey'", tree.source, span, **advice).render()
+    return Diagnostic("unknown-node", "there is no node 'Sey'", tree.source, span, **advice).render()
 
 
 def test_the_carets_stand_under_the_tag_and_the_place_is_that_of_its_bracket():
     assert rendered('<root>\n      <Sey message="hi"/>\n</root>', "Sey", suggestion="Say") == (
-        "trees/mission.xml:2:7: error[unknown-node]: no node is called 'Sey'\n"
+        "trees/mission.xml:2:7: error[unknown-node]: there is no node 'Sey'\n"
         '    2 |       <Sey message="hi"/>\n'
         "      |        ^^^ did you mean 'Say'?"
     )
@@ -62,11 +62,11 @@ def test_what_a_terminal_would_obey_is_shown_as_its_code():
 
 def test_in_a_message_it_is_shown_as_its_code_too_and_is_data_elsewhere():
     source = parse_xml("<root/>", "a\x1b.xml").source
-    finding = Diagnostic("unknown-node", "no node is called '\x9b2J\ufeff'", source, source.span(0, 1))
+    finding = Diagnostic("unknown-node", "there is no node '\x9b2J\ufeff'", source, source.span(0, 1))
     assert finding.render().startswith(
-        "a\\x1b.xml:1:1: error[unknown-node]: no node is called '\\x9b2J\\ufeff'\n"
+        "a\\x1b.xml:1:1: error[unknown-node]: there is no node '\\x9b2J\\ufeff'\n"
     )
-    assert finding.message == "no node is called '\x9b2J\ufeff'"
+    assert finding.message == "there is no node '\x9b2J\ufeff'"
 
 
 def test_a_very_long_value_is_cut_in_messages_and_advice():

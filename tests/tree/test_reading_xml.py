@@ -105,7 +105,7 @@ def test_what_is_not_a_tree_file_gets_one_finding_where_it_goes_wrong(data, expe
 
 
 def test_a_missing_end_tag_is_named_with_the_line_that_opened_it():
-    with pytest.raises(TreeError, match=r"does not close <A>, which was opened in line 2"):
+    with pytest.raises(TreeError, match=r"does not close <A>, which was opened on line 2"):
         parse_xml("<root>\n<A>\n</root>")
 
 

@@ -126,13 +126,13 @@ def test_an_attribute_that_is_not_there_is_placed_at_the_tag():
 
 
 SURPRISES = {
-    "duplicate-key": ("root:\n  a: 1\n  a: 2\n", 3, 3, "the first is in line 2"),
-    "yaml-anchor": ("root:\n  a: &x 1\n", 2, 6, "'&x' is an anchor"),
-    "yaml-tag": ("root:\n  a: !ready x\n", 2, 6, "text that begins with ! in quotes"),
+    "duplicate-key": ("root:\n  a: 1\n  a: 2\n", 3, 3, "the first is on line 2"),
+    "yaml-anchor": ("root:\n  a: &x 1\n", 2, 6, "'&x' is a YAML anchor"),
+    "yaml-tag": ("root:\n  a: !ready x\n", 2, 6, "string that begins with ! in quotes"),
     "yaml-merge": ("root:\n  <<: {a: 1}\n", 2, 3, "write the attributes out"),
     "yaml-directive": ("%YAML 1.1\n---\nroot\n", 1, 1, "begin with %"),
-    "second-document": ("root\n---\nroot\n", 2, 1, "a tree file is one"),
-    "missing-value": ("root:\n  name:\n", 2, 3, "write name: '' for an empty text"),
+    "second-document": ("root\n---\nroot\n", 2, 1, "a tree file has only one"),
+    "missing-value": ("root:\n  name:\n", 2, 3, "write name: '' for an empty string"),
     "wrong-character": ('root:\n  a: "\\0"\n', 2, 6, "U\\+0000"),
     "wrong-name": ("root:\n  a b: 1\n", 2, 3, "'a b' cannot be the name of an attribute"),
     "empty-file": ("# nothing\n", 1, 1, "the file is empty"),
@@ -150,26 +150,26 @@ def test_what_only_yaml_has_is_a_finding_with_its_place(code):
 @pytest.mark.parametrize(
     ("text", "place", "words"),
     [
-        ("- A\n", (1, 1), "'root:' begins a tree file, and this is a list"),
+        ("- A\n", (1, 1), "a tree file begins with 'root:', but this is a list"),
         ("root:\n  - A\n", (2, 3), "put a list of nodes under 'children:'"),
         ("- root:\n", (1, 1), "delete the '- ' before 'root:'"),
-        ("root: text\n", (1, 7), "below 'root' come its attributes"),
+        ("root: text\n", (1, 7), "'root' takes its attributes"),
         ("root:\n  children:\n  - A: B\n", (3, 8), "a node in it belongs below 'children:', as '- B'"),
         ("root:\n  children:\n  - A: [B]\n", (3, 8), "put a list of nodes under 'children:'"),
         ("root:\n  children:\n    A:\n", (2, 3), "begin each node with '- '"),
         ("root:\n  children:\n  - - A\n", (3, 5), "write the node's tag; put a list of nodes under its"),
-        ("root:\n  a: 1\nb: 2\n", (3, 1), "a tree file has one key at its top; 'b' is beside 'root'"),
-        ("root:\n  a: [1]\n", (2, 3), "its value is a list, not a text"),
+        ("root:\n  a: 1\nb: 2\n", (3, 1), "a tree file has one top-level key, but 'b' is beside 'root'"),
+        ("root:\n  a: [1]\n", (2, 3), "its value is a list, not a string"),
         ("root:\n  a: {goal}\n", (2, 6), "did you mean \"'{goal}'\"?"),
-        ("root:\n  a: {b: c}\n", (2, 3), "its value is a mapping, not a text"),
+        ("root:\n  a: {b: c}\n", (2, 3), "its value is a mapping, not a string"),
         ("root:\n  Sleep:\n    msec: 1\n", (2, 3), "a node begins with '- ' under 'children'"),
-        ("root:\n  children: A\n", (2, 3), "'children' is a list of nodes"),
+        ("root:\n  children: A\n", (2, 3), "'children' must be a list of nodes"),
         ("root:\n  children:\n", (2, 3), "write the nodes, or delete the line"),
-        ("root:\n  children:\n  - [A]\n", (3, 5), "a node belongs here, and this is a list"),
-        ("root:\n  children:\n  -\n", (3, 3), "there is nothing behind this '-'"),
+        ("root:\n  children:\n  - [A]\n", (3, 5), "a node must be here, but this is a list"),
+        ("root:\n  children:\n  -\n", (3, 3), "there is nothing after this '-'"),
         ("root:\n  children:\n  - {}\n", (3, 5), "these braces are empty"),
         ("root:\n  children:\n  - A:\n    x: 1\n", (4, 5), "'x' is beside 'A', not below it"),
-        ("root:\n  ? [a]\n  : b\n", (2, 5), "a key is a name"),
+        ("root:\n  ? [a]\n  : b\n", (2, 5), "a key must be a name"),
         ("root:\n  $text: a\n", (2, 3), "only in the ports of a TreeNodesModel"),
     ],
 )
@@ -182,13 +182,13 @@ def test_a_wrong_shape_is_a_finding_that_says_the_right_one(text, place, words):
     ("text", "place", "words"),
     [
         ("root:\n\ta: 1\n", (2, 1), "indent with spaces"),
-        ("root:\n  a: b: c\n", (2, 7), "put a text with ': ' in it in quotes"),
-        ("root:\n  a: @x\n", (2, 6), "a text cannot begin with @"),
-        ("root:\n  a: 'x\n", (2, 6), "what begins here has no end"),
+        ("root:\n  a: b: c\n", (2, 7), "put a string that contains ': ' in quotes"),
+        ("root:\n  a: @x\n", (2, 6), "a string cannot begin with @"),
+        ("root:\n  a: 'x\n", (2, 6), "the part that begins here has no end"),
         ("root:\n  a: 1\n b: 2\n", (3, 2), "this does not belong to the lines above it"),
-        ("root:\n  a: [x\nb: c", (2, 6), "goes wrong further on"),
+        ("root:\n  a: [x\nb: c", (2, 6), "is malformed"),
         ('root:\n  a: "x" y\n', (2, 10), "in quotes as a whole or not at all"),
-        ("root:\n  a: - b\n", (2, 6), "put a text that begins with '- ' in quotes"),
+        ("root:\n  a: - b\n", (2, 6), "put a string that begins with '- ' in quotes"),
         ("root\n...\nx: y\n...\n", (3, 1), "continues after the end"),
         ("root: {, }\n", (1, 8), "something is missing here"),
         ("root:\n  children:\n  - A\n  B\n", (4, 3), "begin a node with '- '"),
@@ -322,7 +322,7 @@ def test_whatever_comes_there_is_a_file_or_a_finding(data):
 def test_a_file_without_its_root_is_told_once_and_read_all_the_same():
     text = "BTCPP_format: 4\nmain_tree_to_execute: A\nchildren:\n- BehaviorTree: {ID: A, children: [B]}\n"
     assert findings_of(text) == [("wrong-root", 1, 1)]
-    assert "write 'root:' above, and indent all that follows" in said_of(text)
+    assert "write 'root:' above, and indent the following lines" in said_of(text)
     assert [each.tag for each in beginning_of(text).tree_file.root.iterate()] == ["root", "BehaviorTree", "B"]
 
 

@@ -116,7 +116,7 @@ def test_text_behind_the_root_is_beyond_recovery():
         parse_xml("<root></root>\n// end\n")
     (finding,) = caught.value.findings
     assert (finding.span.line, finding.span.column) == (2, 1)
-    assert finding.message.endswith("text is not allowed behind the root")
+    assert finding.message.endswith("text is not allowed after the root")
 
 
 def test_a_comment_with_two_dashes_is_recovered():
@@ -128,7 +128,7 @@ def test_a_comment_with_two_dashes_is_recovered():
 def test_a_comment_in_a_comment_is_told_where_it_begins():
     tree_file = parse_xml("<root><!-- a <A/>\n<!-- b --></root>")
     (finding,) = tree_file.findings
-    assert (finding.message, finding.span.line) == ("a comment begins in another one", 2)
+    assert (finding.message, finding.span.line) == ("a comment begins inside another comment", 2)
     assert tree_file.root.children == ()
 
 
@@ -218,13 +218,13 @@ WORDS = {
         "<B <!-- c --> d='1'/>",
         4,
         "a comment is not allowed in a tag",
-        "put it before or behind",
+        "move it in front of",
     ),
     "a comment without an end": (
         "<!-- c <B/>",
         1,
         "the comment that begins here has no -->",
-        "write --> behind it",
+        "write --> after it",
     ),
     "an attribute that stands twice": (
         "<B c='1' d='2' c='3'/>",
@@ -247,17 +247,22 @@ WORDS = {
         "the value that begins here has no closing quotation mark",
         "",
     ),
-    "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a blank is missing before this", ""),
-    "a character that nobody sees": ("<B c\u200b='1'/>", 5, "U+200B (zero width space) is here", "delete it"),
+    "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a blank is missing", ""),
+    "a character that nobody sees": (
+        "<B c\u200b='1'/>",
+        5,
+        "U+200B (zero width space) is invisible",
+        "delete it",
+    ),
     "a blank of other kinds": (
         "<B\u00a0c='1'/>",
         3,
         "U+00A0 (no-break space) looks like a blank",
         "write a blank",
     ),
-    "a comma behind a tag": ("<B, c='1'/>", 3, "no , stands between the attributes", "write a blank"),
-    "a comma behind an attribute": ("<B c='1', d='2'/>", 9, "no , stands between", "write a blank"),
-    "a blank behind the sign": ("< B/>", 1, "a tag's name follows its < directly", ""),
+    "a comma behind a tag": ("<B, c='1'/>", 3, "a , is not allowed between the attributes", "write a blank"),
+    "a comma behind an attribute": ("<B c='1', d='2'/>", 9, "a , is not allowed between", "write a blank"),
+    "a blank behind the sign": ("< B/>", 1, "a tag's name must follow its < directly", ""),
 }
 
 

@@ -29,34 +29,32 @@ from sar_compiler.tree.guessing import Guesses, unit_in
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
-"""The attribute that any node may have: wraps it in a OneShot with the policy it names."""
-ONESHOT_HELP = (
-    "Lets the node finish once; from then on it repeats its answer. Being interrupted is not finishing."
-)
+"""The attribute of any node that wraps it in a OneShot with the given policy."""
+ONESHOT_HELP = "Runs the node to its end once, and then repeats its result. An interruption is not an end."
 
 CONDITIONS = {
-    "_failureIf": "A condition: where it is true when the node would start, the node fails instead.",
-    "_successIf": "A condition: where it is true when the node would start, the node succeeds instead.",
-    "_skipIf": "A condition: where it is true when the node would start, its parent passes it over.",
-    "_while": "A condition: where it is not true, the node is passed over, and interrupted if it is running.",
-    "_onSuccess": "A script that is run when the node has succeeded.",
-    "_onFailure": "A script that is run when the node has failed.",
-    "_onHalted": "A script that is run when the node is interrupted.",
-    "_post": "A script that is run when the node has ended, and when it is interrupted.",
+    "_failureIf": "A condition: if it is true when the node would start, the node fails instead.",
+    "_successIf": "A condition: if it is true when the node would start, the node succeeds instead.",
+    "_skipIf": "A condition: if it is true when the node would start, the node is skipped.",
+    "_while": "A condition: while it is false, the node is skipped, and interrupted if it is running.",
+    "_onSuccess": "A script that runs when the node has succeeded.",
+    "_onFailure": "A script that runs when the node has failed.",
+    "_onHalted": "A script that runs when the node is interrupted.",
+    "_post": "A script that runs when the node has ended or is interrupted.",
 }
-"""The attributes that any node may have, scripts that are run before and after it, with their descriptions."""
+"""The attributes of any node with scripts that run before and after it, with their descriptions."""
 
 AUTOREMAP = "_autoremap"
-"""The attribute of a `SubTree` that remaps every key to that of the same name around it."""
+"""The attribute of a `SubTree` that remaps every key to the outer key of the same name."""
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
-"""Some attributes in which BehaviorTree.CPP and editors keep notes, for schemas; any that begins with `_` may be one."""
+"""Attributes in which BehaviorTree.CPP and editors store notes, for schemas; others that begin with `_` are notes, too."""
 _TEXT_NOTES = frozenset(
     {*NOTES, "_comment", "_note", "_notes", "_todo", "_doc", "_label", "_title", "_color", "_style"}
 )
-"""Notes that hold any text; in others, a condition is looked for."""
+"""Notes that hold any text; others are checked for conditions."""
 _LIKE_CONDITION = r"_(?:(?:skip|fail|failure|success|while|on|post)[A-Z]\w*|(?:(?:only|run|do)_?)?[iI]f|unless|when|(?:pre|post)?_?[cC]onditions?)"
-"""Notes that read as conditions, though none is near: `_skipWhen`, not `_skip_list`."""
+"""Notes that look like conditions without being similar to one: `_skipWhen`, not `_skip_list`."""
 _DECORATORS = {
     "timeout": "<Timeout>",
     "delay": "<Delay>",
@@ -70,23 +68,23 @@ _DECORATORS = {
     "forcesuccess": "<ForceSuccess>",
     "forcefailure": "<ForceFailure>",
 }
-"""Beginnings of notes that read as decorators, and the decorators."""
+"""Prefixes of notes that look like decorators, and the decorators."""
 _LIKE_DECORATOR = r"(?i)_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))"
 _NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf", "_do_if", "_when"})
-"""Notes that say when a node runs, where `_skipIf` says when it does not."""
+"""Notes that define when a node runs, whereas `_skipIf` defines when it does not."""
 
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
 """py_trees' policies, by their names."""
 ONESHOT_TYPE = type_of(OneShotPolicyName)
-# Looked up once: Python 3.11 takes a while to find a member of an enumeration, and this is asked for every attribute.
+# Looked up once: in Python 3.11, access to a member of an enumeration is slow, and this is needed for every attribute.
 _NAME, _ATTRIBUTE, _REFERENCE = ParameterRole.NAME, ParameterRole.ATTRIBUTE, ParameterRole.REFERENCE
 _OUTPUT, _INOUT = Direction.OUTPUT, Direction.INOUT
 _BOOL_TYPE = type_of(bool)
 KIND_TAGS = frozenset(kind.value for kind in Kind)
 """The tags of explicit forms."""
 _TEXTS = (str, None)
-"""The types of attributes that take any text."""
+"""The types of attributes that accept any text."""
 _NAME_OF_KEY = r"(?a) *(?P<sign>\$?)(?P<open>[{(]?)(?P<name>@?[A-Za-z_]\w*)(?(open)[})]?) *"
 _UNCLOSED = r" *(?:\{([^{}\s]+)|([^{}\s]+)\}) *"
 
@@ -110,7 +108,7 @@ class AttributeBinder:
             parameter = parameters.get(name)
             role = parameter and parameter.role
             if role is _NAME:
-                pass  # an empty one is the tag
+                pass  # an empty name means the tag
             elif parameter is not None and role is _ATTRIBUTE:
                 self._value(bound, parameter, text)
             elif role is _REFERENCE:
@@ -120,12 +118,12 @@ class AttributeBinder:
         for name in unknown:
             meant.add(self._report_unknown(bound, name, other_variants, is_only=len(unknown) == 1))
         for parameter in bound.spec.required:
-            # One that is misspelt is not missing as well.
+            # A misspelt attribute is not reported as missing, too.
             if parameter.name not in meant:
                 self._require(bound, parameter, other_variants)
 
     def common(self, bound: BoundNode, name: str) -> bool:
-        """Bind an attribute that every node may have; return whether it is one."""
+        """Bind an attribute that every node may have; return whether it is such an attribute."""
         if name == ONESHOT:
             bound.oneshot = self.convert(bound.element, name, ONESHOT_TYPE)
         elif name in CONDITIONS:
@@ -139,7 +137,7 @@ class AttributeBinder:
         return True
 
     def _check_note(self, element: Element, name: str) -> None:
-        """Report a note that reads as a condition or as a decorator, and has no effect."""
+        """Report a note that looks like a condition or a decorator, but has no effect."""
         text = element.attributes[name]
         decorator = re.match(_LIKE_DECORATOR, name)
         if decorator:
@@ -160,7 +158,7 @@ class AttributeBinder:
     def _has_condition(self, text: str) -> bool:
         """Return whether a note's text is a key of the tree, or a script with an operator of conditions."""
         script = _read_condition(text)
-        # Several words that happen to be a script of several statements are a text.
+        # Several words that happen to form several statements are a text.
         if script is None or len(script.statements) != 1:
             return False
         all_parts = list(parts(script.statements[0]))
@@ -174,14 +172,14 @@ class AttributeBinder:
         )
 
     def typo_in_note(self, name: str) -> str | None:
-        """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
+        """Return the attribute that was probably intended by one that begins with `_`; None for an editor's note."""
         if name not in self._option_errors:
             self._option_errors[name] = typo_in_note(name, self._collector.guesses)
         return self._option_errors[name]
 
     def report_former(self, element: Element, name: str, today: str) -> str:
-        """Report an attribute of BehaviorTree.CPP 3; return the one of today."""
-        message = f"<{element.tag}> has no attribute '{name}' any more: that is a name of BehaviorTree.CPP 3"
+        """Report an attribute of BehaviorTree.CPP 3, and return its current name."""
+        message = f"<{element.tag}> has no attribute '{name}', which is a name of BehaviorTree.CPP 3"
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=today)
         return today
 
@@ -190,10 +188,10 @@ class AttributeBinder:
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
-        """Report a key with only one of its braces where no text can be meant; return whether it is one."""
+        """Report a key with only one of its braces if no string can be intended; return whether it is one."""
         suggestion = close_key(element.attributes[name])
         if suggestion is not None:
-            message = f"{name}: a key is written between two braces, and '{element.attributes[name]}' has one"
+            message = f"{name}: a key needs two braces, but '{element.attributes[name]}' has one"
             self._collector.add("wrong-value", message, element, value=name, suggestion=suggestion)
         return suggestion is not None
 
@@ -212,7 +210,7 @@ class AttributeBinder:
             return None
 
     def _key_meant(self, text: str) -> str | None:
-        """Return the key in braces that was probably meant by a text that is no value."""
+        """Return the key in braces that was probably intended by an invalid value."""
         match = re.fullmatch(_NAME_OF_KEY, text)
         if match is None or not (match["sign"] or match["name"] in self._known_keys()):
             return None
@@ -239,8 +237,8 @@ class AttributeBinder:
         if not may_be_text and self._is_unclosed(bound.element, name):
             return
         if parameter.direction is _OUTPUT and not parameter.required and text.strip(" ") in ("", "{}"):
-            message = f"{name}: the output is written nowhere, because no key is named"
-            advice = Advice(suggestion="", hint=f'leave {name} out, or write {name}="{{key}}"')
+            message = f"{name}: the output has no effect, because it has no key"
+            advice = Advice(suggestion="", hint=f'remove {name}, or write {name}="{{key}}"')
             self._collector.add("ignored-attribute", message, bound.element, name=name, **advice)
             return
         if parameter.direction is _OUTPUT:
@@ -251,7 +249,7 @@ class AttributeBinder:
         fixed = bound.spec.fixed.get(name)
         if None not in (value, fixed) and value != fixed:
             tag = bound.spec.tag
-            message = f'<{tag}> says {name}="{_as_text(fixed)}" by its name, and {name}="{text}" here'
+            message = f'<{tag}> implies {name}="{_as_text(fixed)}", but has {name}="{text}" here'
             near = _as_text(fixed)
             self._collector.add("conflicting-attributes", message, bound.element, value=name, suggestion=near)
         is_written = parameter.direction is _INOUT and is_listed and not parameter.value_type.names_key
@@ -262,11 +260,9 @@ class AttributeBinder:
     def _constant_to_write(self, bound: BoundNode, name: str, text: str) -> None:
         """Report a text for a port that the node also writes, unless the directions of its ports are guesses."""
         if bound.spec.provenance is not Provenance.FROM_USE:
-            message = (
-                f"{name}: the node also writes this port, and '{text}' is no key: to write it raises an error"
-            )
-            cause = Cause("nodes also write these ports, which have a text in place of a key", name)
-            hint = f'write {name}="{{key}}", and give the key its value before'
+            message = f"{name}: the node also writes this port, but '{text}' is not a key, so writing raises an error"
+            cause = Cause("nodes also write these ports, which have a string in place of a key", name)
+            hint = f'write {name}="{{key}}", and set the key earlier'
             advice = Advice(hint=hint, severity=Severity.WARNING, common_cause=cause)
             self._collector.add("wrong-value", message, bound.element, value=name, **advice)
 
@@ -285,7 +281,7 @@ class AttributeBinder:
     def _report_unknown(
         self, bound: BoundNode, name: str, other_variants: Sequence[NodeSpec], *, is_only: bool
     ) -> str | None:
-        """Report an attribute that the node does not have; return the one that was probably meant."""
+        """Report an unknown attribute of a node; return the one that was probably intended."""
         element, spec = bound.element, bound.spec
         former = [
             each.former_attributes[name] for each in (spec, *other_variants) if name in each.former_attributes
@@ -294,8 +290,8 @@ class AttributeBinder:
             return self.report_former(element, name, former[0])
         if any(name in (parameter.name for parameter in other.attributes) for other in other_variants):
             written = [other for other in element.attributes if other in spec.parameters and other != "name"]
-            message = f"<{bound.spec.tag}> has {' and '.join(written)} here, which does not go with '{name}'"
-            advice = Advice(hint="write one of them")
+            message = f"<{bound.spec.tag}> has {' and '.join(written)} here, which conflicts with '{name}'"
+            advice = Advice(hint="write only one of them")
             self._collector.add("conflicting-attributes", message, element, name=name, **advice)
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
@@ -303,7 +299,7 @@ class AttributeBinder:
         if name.startswith("_"):
             near = self.typo_in_note(name)
             if near == name:
-                message = f"<{bound.spec.tag}> has no attribute '{name}'; it goes with <{SUBTREE_TAG}>"
+                message = f"<{bound.spec.tag}> has no attribute '{name}'; <{SUBTREE_TAG}> has it"
                 near = None
         else:
             free = [other for other in known if other not in element.attributes]
@@ -316,7 +312,7 @@ class AttributeBinder:
             hint = in_its_unit(name, element.attributes[name], spec)
             self._collector.add("unknown-attribute", message, element, name=name, suggestion=near, hint=hint)
             return near
-        # The one that is strange was meant for the one that is missing, or for that of another meaning of the tag.
+        # The unknown attribute was probably intended as the missing one, also of another meaning of the tag.
         others = [p.name for other in other_variants for p in other.attributes if p.required]
         unit = _unit_of(spec.parameters[missing[0]])
         suggestion = missing[0] if not others and unit == unit_in(name) else None
@@ -329,7 +325,7 @@ class AttributeBinder:
         return missing[0]
 
     def _report_unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
-        """Report an attribute that a file's description does not list, and take it for a port if no other was meant."""
+        """Report an attribute that a file's description does not list, and treat it as a port unless a listed one was intended."""
         severity = bound.spec.provenance.severity_of_unlisted(is_near=near is not None)
         hint = "if the node has it, add the port to the description"
         advice = Advice(suggestion=near, hint=hint, severity=severity)
@@ -341,7 +337,7 @@ class AttributeBinder:
 
 
 def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
-    """Return the error of a number with another unit than the one that the attribute's name says, with the number in that unit."""
+    """Return the error for a number whose unit differs from that in the attribute's name, with the converted number."""
     unit = unit_of_key(name)
     meant = number_in(text, unit) if unit else None
     try:
@@ -354,7 +350,7 @@ def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: V
 
 
 def in_its_unit(name: str, text: str, spec: NodeSpec) -> str | None:
-    """Return what to write for a number whose attribute is to have another unit (`sec="5"`: `msec="5000"`); None if unknown."""
+    """Return the replacement for a number under an attribute of another unit (`sec="5"`: `msec="5000"`); None if unknown."""
     written = unit_in(name)
     ways = {p.name: number_in(f"{text}{written}", unit) for p in spec.attributes if (unit := _unit_of(p))}
     known = [f'write {other}="{number}"' for other, number in ways.items() if number is not None]
@@ -367,12 +363,12 @@ def _unit_of(parameter: Parameter) -> str:
 
 
 def typo_in_note(name: str, guesses: Guesses) -> str | None:
-    """Return the attribute that was meant by one that begins with `_`; None for a note of an editor."""
+    """Return the attribute that was probably intended by one that begins with `_`; None for an editor's note."""
     return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT])
 
 
 def _read_condition(text: str) -> Script | None:
-    """Return the script that a text is; None if it is none."""
+    """Return the parsed script of a text; None if it is not a script."""
     try:
         script = CONDITION.convert(text)
     except ConversionError:
@@ -381,13 +377,13 @@ def _read_condition(text: str) -> Script | None:
 
 
 def _is_explicit(bound: BoundNode) -> bool:
-    """Return whether a node is named by an ID: that of somebody's own may be the very tag, `<Condition ID="Condition"/>`."""
+    """Return whether a node is named by an ID, even if the ID equals the tag: `<Condition ID="Condition"/>`."""
     tag = bound.element.tag
     return tag != bound.spec.tag or (bound.spec.is_only_described and tag in KIND_TAGS)
 
 
 def condition_meant(name: str) -> str | None:
-    """Return the condition whose name was written without its underscore; None for any other name."""
+    """Return the condition whose name lacks its underscore; None for any other name."""
     return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 

@@ -1,7 +1,7 @@
-"""Binding of a tree's elements to their meanings, with a finding for each that has none.
+"""Binding of a tree's elements to their meanings, with a finding for each unknown one.
 
 Binding joins the elements of a file with the registry: tags become specs, texts become values, names
-become references, subtrees the trees that they refer to. The checks report its findings; the compiler
+become references, and subtrees become the trees that they refer to. The checks report its findings, and the compiler
 builds from its result.
 """
 
@@ -34,27 +34,27 @@ from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TA
 _KEYS = r"(?a)\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:="
 
 OF_ANY = ("ID", "name", ONESHOT)
-"""Attributes that say nothing of whose node it is."""
-_UNKNOWN = "no nodes are called like these"
+"""Attributes that are no evidence for the library of a node."""
+_UNKNOWN = "there are no nodes of these names"
 _REMAP = "remap"
-_UNKNOWN_HINT = "sar-compile nodes lists them; --nodes adds a module of leaves, --model a palette (nodes --from-use makes one)"
+_UNKNOWN_HINT = "list them by sar-compile nodes; add a module of leaves by --nodes, or a palette by --model"
 _LIKE_UNUSED = 0.9
-"""How alike the words of two tags are if one is a slip for the other, which nothing here speaks for."""
+"""The minimum likeness of two tags that are probably typos for each other, without further evidence."""
 
 _Vocabulary = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
-"""The nodes and models of a file, the meanings of the tags in it, and the tags meant by unknown ones."""
+"""The nodes and models of a file, the meanings of its tags, and the intended tags of unknown ones."""
 
 
 class BoundForest(NamedTuple):
-    """Every tree of a forest, bound.
+    """All trees of a forest, bound.
 
     Attributes:
-        trees: The trees, in the order of the files; those of other files of the set, as far as they are used, last.
-        tops: The main tree and the trees used by no other, unless they are too large, with their subtrees expanded.
-        key_types: The types of the entries of each of these.
+        trees: The trees, in the order of the files, followed by the used trees of other files of the set.
+        tops: The main tree and the unused trees with their subtrees expanded, unless they are too large.
+        key_types: The types of the entries of each of them.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All possible meanings of the tags in them.
-        findings: What was found while binding: errors, and warnings about models and versions.
+        findings: The findings of binding: errors, and warnings about models and versions.
     """
 
     trees: Sequence[BoundTree]
@@ -95,9 +95,9 @@ def bind_all(
 
     Args:
         forest: The files.
-        registry: What tags mean.
+        registry: The meanings of tags.
         palettes: Further files with descriptions of nodes.
-        btcpp: The version of BehaviorTree.CPP that the trees are said to be for; None if nothing says so.
+        btcpp: The configured version of BehaviorTree.CPP; None if none is configured.
 
     Returns:
         The bound trees and their findings, in the order of the files.
@@ -111,7 +111,7 @@ def bind_all(
     trees = list(dict.fromkeys([*own, *binder.trees]))
     cut_circles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
-    # References into enclosing trees can be resolved only there; the main tree must not have any.
+    # References into enclosing trees can be resolved only from there; the main tree must not have any.
     main, count = forest.main_tree(), 0
     tops: list[Instance] = []
     key_types: dict[Instance, EntryTypes] = {}
@@ -165,7 +165,7 @@ class Binder:
         self._meanings: dict[str, list[NodeSpec]] = {}
         self._meant: dict[str, str | None] = {}
         self._home: Forest | None = None
-        # The file itself is None.
+        # The key None is the file itself.
         self._words: dict[Forest | None, _Vocabulary] = {
             None: (self._registry, models, self._meanings, self._meant)
         }
@@ -203,7 +203,7 @@ class Binder:
         return self._words[home]
 
     def _enter(self, tree: BoundTree) -> None:
-        """Turn to a tree; in another file of the set, tags mean what the models of that file say."""
+        """Switch to a tree; in another file of the set, the models of that file define its tags."""
         home = self._forest.homes.get(id(tree.element))
         if home is not self._home:
             self._registry, self._models, self._meanings, self._meant = self._words_of(home)
@@ -221,7 +221,7 @@ class Binder:
         return tree
 
     def _tree_of(self, element: Element) -> BoundTree:
-        """Return the bound tree of a `BehaviorTree` element; it is bound after those before it."""
+        """Return the bound tree of a `BehaviorTree` element; trees that precede it are bound first."""
         tree = self._trees.get(id(element))
         if tree is None:
             name = element.attributes.get("ID", f"{TREE_TAG}_{len(self._trees) + 1}")
@@ -233,11 +233,11 @@ class Binder:
         element = tree.element
         children = self._own_children(element, tree.name)
         if not children:
-            self._collector.add("missing-child", f"<{TREE_TAG}> has no node in it", element)
+            self._collector.add("missing-child", f"<{TREE_TAG}> is empty: it needs a node", element)
             return
         for extra in children[1:]:
-            message = f"<{TREE_TAG}> holds one node; this is another"
-            hint = "put them together in a Sequence or a Selector"
+            message = f"<{TREE_TAG}> can have only one node; this is another one"
+            hint = "put both in a Sequence or a Selector"
             self._collector.add("too-many-children", message, extra, hint=hint)
         tree.nesting = self._level
         bound = [self._node(child) for child in children]
@@ -272,7 +272,7 @@ class Binder:
         return bound
 
     def _alone(self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]) -> BoundNode:
-        """Bind an element by what it says itself."""
+        """Bind an element by its own tag and attributes."""
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._check_kind(bound)
@@ -281,7 +281,7 @@ class Binder:
         return bound
 
     def _is_meant(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
-        """Return whether a node that is called as a kind is meant: one of the registry by its tag, any other by its ID."""
+        """Return whether a tag that is also a kind means a node: a registered node by its tag, any other by its ID."""
         if "ID" not in element.attributes:
             return tag in self._registry
         return element.tag != tag or any(
@@ -309,7 +309,7 @@ class Binder:
             self._level -= 1
 
     def _index_node(self, bound: BoundNode) -> None:
-        """Index the nodes with rare features, so that these are found without a search of all nodes."""
+        """Index the nodes with rare features, so that they can be found without searching all nodes."""
         tree, spec = self._current, bound.spec
         if bound.keys:
             tree.keyed.append(bound)
@@ -328,21 +328,21 @@ class Binder:
         if element.tag == kind:
             return
         article = "an" if kind == Kind.ACTION.value else "a"
-        message = f"'{bound.spec.tag}' is {article} {kind}; <{element.tag}> says otherwise"
-        # BehaviorTree.CPP counts the children by what is written, and asks the node for all else.
+        message = f"'{bound.spec.tag}' is {article} {kind}, but is written as <{element.tag}>"
+        # BehaviorTree.CPP checks the number of children by the written kind, and everything else by the node.
         severity = Severity.WARNING if Kind(element.tag).takes(len(element.children)) else Severity.ERROR
         self._collector.add("wrong-kind", message, element, suggestion=kind, severity=severity)
 
     def _report_unknown(self, element: Element, tag: str) -> BoundNode | None:
-        """Report an unknown tag, and continue with the one that was probably meant."""
+        """Report an unknown tag, and continue with the one that was probably intended."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
         near = self._meant_by(element, tag)
-        if near == tag:  # py_trees' decorator, by its tag; not what the explicit form of a condition names
+        if near == tag:  # py_trees' decorator by its tag, not a condition in explicit form
             near = None
         if element.tag == TREE_TAG:
-            self._collector.add("unknown-node", f"a <{TREE_TAG}> is not allowed inside another", element)
+            self._collector.add("unknown-node", f"a <{TREE_TAG}> is not allowed inside another one", element)
         elif element.tag in (INCLUDE_TAG, MODEL_TAG):
-            hint = f"put it directly in <{ROOT_TAG}>"
+            hint = f"move it directly into <{ROOT_TAG}>"
             message = f"<{element.tag}> is not allowed in a tree"
             self._collector.add("unknown-node", message, element, hint=hint)
             return None
@@ -362,31 +362,29 @@ class Binder:
             for child in element.children:
                 self._node(child)
             return None
-        # Bound as the tag that was probably meant, so that one slip does not cause a finding for every
-        # reference to the node as well.
+        # Bound as the tag that was probably intended, so that one typo does not also cause a finding for each
+        # reference to the node.
         bound = BoundNode(element, variants[0], element.attributes.get("name", variants[0].tag))
         self._append_finding(bound)
         return bound
 
     def _report_anothers(self, element: Element, spec: NodeSpec) -> None:
-        """Report a node of another library that is called as one of py_trees."""
+        """Report a node of another library that has the name of a py_trees node."""
         needed = " and ".join(f"'{each.name}'" for each in spec.required)
-        message = f"<{spec.tag}> with {needed} is py_trees'; this one is another library's"
-        hint = "describe it in a palette (--model), and that counts"
+        message = f"<{spec.tag}> of py_trees needs {needed}; this one is from another library"
+        hint = "describe it in a palette (--model), which takes precedence"
         self._collector.add("unknown-node", message, element, hint=hint)
         for child in element.children:
             self._node(child)
 
     def _no_such_node(self, tag: str, near: str | None) -> tuple[str, str | None, str, str]:
-        """Return what to say of an unknown tag: the message, the tag to write instead, what to do, the cause of several."""
-        message = f"no node is called '{tag}'{self._former_name(tag, near)}"
+        """Return the message for an unknown tag, the suggested tag, the hint, and the cause of several."""
+        message = f"there is no node '{tag}'{self._former_name(tag, near)}"
         if tag in self._forest.known_ids:
             hint = f'write <{SUBTREE_TAG} ID="{tag}"/>'
-            return f"{message}; that is a tree", None, hint, "these are trees, not nodes"
+            return f"{message}, only a tree of this name", None, hint, "these are trees, not nodes"
         if other := REPLACEMENTS.get(tag):
-            hint = (
-                f"{other.hint}; if it is a node of your own, name its module (--nodes) or palette (--model)"
-            )
+            hint = f"{other.hint}; for your own node, add its module (--nodes) or palette (--model)"
             return f"{message}, which is known from {other.engine}", None, hint, f"these are like <{tag}>"
         if known := palettes_with(tag):
             names = " or ".join(known)
@@ -408,7 +406,7 @@ class Binder:
                 child.attributes.get(name, default)
                 for name, default in (("internal", "INNER"), ("external", "OUTER"))
             )
-            message = f"<{_REMAP}> is BehaviorTree.CPP 3's: since 4, keys are attributes of <{SUBTREE_TAG}>"
+            message = f"<{_REMAP}> is of BehaviorTree.CPP 3: since version 4, keys are attributes of <{SUBTREE_TAG}>"
             hint = (
                 f'delete it, and write {where} use as <{SUBTREE_TAG} ID="{tree_id}" {inner}="{{{outer}}}"/>'
             )
@@ -416,7 +414,7 @@ class Binder:
         return [child for child in element.children if child.tag != _REMAP]
 
     def _report_without_id(self, element: Element, message: str, what: str) -> None:
-        """Report an element without its required ID; `id` in another case does not count, nor a tree's name in another attribute."""
+        """Report an element without its required ID; neither `id` in another case nor a name in another attribute is accepted."""
         written = [name for name in element.attributes if name.upper() == "ID"]
         if not written and element.tag == SUBTREE_TAG:
             named = [name for name, value in element.attributes.items() if value in self._forest.known_ids]
@@ -429,7 +427,7 @@ class Binder:
         self._collector.add("missing-attribute", message, element, span, hint=f'write {what}: ID="..."')
 
     def _meant_by(self, element: Element, tag: str) -> str | None:
-        """Return the tag that was probably meant by an unknown one."""
+        """Return the tag that was probably intended by an unknown one."""
         if "ID" in element.attributes and tag == element.tag and tag not in KIND_TAGS:
             explicit = self._guesses.nearest(tag, sorted(KIND_TAGS))
             if explicit is not None:
@@ -440,7 +438,7 @@ class Binder:
         return self._meant[tag]
 
     def _alike(self, tag: str) -> str | None:
-        """Return the tag that an unknown one is a slip for; what no file here uses is only meant by nearly its own name."""
+        """Return the tag that is similar to an unknown one; tags that no file here uses must be almost equal."""
         near = self._guesses.nearest(tag, self._tags if tag != SUBTREE_TAG else self._tags[:-1])
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
@@ -448,11 +446,11 @@ class Binder:
         """Return a phrase about a name of BehaviorTree.CPP 3; empty for any other."""
         spec = subtree() if today == SUBTREE_TAG else self._registry.get(today or "")
         former = spec is not None and tag in spec.former_tags and spec.semantics.counterpart.built_in
-        return " any more: that is a name of BehaviorTree.CPP 3" if former else ""
+        return " any more, only in BehaviorTree.CPP 3" if former else ""
 
     @functools.cached_property
     def _keys(self) -> frozenset[str]:
-        """The keys that the files name: in braces, and in scripts that make them."""
+        """The keys that the files name: in braces, and in scripts that create them."""
         elements = [element for tree in self._forest.iterate() for element in tree.iterate()]
         texts = (text for element in elements for text in element.attributes.values())
         written = (name for text in texts for pair in re.findall(_KEYS, text) for name in pair)
@@ -466,7 +464,7 @@ class Binder:
 
     @functools.cached_property
     def _tags(self) -> list[str]:
-        """The tags that may be meant."""
+        """The tags that may be intended."""
         elements = (element for tree in self._forest.iterate() for element in tree.iterate())
         used = {
             element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
@@ -487,18 +485,18 @@ class Binder:
                 self._collector.add("child-of-leaf", message, child)
         elif not count and kind is Kind.DECORATOR:
             message = f"the decorator <{tag}> needs a child"
-            self._collector.add("missing-child", message, element, hint="put one node in it")
+            self._collector.add("missing-child", message, element, hint="put one node into it")
         elif not count:
             message = f"<{tag}> has no children"
-            self._collector.add("empty-control", message, element, hint="put nodes in it, or delete it")
+            self._collector.add("empty-control", message, element, hint="put nodes into it, or delete it")
         elif count < least:
-            message = f"<{tag}> needs {_amount(least, most)}, and has {count}"
+            message = f"<{tag}> needs {_amount(least, most)}, but has {count}"
             self._collector.add("missing-child", message, element)
         else:
             for extra in element.children[most:]:
                 what = "the decorator " if kind is Kind.DECORATOR else ""
-                message = f"{what}<{tag}> takes {_amount(least, most)}; this is another"
-                hint = "put them together in a Sequence or a Selector"
+                message = f"{what}<{tag}> can have {_amount(least, most)}; this is another one"
+                hint = "put both in a Sequence or a Selector"
                 self._collector.add("too-many-children", message, extra, hint=hint)
 
     def _subtree(self, element: Element) -> BoundNode:
@@ -507,10 +505,10 @@ class Binder:
         self._current.nodes.append(bound)
         self._current.uses.append(bound)
         for child in self._own_children(element, tree_id or "..."):
-            message = f"<{SUBTREE_TAG}> names a tree; its nodes belong in that <{TREE_TAG}>"
+            message = f"<{SUBTREE_TAG}> refers to a tree; move its nodes into that <{TREE_TAG}>"
             self._collector.add("child-of-leaf", message, child)
         if not tree_id:
-            self._report_without_id(element, f"this <{SUBTREE_TAG}> names no tree", "the tree's name")
+            self._report_without_id(element, f"this <{SUBTREE_TAG}> has no tree", "the tree's name")
             return bound
         target = self._forest.target(element, tree_id)
         _, theirs, *_ = self._words_of(self._forest.homes.get(id(target)))
@@ -523,7 +521,7 @@ class Binder:
         else:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"the trees are {join_words(trees)}; <include> adds those of other files, and so does [project] trees"
+            hint = f"the trees are {join_words(trees)}; add those of other files by <include> or [project] trees in sar.toml"
             cause = None if near else Cause("there are no such trees", tree_id)
             advice = Advice(suggestion=near, hint=hint, common_cause=cause)
             self._collector.add("unknown-tree", message, element, value="ID", **advice)
@@ -531,10 +529,10 @@ class Binder:
         return bound
 
     def _bind_described(self, bound: BoundNode, model: Model) -> None:
-        """Bind a `SubTree` whose tree only a model describes: as a leaf with the ports of the model."""
+        """Bind a `SubTree` whose tree only a model describes, as a leaf with the ports of the model."""
         bound.spec = spec = model.spec()
         bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}
-        self._current.skips = True  # as the root of its tree may be
+        self._current.skips = True  # the root of its tree may be skipped
 
     def _remapping(self, bound: BoundNode, model: Model | None) -> Remapping:
         element = bound.element
@@ -548,7 +546,7 @@ class Binder:
             elif name.startswith("_"):
                 self._unknown_of_subtree(element, name)
             else:
-                # Of a port, `=` would be its own key.
+                # For a port, `=` would be its own key.
                 key = None if text == "=" else blackboard_key(text, name)
                 (constants if key is None else keys)[name] = text if key is None else key
         autoremap = self._attributes.flag(element, AUTOREMAP)
@@ -559,20 +557,20 @@ class Binder:
                 key = blackboard_key(port.default, port.name)
                 (constants if key is None else keys)[port.name] = port.default if key is None else key
             else:
-                message = f"the tree '{element.attributes['ID']}' needs '{port.name}' (its model says so)"
+                message = f"the tree '{element.attributes['ID']}' needs '{port.name}', according to its model"
                 self._collector.add("missing-attribute", message, element, hint=f'write {port.name}="..."')
         return Remapping(keys, constants, autoremap)
 
     def _unknown_of_subtree(self, element: Element, name: str) -> None:
-        message = f"<{SUBTREE_TAG}> has no attribute '{name}'; keys do not begin with _"
+        message = f"<{SUBTREE_TAG}> has no attribute '{name}'; names of keys cannot begin with _"
         near = self._attributes.typo_in_note(name)
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=near)
 
 
 def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:
-    """Return the meaning of a tag that has the most of the written attributes, or the most similar ones.
+    """Return the meaning of a tag with the most of the written attributes, or the most similar ones.
 
-    If two have equally many, the attribute that was written first decides.
+    In case of a tie, the first written attribute decides.
     """
     written = list(element.attributes)
 
@@ -585,7 +583,7 @@ def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeS
 
 
 def is_anothers(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
-    """Return whether a node has nothing of any meaning of its tag: several attributes, and none that is known or near."""
+    """Return whether a node has several attributes and none of them is similar to one of its tag's meanings."""
     written = [name for name in element.attributes if name not in OF_ANY and not name.startswith("_")]
     known = {name for spec in variants for name in spec.parameters}
     return len(written) > 1 and not any(

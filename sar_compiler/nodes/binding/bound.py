@@ -31,7 +31,7 @@ _APART = Remapping()
 class BoundNode:
     """An element with its meaning.
 
-    Its mappings are replaced, never modified: most of them are empty, and these are shared.
+    Its mappings are replaced, never modified: most of them are empty and shared.
 
     Attributes:
         element: The element.
@@ -42,7 +42,7 @@ class BoundNode:
         references: The nodes that constructor parameters refer to, if they are in the same tree.
         children: Its children.
         conditions: The scripts of its pre- and post-conditions, by their attributes' names.
-        oneshot: The name of the policy of the OneShot to wrap it in.
+        oneshot: The policy's name of the OneShot that wraps it.
         subtree: The tree that it refers to, if it is a `SubTree`.
         remapping: The remapping of that tree's keys.
     """
@@ -85,17 +85,17 @@ class BoundNode:
 
     @property
     def tag(self) -> str:
-        """Its tag, as it is registered."""
+        """Its registered tag."""
         return self.spec.tag
 
     @property
     def is_leaf(self) -> bool:
-        """Whether such a node has no children."""
+        """Whether the node can have no children."""
         return self.spec.kind.is_leaf
 
     @property
     def counts(self) -> tuple[str, ...]:
-        """Its ports that are numbers of its children."""
+        """Its ports whose values are numbers of its children."""
         return self.spec.semantics.counts
 
     @property
@@ -104,7 +104,7 @@ class BoundNode:
         return self.spec.semantics.reactive or self.value("memory") is False
 
     def scripts(self) -> Iterator[tuple[str, Script]]:
-        """Yield its scripts with their attributes: those of its conditions, and those that are values."""
+        """Yield its scripts with their attributes: those of conditions, and those that are values."""
         if self.conditions:
             yield from self.conditions.items()
         for attribute, value in self.values.items():
@@ -115,7 +115,7 @@ class BoundNode:
         """Return the value of an attribute, or its default; None if the value is known only at runtime."""
         if name in self.values:
             return self.values[name]
-        if name in self.element.attributes:  # a key, or a mistake
+        if name in self.element.attributes:  # a key, or an invalid value
             return None
         parameter = self.spec.parameters.get(name)
         return self.spec.fixed.get(name, parameter.default if parameter is not None else None)
@@ -134,11 +134,11 @@ class BoundTree:
         keyed: The nodes with blackboard keys.
         scripted: The nodes that can have scripts: as conditions or as values.
         referring: The nodes that refer to others.
-        demanding: The nodes that are more than their tag and values: those with keys, subtrees or references,
-            those that need an object of the mission or have to do with facts, and those that are only described.
-        skips: Whether one of the nodes can be skipped by itself.
-        nesting: How deep its elements are nested.
-        wrappers: How many conditions and OneShots are wrapped around its nodes.
+        demanding: The nodes that need more than their tag and values: those with keys, subtrees, references or facts, those that
+            need an object of the mission, and those that are only described.
+        skips: Whether one of the nodes can be skipped independently of its children.
+        nesting: The nesting depth of its elements.
+        wrappers: The number of conditions and OneShots that wrap its nodes.
         open_references: References to nodes that are not in this tree, but may be in an enclosing one.
         unknown_names: Names of nodes with unknown tags; references to them are not reported again.
     """
@@ -171,8 +171,8 @@ class Binding:
 
     Attributes:
         main: The tree to execute.
-        findings: What was found; the tree can be compiled only if there is no error.
-        enums: The numbers that names stand for in scripts and in `Switch`.
+        findings: The findings; the tree can be compiled only if there is no error.
+        enums: The numbers of named constants in scripts and in `Switch`.
     """
 
     main: BoundTree

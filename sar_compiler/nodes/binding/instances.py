@@ -1,4 +1,4 @@
-"""A tree with its subtrees expanded: the keys and nodes that are visible in each instance of a tree."""
+"""Expansion of a tree's subtrees: the visible keys and nodes of each instance of a tree."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -20,10 +20,10 @@ class Instance:
         tree: The tree.
         scope: Its keys.
         around: The enclosing instance; None for the main tree.
-        place: The `SubTree` node there that refers to it.
+        place: The `SubTree` node in the enclosing instance that refers to it.
         inner: The instances in it, by their `SubTree` nodes.
         references: The nodes that its tree's open references resolve to, with their instances.
-        texts: The keys that it is given as constants which look like numbers, and that a port reads as a text.
+        texts: The keys with constants that look like numbers but that a port reads as strings.
     """
 
     tree: BoundTree
@@ -35,7 +35,7 @@ class Instance:
     texts: set[str] = field(default_factory=set)
 
     def constants(self) -> Iterator[tuple[str, int | float | str]]:
-        """Yield the keys that it is given as constants, with their values."""
+        """Yield the keys that are given as constants, with their values."""
         for key, text in self.place.remapping.constants.items() if self.place is not None else ():
             yield key, text if key in self.texts else literal_value(text)
 
@@ -70,7 +70,7 @@ def expand(main: BoundTree, collector: FindingCollector) -> Instance:
 
     Args:
         main: The tree to execute; it must be within the limits (`nesting.count_within_limits`).
-        collector: Collects the findings about the whole: unresolved references, two subtrees of one name.
+        collector: Collects the findings: unresolved references, two subtrees of one name.
 
     Returns:
         The main tree's instance.
@@ -99,9 +99,9 @@ class _Expansion:
                 continue
             name = bound.element.attributes.get("name") or f"{bound.subtree.name}::{self._count}"
             if name in names:
-                message, hint = f"two subtrees are called '{name}' here", "give each a name of its own"
+                message, hint = f"two subtrees are named '{name}' here", "give each a unique name"
                 self._collector.refused_since(NAMES, bound.element, message, value="name", hint=hint)
-                name = f"{name}::{self._count}"  # each has keys of its own
+                name = f"{name}::{self._count}"  # each has its own keys
             names.add(name)
             inner = instance.inner[bound] = Instance(
                 bound.subtree, _scope(instance.scope, name, bound), instance, bound
@@ -139,7 +139,7 @@ class _Expansion:
         while waiting:
             node = waiting.pop()
             if node in places:
-                message = f"'{bound.name}' refers to '{found.name}', which needs the subtree around it first"
+                message = f"'{bound.name}' refers to '{found.name}', which is created after the subtree of '{bound.name}'"
                 self._collector.add("circular-reference", message, bound.element)
                 return
             if node not in passed:
@@ -161,7 +161,7 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
 
 
 def _numbers_read_as_texts(top: Instance) -> Iterator[tuple[Instance, str]]:
-    """Yield the constants that look like numbers and that a port reads as a text: whose they are, their keys."""
+    """Yield constants that look like numbers but that a port reads as strings: their instances and keys."""
     numbers = {
         (inner.scope, key): inner
         for instance in top.iterate()

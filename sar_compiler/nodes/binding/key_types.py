@@ -1,4 +1,4 @@
-"""The type of each blackboard entry, and ports that BehaviorTree.CPP or this project refuses to share it."""
+"""The types of blackboard entries, and ports that BehaviorTree.CPP or this project does not allow to share one."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -30,12 +30,12 @@ _PLAIN_NUMBER = r"\d+(\.\d+)?"
 
 
 class EntryType(NamedTuple):
-    """The type of an entry, and what gave it that type.
+    """The type of an entry, with its origin.
 
     Attributes:
         cpp: The C++ type, normalized; empty for an entry that takes values of any type.
-        bound: The node that first names the entry, or the `SubTree` that is given a constant for it.
-        name: The attribute there.
+        bound: The first node that names the entry, or the `SubTree` with a constant for it.
+        name: The attribute of that node.
         parameter: The port; None for a constant.
     """
 
@@ -45,7 +45,7 @@ class EntryType(NamedTuple):
     parameter: Parameter | None
 
     def label(self, seen_from: Element) -> str:
-        """Return what it is and where, for a message about an element: `int for value of 'LoopInt' (line 4)`."""
+        """Return the type and its origin, for a message about an element: `int for value of 'LoopInt' (line 4)`."""
         return f"{self.cpp or 'of any type'} for {port_label(self.name, self.bound, seen_from)}"
 
 
@@ -56,11 +56,11 @@ EntryTypes = Mapping[tuple[Scope, str], EntryType]
 def report_key_types(top: Instance, collector: FindingCollector) -> EntryTypes:
     """Report ports that cannot share a key, in a tree with its subtrees expanded; return the types of its entries.
 
-    What comes first gives an entry its type: a port, in the order of the tree with its subtrees in place, or a constant that
-    the subtree is given. A port that takes anything, or a text, leaves it open.
+    The first port in the order of the expanded tree, or constant of a subtree, gives an entry its type. A port
+    for any value, or for a string, leaves the type open.
     """
     types: dict[tuple[Scope, str], EntryType] = {}
-    # The types and ports that may share a key: of many nodes, there are few kinds.
+    # The types and ports that may share a key: even many nodes have few of them.
     sharing: set[tuple[str, int, int]] = set()
     for instance, bound in top.in_place():
         for name, key in bound.keys.items():
@@ -80,13 +80,13 @@ def report_key_types(top: Instance, collector: FindingCollector) -> EntryTypes:
                     sharing.add(pair)
         inner = instance.inner.get(bound)
         for key, text in bound.remapping.constants.items() if inner is not None else ():
-            assert inner is not None  # noqa: S101 - asked above
+            assert inner is not None  # noqa: S101 - checked above
             types[inner.scope, key] = EntryType(type_of_constant(text, collector.version), bound, key, None)
     return types
 
 
 def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
-    """Return a port and its place, for a message about an element: `value of 'LoopInt' (line 4)`."""
+    """Return a port and its location, for a message about an element: `value of 'LoopInt' (line 4)`."""
     element = bound.element
     return f"{name} of '{bound.name}' (line {element.line}{file_of(element, seen_from)})"
 
@@ -94,10 +94,10 @@ def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
 def unknown_conversion(
     element: Element, attribute: str, span: Span, cpp: str, meant: str | None = None
 ) -> Diagnostic:
-    """Return the note that a text is read as a type which only C++ code can read from a text; a warning if an enumeration is meant."""
-    message = f"{attribute}: BehaviorTree.CPP reads a text as {cpp} only if that is an enumeration, or C++ code defines convertFromString<{cpp}>"
+    """Return the note on a type that only C++ code can read from a string; a warning if an enumeration may be intended."""
+    message = f"{attribute}: BehaviorTree.CPP reads a string as {cpp} only if that is an enumeration, or C++ code defines convertFromString<{cpp}>"
     cause = Cause(
-        "texts are read as these types, which have to be enumerations or have a convertFromString", cpp
+        "strings are read as these types, which must be enumerations or have a convertFromString", cpp
     )
     advice = Advice(severity=Severity.INFO, common_cause=cause)
     if meant is not None:
@@ -106,14 +106,14 @@ def unknown_conversion(
 
 
 def cpp_type(parameter: Parameter, version: Version) -> str:
-    """Return the C++ type of a port in a version of BehaviorTree.CPP, normalized."""
+    """Return the normalised C++ type of a port in a version of BehaviorTree.CPP."""
     return type_of_port(parameter.value_type.name, parameter.value_type.cpp, version)
 
 
 def fits(value_type: ValueType, value: object) -> bool:
-    """Return whether a port can read a value here: a text, or a number where it has numbers.
+    """Return whether a port can read a value here: a string, or a number if it accepts numbers.
 
-    What becomes of a number where something else is read, the C++ types say.
+    The C++ types determine the conversion of a number for other ports.
     """
     if isinstance(value, str) and is_loop_queue(value_type.name):
         read: Callable[[str], object] = value_type.convert
@@ -122,15 +122,15 @@ def fits(value_type: ValueType, value: object) -> bool:
     else:
         return True
     try:
-        read(value)  # type: ignore[arg-type] # a text where one is converted
+        read(value)  # type: ignore[arg-type] # a string, if the port converts strings
     except ConversionError:
         return False
     return True
 
 
 def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> bool:
-    """Return whether a port may share the key of the first one, after a report if it may not."""
-    assert later.parameter is not None  # noqa: S101 - a constant comes first
+    """Return whether a port may share the key of an earlier one, and report it if not."""
+    assert later.parameter is not None  # noqa: S101 - a constant is always first
     if first.parameter is not None and not agree(first.parameter, later.parameter):
         _report_here(first, later, key, collector)
     elif not may_share(first.cpp, later.cpp):
@@ -144,7 +144,7 @@ def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingC
 
 
 def agree(first: Parameter, later: Parameter) -> bool:
-    """Return whether a port can share the key of the first one here; from a text every type can be read."""
+    """Return whether a port can share the key of an earlier one here; every type can be read from a string."""
     known, other = first.value_type.python, later.value_type.python
     return other is None or known in _TEXTS or known is other
 
@@ -152,18 +152,18 @@ def agree(first: Parameter, later: Parameter) -> bool:
 def _report_here(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
     assert first.parameter is not None and later.parameter is not None  # noqa: S101, PT018 - both are ports
     message = (
-        f"{later.name}: '{key}' is {later.parameter.value_type.label} here, and {first.parameter.value_type.label} for "
+        f"{later.name}: '{key}' is {later.parameter.value_type.label} here, but {first.parameter.value_type.label} for "
         f"{port_label(first.name, first.bound, later.bound.element)}"
     )
     collector.add("key-of-two-types", message, later.bound.element, value=later.name, hint="use two keys")
 
 
 def _report_there(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
-    """Report a port that is refused in C++ only."""
+    """Report a port that only C++ rejects."""
     runs_here = not (first.bound.spec.is_foreign or later.bound.spec.is_foreign)
     message = (
-        f"{later.name}: '{key}' is {later.cpp} here, and {first.label(later.bound.element)}, which BehaviorTree.CPP refuses"
-        f"{', although the tree runs here' if runs_here else ''}"
+        f"{later.name}: '{key}' is {later.cpp} here, but {first.label(later.bound.element)}, which BehaviorTree.CPP rejects"
+        f"{', although sar_compiler can run the tree' if runs_here else ''}"
     )
     hint = "use two keys"
     if is_number(first.cpp) and (is_number(later.cpp) or later.cpp == TEXT):
@@ -176,19 +176,19 @@ def _report_there(first: EntryType, later: EntryType, key: str, collector: Findi
 
 
 def severity_there(btcpp: Version | None) -> Severity:
-    """Return the severity of what only BehaviorTree.CPP refuses: an error where the trees are said to be for a version."""
+    """Return the severity of errors of BehaviorTree.CPP only: an error if the trees target a version of it."""
     return Severity.ERROR if btcpp is not None else Severity.WARNING
 
 
 def _report_constant(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
-    """Report a port that cannot read a constant since that has a type, unless it cannot do so anyway."""
-    assert later.parameter is not None  # noqa: S101 - a constant comes first
+    """Report a port that cannot read a constant because of its type, unless it could not read it anyway."""
+    assert later.parameter is not None  # noqa: S101 - a constant is always first
     written = first.bound.remapping.constants[first.name]
     is_read = later.parameter.direction is not Direction.OUTPUT
     if is_read and not fits(later.parameter.value_type, literal_value(written)):
         return
     message = (
-        f"{later.name}: '{key}' is {later.cpp} here, and the subtree is given {written}, which is {first.cpp}"
+        f"{later.name}: '{key}' is {later.cpp} here, but the subtree is given {written}, which is {first.cpp}"
     )
     is_plain = is_number(later.cpp) and re.fullmatch(_PLAIN_NUMBER, written)
     value = written if is_plain else f"'{written}'"

@@ -1,4 +1,4 @@
-"""Limits of nesting: no tree contains itself, no tree is nested too deeply or too often."""
+"""Limits of nesting: trees must not contain themselves, and must not be too deep or too large."""
 
 from collections.abc import Iterable, Iterator
 
@@ -9,17 +9,17 @@ MAX_NODES = 300_000
 """The largest number of nodes in a tree with its subtrees expanded."""
 
 MAX_LEVELS = 600
-"""The largest depth of a tree with its subtrees expanded, in levels; conditions and `oneshot` count as one each.
+"""The maximum depth of a tree with its subtrees expanded, in levels; each condition and `oneshot` adds a level.
 
-As many as a file's 200 nested elements can make. py_trees goes through a tree with a frame of Python's thousand per level.
+This is the depth of a file with 200 nested elements. py_trees needs a stack frame for each level, and Python allows 1,000.
 """
 
 _LONGEST_CIRCLE = 8
-"""The largest circle that is named in full; of a longer one only the ends are."""
+"""The longest cycle that is reported in full; of a longer one only both ends are shown."""
 
 
 def cut_circles(trees: Iterable[BoundTree], collector: FindingCollector) -> None:
-    """Report every `SubTree` that is within the tree it names, and remove its tree."""
+    """Report every `SubTree` inside the tree that it refers to, and detach that tree."""
     done: set[BoundTree] = set()
     for tree in trees:
         if tree not in done:
@@ -32,7 +32,7 @@ def count_within_limits(main: BoundTree, collector: FindingCollector, others: in
     Args:
         main: The tree.
         collector: Collects the findings.
-        others: The total number of nodes in other trees of the file, which count as well.
+        others: The number of nodes in other trees of the file, which is added.
 
     Returns:
         Its number of nodes; None if there is a finding.
@@ -46,15 +46,15 @@ def count_within_limits(main: BoundTree, collector: FindingCollector, others: in
         bounds[tree] = tree.nesting + tree.wrappers + max((bounds[each] for each in inner), default=0)
     if sizes[main] + others > MAX_NODES:
         what = "the tree has" if sizes[main] > MAX_NODES else "the trees up to this one have"
-        message = f"with subtrees in place {what} more than {MAX_NODES:,} nodes"
+        message = f"with subtrees expanded, {what} more than {MAX_NODES:,} nodes"
         collector.add("too-many-nodes", message, main.element)
         return None
-    # How deep it is exactly matters only if it may be too deep.
+    # The exact depth matters only if it may be too large.
     heights = _heights(trees) if bounds[main] > MAX_LEVELS else bounds
     if heights[main] > MAX_LEVELS:
         node = _first_too_deep(main, heights)
-        message = f"with its subtrees in place the tree '{main.name}' is {heights[main]} levels deep here"
-        hint = f"at most {MAX_LEVELS} can be ticked and halted"
+        message = f"with its subtrees expanded, the tree '{main.name}' is {heights[main]} levels deep here"
+        hint = f"reduce it to {MAX_LEVELS} levels, the maximum that can be ticked and halted"
         collector.add("too-deep", message, node.element, hint=hint)
         return None
     return sizes[main]
@@ -83,17 +83,17 @@ def _follow(start: BoundTree, done: set[BoundTree], collector: FindingCollector)
 
 
 def _cut(node: BoundNode, path: list[BoundTree], collector: FindingCollector) -> None:
-    assert node.subtree is not None  # noqa: S101 - the caller has looked
+    assert node.subtree is not None  # noqa: S101 - checked by the caller
     names = [tree.name for tree in path[path.index(node.subtree) :]] + [node.subtree.name]
     if len(names) > _LONGEST_CIRCLE:
         names[_LONGEST_CIRCLE // 2 : -_LONGEST_CIRCLE // 2] = ["..."]
-    message = f"the trees contain each other for ever: {' -> '.join(names)}"
+    message = f"the trees contain each other: {' -> '.join(names)}"
     collector.add("recursive-tree", message, node.element, value="ID")
     node.subtree = None
 
 
 def trees_in(main: BoundTree) -> list[BoundTree]:
-    """Return a tree and those that it uses, each after its subtrees."""
+    """Return a tree and the trees that it uses, each after its subtrees."""
     order: dict[BoundTree, None] = {}
     waiting = [main]
     while waiting:

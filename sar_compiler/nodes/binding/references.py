@@ -16,7 +16,7 @@ class Candidates:
     def __init__(self, nodes: list[BoundNode], collector: FindingCollector) -> None:
         self.collector = collector
         self._nodes = nodes
-        # Those of a class in their order, and those of a class (None: of any) by their names.
+        # The nodes of each class in order, and the nodes of each class (None: of any) by name.
         self._fitting: dict[str, dict[BoundNode, None]] = {}
         self._called: dict[str | None, dict[str, dict[BoundNode, None]]] = {}
 
@@ -28,7 +28,7 @@ class Candidates:
         return self._fitting[target]
 
     def names(self, parameter: Parameter | None = None) -> Mapping[str, Collection[BoundNode]]:
-        """Return the nodes that a reference may name by their names; by default all nodes."""
+        """Return the nodes that a reference may name, by name; by default all nodes."""
         target = parameter.target_path if parameter is not None else None
         if target not in self._called:
             by_name = self._called[target] = {}
@@ -40,7 +40,7 @@ class Candidates:
         """Return the node among these that a reference refers to.
 
         Returns:
-            The node; None if there is none of that name and class; False if there is a finding about it.
+            The node; None if none has that name and class; False if there is a finding about it.
         """
         named = bound.element.attributes.get(parameter.name)
         found = self.of(parameter) if named is None else self.names(parameter).get(named, ())
@@ -53,18 +53,18 @@ class Candidates:
         element, what = bound.element, parameter.target_name
         places = f"lines {join_words([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
         if named is None:
-            message = f"<{bound.spec.tag}> can mean {count} {what} nodes ({places})"
+            message = f"<{bound.spec.tag}> matches {count} {what} nodes ({places})"
             hint = f'write {parameter.name}="{first[0].name}"'
             self.collector.add("ambiguous-reference", message, element, hint=hint)
         else:
-            message = f"{parameter.name}: {count} {what} nodes are called '{named}' ({places})"
-            hint = "give each a name of its own"
+            message = f"{parameter.name}: {count} {what} nodes are named '{named}' ({places})"
+            hint = "give each a unique name"
             self.collector.add("ambiguous-reference", message, element, value=parameter.name, hint=hint)
         return False
 
 
 def resolve_references(tree: BoundTree, collector: FindingCollector) -> None:
-    """Resolve the references of a tree; those to nodes outside it are left open."""
+    """Resolve the references of a tree; references to nodes outside of it stay open."""
     referring = tree.referring
     if not referring:
         return
@@ -76,12 +76,12 @@ def resolve_references(tree: BoundTree, collector: FindingCollector) -> None:
 
 
 def report_missing(bound: BoundNode, parameter: Parameter, within: list[Candidates]) -> None:
-    """Report a reference to a node that is not in any of the visible trees."""
+    """Report a reference to a node that is in none of the visible trees."""
     element, what, collector = bound.element, parameter.target_name, within[0].collector
     named = element.attributes.get(parameter.name)
-    where = "this tree" if len(within) == 1 else "this tree or one around it"
+    where = "this tree" if len(within) == 1 else "this tree or an enclosing one"
     if named is None:
-        message = f"<{bound.spec.tag}> needs a {what} in {where} ({parameter.name}); there is none"
+        message = f"<{bound.spec.tag}> needs a {what} in {where} ({parameter.name}), but there is none"
         collector.add("missing-reference", message, element, hint=f"add a <{what}> to the tree")
         return
     count = sum(len(each.of(parameter)) - (bound in each.of(parameter)) for each in within)
@@ -93,7 +93,7 @@ def report_missing(bound: BoundNode, parameter: Parameter, within: list[Candidat
         suggestion = names[0].strip("'") if count == 1 else None
         code = "wrong-reference"
     else:
-        message = f"{parameter.name}: no node in {where} is called '{named}'"
+        message = f"{parameter.name}: no node in {where} is named '{named}'"
         near = (collector.guesses.nearest(named, each.names(parameter)) for each in within)
         suggestion = next((name for name in near if name is not None), None)
         code = "unknown-reference"
@@ -106,7 +106,7 @@ def report_missing(bound: BoundNode, parameter: Parameter, within: list[Candidat
 def _resolve(tree: BoundTree, bound: BoundNode, parameter: Parameter, candidates: Candidates) -> None:
     named = bound.element.attributes.get(parameter.name)
     if named is None and not parameter.required:
-        return  # a default is the author's word for "nothing unless it is written"
+        return  # with a default, nothing is referenced unless it is written
     found = candidates.choose(bound, parameter)
     if isinstance(found, BoundNode):
         bound.references = {**bound.references, parameter.name: found}
@@ -120,7 +120,7 @@ def _report_circles(nodes: list[BoundNode], collector: FindingCollector) -> None
     while waiting:
         node = waiting.pop()
         if node not in graph:
-            # A node is made after those it refers to, and after those in it.
+            # A node is created after its references and its children.
             graph[node] = [*node.references.values(), *node.children]
             waiting.extend(graph[node])
     try:
@@ -138,9 +138,7 @@ def _report_circle(
     while following:
         node = following.pop()
         if node is bound:
-            message = (
-                f"'{bound.name}' refers to itself by way of {join_words([each.name for each in passed])}"
-            )
+            message = f"'{bound.name}' refers to itself through {join_words([each.name for each in passed])}"
             collector.add("circular-reference", message, bound.element)
             return
         if node not in passed:

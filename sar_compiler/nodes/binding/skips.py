@@ -14,15 +14,15 @@ class SkipAnalysis:
 
     Args:
         trees: The trees.
-        skipped: Further nodes that can be skipped by themselves, as somebody says.
+        skipped: Further nodes that are declared as skippable by themselves.
 
     Attributes:
-        possible: Whether any node in them can be skipped by itself.
+        possible: Whether any node in them can be skipped independently of its children.
     """
 
     def __init__(self, trees: Iterable[BoundTree], skipped: Iterable[BoundNode] = ()) -> None:
         self._known: dict[BoundNode, bool] = dict.fromkeys(skipped, True)
-        # In most trees no node can be skipped, and no analysis is needed.
+        # In most trees no node can be skipped, so no analysis is needed.
         self.possible = bool(self._known) or any(tree.skips for tree in trees)
 
     def among_children(self, bound: BoundNode) -> bool:
@@ -51,7 +51,7 @@ def by_itself(bound: BoundNode) -> bool:
 
 
 def _as_it_is_written(bound: BoundNode) -> bool:
-    """Return whether the attribute on which skipping depends can have the value required for it."""
+    """Return whether the attribute that controls skipping can have the required value."""
     if bound.spec.skipping.only_if is None:
         return True
     name, value = bound.spec.skipping.only_if
@@ -63,20 +63,20 @@ def _as_it_is_written(bound: BoundNode) -> bool:
 def report_misread(
     trees: Sequence[BoundTree], collector: FindingCollector, skipped: Iterable[BoundNode] = ()
 ) -> None:
-    """Report children that can be skipped below a node that would take this for an interruption.
+    """Report skippable children below a node that treats a skip as an interruption.
 
     Args:
         trees: The trees.
-        collector: Is told.
-        skipped: Further nodes that can be skipped by themselves, as somebody says.
+        collector: Receives the findings.
+        skipped: Further nodes that are declared as skippable by themselves.
     """
     skipping = SkipAnalysis(trees, skipped)
     if not skipping.possible:
         return
     for bound in [bound for tree in trees for bound in tree.nodes]:
         if bound.oneshot is not None and skipping.of(bound):
-            message = f"oneshot: '{bound.name}' can be skipped, which OneShot takes for an interruption"
-            hint = "put it in a <RunOnce> instead"
+            message = f"oneshot: '{bound.name}' can be skipped, which OneShot treats as an interruption"
+            hint = "use a <RunOnce> instead"
             collector.add("skip-misread", message, bound.element, name="oneshot", hint=hint)
         if bound.spec.misreads_skips:
             _report_children(bound, skipping, collector)
@@ -85,7 +85,7 @@ def report_misread(
 def _report_children(bound: BoundNode, skipping: SkipAnalysis, collector: FindingCollector) -> None:
     for child in bound.children:
         if skipping.of(child):
-            message = f"'{child.name}' can be skipped, which <{bound.element.tag}> takes for an interruption"
+            message = f"'{child.name}' can be skipped, which <{bound.element.tag}> treats as an interruption"
             advice = bound.spec.skipping.advice
             hint = f"write {advice} instead" if advice else "let the child succeed or fail instead"
             collector.add("skip-misread", message, child.element, hint=hint)

@@ -13,11 +13,11 @@ from sar_compiler.tree.model import SUBTREE_TAG, Element, is_groot2_project
 
 _REFUSED = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f]""")
 RESERVED = ("Root", "root")
-"""IDs that BehaviorTree.CPP keeps for itself."""
+"""IDs that BehaviorTree.CPP reserves."""
 
 
 def refused_in(name: str) -> str | None:
-    """Describe the part of a tree's or node's ID that is not allowed; None if the ID is valid."""
+    """Return the part of a tree's or node's ID that is not allowed; None if the ID is valid."""
     found = _REFUSED.search(name)
     if found is None:
         return None
@@ -26,17 +26,17 @@ def refused_in(name: str) -> str | None:
 
 
 def is_node(tree_id: str, registry: Registry) -> bool:
-    """Return whether an ID of a tree is that of a node that BehaviorTree.CPP knows as well: then it refuses the tree."""
+    """Return whether a tree has the ID of a node that BehaviorTree.CPP knows, which it rejects."""
     return tree_id == SUBTREE_TAG or (tree_id in registry and not is_library_tag(tree_id))
 
 
 class NameFault(NamedTuple):
-    """What BehaviorTree.CPP refuses in the ID of a tree since 4.8.4.
+    """An error in the ID of a tree that BehaviorTree.CPP reports since 4.8.4.
 
     Attributes:
-        message: What is wrong.
+        message: The error.
         hint: The remedy.
-        cause: What other IDs have in common with it.
+        cause: The cause that it shares with other IDs.
     """
 
     message: str
@@ -45,22 +45,22 @@ class NameFault(NamedTuple):
 
 
 def fault_of(tree_id: str) -> NameFault | None:
-    """Return what BehaviorTree.CPP refuses in the ID of a tree since 4.8.4; None if it is allowed."""
+    """Return the error in the ID of a tree for BehaviorTree.CPP since 4.8.4; None if it is valid."""
     refused = refused_in(tree_id)
     if refused is not None:
         message, cause = (
-            f"the ID '{tree_id}' of a tree has {refused} in it",
-            f"IDs of trees have {refused} in them",
+            f"the tree ID '{tree_id}' contains {refused}",
+            f"tree IDs contain {refused}",
         )
-        return NameFault(message, f"leave {refused} out", Cause(cause, tree_id))
+        return NameFault(message, f"remove {refused}", Cause(cause, tree_id))
     if tree_id in RESERVED:
-        message = f"a tree has the ID '{tree_id}'"
-        return NameFault(message, "give it another one", Cause(message, tree_id))
+        message = f"a tree has the reserved ID '{tree_id}'"
+        return NameFault(message, "choose another ID", Cause(message, tree_id))
     return None
 
 
 class UnknownTreeError(TreeError):
-    """The file has no tree of the name that was asked for; nothing need be wrong with it."""
+    """The file has no tree of the requested name; the file itself may be correct."""
 
 
 def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
@@ -85,15 +85,15 @@ def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
         message = f"there is no tree '{tree_id}'; {there}"
         return root.finding("missing-main-tree", message)
     if named is not None:
-        message = f"main_tree_to_execute names the tree '{named}', which is not there; {there}"
+        message = f"main_tree_to_execute names the tree '{named}', which does not exist; {there}"
         near = nearest(named, ids)
         return root.finding("missing-main-tree", message, value="main_tree_to_execute", suggestion=near)
     count = sum(1 for _ in forest.iterate())
     if not count:
-        hint = 'write a <BehaviorTree ID="..."> in it'
+        hint = 'add a <BehaviorTree ID="...">'
         return root.finding("no-tree", "the file has no tree", hint=hint)
     what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
-    message = f"{what} has {count} trees and does not say which one to execute: {join_words(ids)}"
+    message = f"{what} has {count} trees, but does not define which one to execute: {join_words(ids)}"
     first = ids[0] if ids else "..."
-    hint = f'name one, --tree {quote(first)}, or write main_tree_to_execute="{first}"'
+    hint = f'choose one by --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return root.finding("no-main-tree", message, hint=hint)

@@ -1,30 +1,30 @@
-"""BehaviorTree.CPP: what differs between its versions; conversion of trees to it."""
+"""BehaviorTree.CPP: differences between its versions, and conversion of trees to it."""
 
 from typing import NamedTuple
 
 
 class Version(NamedTuple):
-    """A version of BehaviorTree.CPP, without the number of the release."""
+    """A version of BehaviorTree.CPP, without the patch number."""
 
     major: int
     minor: int
 
     def __str__(self) -> str:
-        """Return it as it is written: `4.10`."""
+        """Return it as usually written: `4.10`."""
         return f"{self.major}.{self.minor}"
 
 
 VERSIONS = {str(version): version for version in (Version(4, 8), Version(4, 9), Version(4, 10))}
-"""The known versions; 4.8 stands for 4.8.0 to 4.8.3, since 4.8.4 judges names as 4.9 does."""
+"""The known versions; 4.8 means 4.8.0 to 4.8.3, since 4.8.4 checks names like 4.9."""
 OLDEST, NEWEST = min(VERSIONS.values()), max(VERSIONS.values())
 
 
 class VersionChange(NamedTuple):
-    """Something that BehaviorTree.CPP does otherwise since a version.
+    """A change of BehaviorTree.CPP's behaviour.
 
     Attributes:
-        since: The version.
-        release: The very release.
+        since: The first version with the change.
+        release: The exact release.
     """
 
     since: Version
@@ -32,19 +32,19 @@ class VersionChange(NamedTuple):
 
 
 NAMES = VersionChange(Version(4, 9), "4.8.4")
-"""IDs of trees, compact tags and names of ports with blanks and some other characters, the ID Root, and two subtrees of one name are refused."""
+"""Rejected: blanks and some characters in tree IDs, compact tags and port names, the ID Root, and two subtrees of one name."""
 QUOTES = VersionChange(Version(4, 9), "4.9.0")
-"""Texts of scripts in double quotation marks are refused."""
+"""Rejected: strings in double quotation marks in scripts."""
 ORDER = Version(4, 9)
-"""Since then sums, products, and `|` with `^`, are worked out from the left in scripts; before, `a - b + c` was `a - (b + c)`."""
+"""Sums, products, and `|` with `^`, are evaluated from the left in scripts; before, `a - b + c` was `a - (b + c)`."""
 OPERATORS = Version(4, 9)
-"""Since then operators of scripts mix, `?:` and assignments can be chained, and `&&` comes before `||`."""
+"""Operators of scripts can be mixed, `?:` and assignments can be chained, and `&&` binds stronger than `||`."""
 STATEMENTS = Version(4, 9)
-"""Since then two statements of a script need no `;` between them; before, it was refused without one."""
+"""Two statements of a script need no `;` between them; before, it was required."""
 NUMBERS = VersionChange(Version(4, 9), "4.9.1")
-"""A constant that is given to a subtree and looks like a number is one; before, it was a text."""
+"""A constant for a subtree that looks like a number is a number; before, it was a string."""
 LISTS = VersionChange(Version(4, 9), "4.9.0")
-"""The queue of a loop has no type, so that it takes a list that a port has written; before, such a port was refused."""
+"""The queue of a loop has no type, so a list from another port is accepted; before, such a port was rejected."""
 
 BUILT_IN = frozenset(
     {
@@ -97,7 +97,7 @@ BUILT_IN = frozenset(
         ),
     }
 )
-"""The nodes that BehaviorTree.CPP 4.10 registers by itself."""
+"""The nodes that BehaviorTree.CPP 4.10 registers."""
 
 DROPS_EXPLICIT = "ReactiveSequence"
-"""The control in which BehaviorTree.CPP 4.7 to 4.10 do not find nodes in explicit form that are its direct children."""
+"""The control in which BehaviorTree.CPP 4.7 to 4.10 do not recognise nodes in explicit form that are direct children."""

@@ -1,4 +1,4 @@
-"""The node that an element is rewritten as for BehaviorTree.CPP."""
+"""The draft of a node that is rewritten for BehaviorTree.CPP."""
 
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -12,14 +12,14 @@ T = TypeVar("T")
 
 @dataclass
 class Draft:
-    """The node that an element is rewritten as.
+    """The new form of an element.
 
     Attributes:
         element: The original element.
         tag: The tag of the new node.
         attributes: Its attributes, without the `ID` of the explicit form.
         explicit: Whether it is written in explicit form.
-        kept: Whether it is kept as it is, because it has no counterpart or needs no note.
+        kept: Whether it stays unchanged, because it has no counterpart or needs no note.
         children: The elements added to a leaf that becomes several nodes.
     """
 
@@ -33,14 +33,14 @@ class Draft:
     def literal(
         self, name: str, wanted: type[T], notes: FindingCollector, value_type: ValueType | None = None
     ) -> T | None:
-        """Return the value of an attribute; None, with a note, if the node must be kept as it is."""
+        """Return the value of an attribute; None, with a note, if the node must stay unchanged."""
         text = self.attributes[name]
         try:
             if blackboard_key(text, name) is None:
                 value = (value_type or type_of(wanted)).convert(text)
-                assert isinstance(value, wanted)  # noqa: S101 - of a type known here
+                assert isinstance(value, wanted)  # noqa: S101 - the type is known here
                 return value
-            message = f"{name}: '{text}' is known when the robot starts, and must be known now"
+            message = f"{name}: '{text}' is known only when the robot starts, but is needed now"
             hint = f"write the value in place of '{text}'"
             notes.add("no-counterpart", message, self.element, value=name, hint=hint)
         except ConversionError as error:

@@ -1,7 +1,7 @@
-"""C++ types of ports by name: which ports may share a key in BehaviorTree.CPP, and which values can be read from one.
+"""C++ types of ports by name: which ports may share a key in BehaviorTree.CPP, and which values they can read.
 
 BehaviorTree.CPP compares types twice. When it creates a tree, the first node that names a key gives the entry its type
-(`src/xml_parsing.cpp`, `createNodeFromXML`), and a port of another type is refused. When it ticks the tree, a value is
+(`src/xml_parsing.cpp`, `createNodeFromXML`), and a port of another type is rejected. When it ticks the tree, a value is
 converted to the type of the port that reads it (`utils/safe_any.hpp`), which works between numbers only.
 """
 
@@ -15,7 +15,7 @@ _INT_RANGE = range(-(2**31), 2**31)
 _UNTYPED = ("", ANY)
 _INTEGERS = ("int8_t", "uint8_t", "int16_t", "uint16_t", INT, UNSIGNED_INT, LONG, "uint64_t")
 _NUMBERS = frozenset((*_INTEGERS, "float", REAL, "bool", "long long", "unsigned long long"))
-# The whole numbers of which 4.8 to 4.10 convert none to the type of the other, as they do not compare their ranges.
+# Integer types that 4.8 to 4.10 do not convert to each other, because they do not compare the ranges.
 _KEPT_BY = {
     INT: (UNSIGNED_INT, "uint64_t", "int16_t"),
     UNSIGNED_INT: (INT, "int16_t"),
@@ -29,20 +29,20 @@ _ITEMS = {"LoopInt": INT, "LoopDouble": REAL, "LoopBool": "bool", "LoopString": 
 _QUEUE_NAME = "queue."
 _LIST = r"std::vector<(.*)>"
 _POINTER, _POINTER_TO_TEXT = "std::shared_ptr<", "std::shared_ptr<std::deque<"
-# As std::from_chars and std::stod read them.
+# The formats of std::from_chars and std::stod.
 _NUMBER = r"(?i)-?(\.?\d|inf|nan)"
 _OLD_REAL = r"(?i)\s*[+-]?(\.?\d|inf|nan)"
 
 
 def may_share(first: str, later: str) -> bool:
-    """Return whether a tree is created in which ports of two types have one key.
+    """Return whether a tree can be created in which ports of two types share a key.
 
-    A port without a type goes with every other; so does one that takes texts, if it comes first. An unknown type is
-    compared by its name. `Pose` may be the type that `geometry_msgs::msg::Pose` names in full.
+    A port without a type matches every other; so does a port for strings, if it is first. Unknown types are compared by name.
+    `Pose` may be short for `geometry_msgs::msg::Pose`.
 
     Args:
-        first: The type of the port that comes first in the tree with its subtrees in place, normalized.
-        later: The type of the other, normalized.
+        first: The normalised type of the first port in the expanded tree.
+        later: The normalised type of the other port.
     """
     return first in _UNTYPED or later in _UNTYPED or first == TEXT or is_same(first, later)
 
@@ -53,7 +53,7 @@ def is_same(first: str, second: str) -> bool:
 
 
 def is_untyped(cpp: str) -> bool:
-    """Return whether a port of a type takes values of every type."""
+    """Return whether a port of a type accepts values of every type."""
     return cpp in _UNTYPED
 
 
@@ -63,7 +63,7 @@ def is_number(cpp: str) -> bool:
 
 
 def is_whole(cpp: str) -> bool:
-    """Return whether the values of a type are whole numbers for BehaviorTree.CPP, as truth values are."""
+    """Return whether BehaviorTree.CPP treats the values of a type as integers, including bools."""
     return cpp in _INTEGERS or cpp == "bool"
 
 
@@ -73,12 +73,12 @@ def is_loop_queue(name: str) -> bool:
 
 
 def can_be_read(written: str, port: str, version: Version) -> bool:
-    """Return whether a port may read a value of another type from an entry; some numbers and texts may still not fit.
+    """Return whether a port may read a value of another type from an entry; some numbers and strings may still be invalid.
 
     Args:
-        written: The type of the value, normalized.
-        port: The type of the port, or the name of a loop's queue type, normalized.
-        version: The version; before 4.9.0, a loop took neither lists nor texts from an entry.
+        written: The normalised type of the value.
+        port: The normalised type of the port, or the name of a loop's queue type.
+        version: The version; before 4.9.0, a loop accepted neither lists nor strings from an entry.
     """
     if is_loop_queue(port):
         item = _ITEMS[port.removeprefix(_QUEUE_NAME)]
@@ -95,11 +95,11 @@ def can_be_read(written: str, port: str, version: Version) -> bool:
 def can_be_converted(value: object, port: str, version: Version) -> bool:
     """Return whether BehaviorTree.CPP can convert a value to the type of a port, if a port of this project can.
 
-    A type of a user is read from texts if the user's C++ says so, which is not known; but for a pointer, that is hardly done.
+    The user's C++ code may convert strings to a type of its own, which is not known here; for pointers it hardly does.
 
     Args:
-        value: The text, or the number.
-        port: The type of the port, or the name of a loop's queue type, normalized.
+        value: The string or number.
+        port: The normalised type of the port, or the name of a loop's queue type.
         version: The version.
     """
     if not isinstance(value, str):
@@ -123,7 +123,7 @@ def can_be_converted(value: object, port: str, version: Version) -> bool:
 
 
 def needs_converter(cpp: str) -> bool:
-    """Return whether a text is read as a type only if the user's C++ code defines `convertFromString` for it."""
+    """Return whether a type is read from a string only if the user's C++ code defines `convertFromString` for it."""
     match = re.fullmatch(_LIST, cpp)
     item = match[1] if match else cpp
     known = is_untyped(cpp) or item == TEXT or is_number(item) or is_loop_queue(cpp)
@@ -131,7 +131,7 @@ def needs_converter(cpp: str) -> bool:
 
 
 def _is_in_range(value: object, cpp: str) -> bool:
-    """Return whether a value is no whole number that a type of whole numbers lacks."""
+    """Return whether a value is within the range of an integer type; True for other types."""
     kind = type_of_cpp_name(cpp) if isinstance(value, int) else None
     if kind is None or kind.least is None or kind.most is None:
         return True
@@ -139,21 +139,21 @@ def _is_in_range(value: object, cpp: str) -> bool:
 
 
 def _is_pointer(cpp: str) -> bool:
-    """Return whether a type is a pointer that no text can be read as."""
+    """Return whether a type is a pointer, which cannot be read from a string."""
     return cpp.startswith(_POINTER) and not cpp.startswith(_POINTER_TO_TEXT)
 
 
 def can_replace(written: str, held: str) -> bool:
-    """Return whether a port can write a value of one type over one of another, in an entry that no port has given a type.
+    """Return whether a port can overwrite a value of another type, in an entry that no port has given a type.
 
     Args:
-        written: The type of the port that writes, normalized.
-        held: The type of the value that is there, normalized.
+        written: The normalised type of the port that writes.
+        held: The normalised type of the existing value.
     """
     if is_untyped(written) or is_untyped(held) or is_same(written, held):
         return True
     if held not in _NUMBERS or (held == "bool" and written in _NUMBERS):
-        # A list of known items, as a number, becomes a text.
+        # A list of known items, like a number, becomes a string.
         return written == TEXT and held.startswith("std::vector<")
     return written == TEXT or (written in _NUMBERS and written not in _KEPT_BY.get(held, ()))
 
@@ -164,7 +164,7 @@ def can_be_copied(written: str, entry: str) -> bool:
 
 
 def type_of_constant(text: str, version: Version) -> str:
-    """Return the type of an entry to which a subtree is given a constant; empty for none, as a text has."""
+    """Return the type of an entry for a subtree's constant; empty for none, as for a string."""
     value = literal_value(text) if version >= NUMBERS.since else text
     if isinstance(value, float):
         return REAL
@@ -178,7 +178,7 @@ def type_of_port(type_name: str, cpp: str, version: Version) -> str:
 
     Args:
         type_name: The name of the port's `ValueType`.
-        cpp: Its C++ type as it is declared.
+        cpp: Its declared C++ type.
         version: The version; before 4.9.0, the queue of a loop had a type.
     """
     if is_loop_queue(type_name) and version < LISTS.since:

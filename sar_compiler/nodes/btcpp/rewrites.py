@@ -14,7 +14,7 @@ T = TypeVar("T")
 ENDLESS = -1
 
 NO_ONESHOT = "register a decorator OneShot in C++"
-NO_FAILURE_IS_RUNNING = "an Inverter, a KeepRunningUntilFailure and an Inverter around its child do the same"
+NO_FAILURE_IS_RUNNING = "wrap its child in an Inverter, a KeepRunningUntilFailure and an Inverter"
 
 
 Rewrite = Callable[[Draft, FindingCollector], None]
@@ -34,20 +34,20 @@ def by_memory(with_memory: str, without: str, draft: Draft, notes: FindingCollec
 
 
 def reactive(draft: Draft, notes: FindingCollector) -> None:
-    """Drop the attribute that the tag implies."""
+    """Remove the attribute that the tag implies."""
     if "memory" in draft.attributes and draft.literal("memory", bool, notes) is False:
         del draft.attributes["memory"]
 
 
 def running(draft: Draft, _notes: FindingCollector) -> None:
-    """Write `Running` as a node that never ends over one that succeeds."""
+    """Write `Running` as a decorator that never ends around a node that succeeds."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
     draft.children = [Element("AlwaysSuccess", {}, (), element.source, *element.place)]
 
 
 def oneshot(draft: Draft, notes: FindingCollector) -> None:
-    """Write `OneShot` as `RunOnce`, where its policy allows that."""
+    """Write `OneShot` as `RunOnce`, if its policy allows that."""
     if "policy" not in draft.attributes:
         return
     try:
@@ -64,22 +64,22 @@ def retry(draft: Draft, notes: FindingCollector) -> None:
     """Write `Retry` as `RetryUntilSuccessful`."""
     if _times(draft, "num_failures", "num_attempts", 1, notes):
         draft.tag = "RetryUntilSuccessful"
-        message = "Retry waits for the next tick before each attempt; RetryUntilSuccessful may go on in the same one"
+        message = "Retry waits for the next tick before each attempt; RetryUntilSuccessful may continue in the same one"
         notes.add("differs", message, draft.element)
 
 
 def repeat(draft: Draft, notes: FindingCollector) -> None:
     """Write a number of successes as a number of cycles."""
-    # py_trees compares the number of successes with it, so that no success is the last one below 1.
+    # py_trees compares the number of successes with this number, so below 1 no success is the last one.
     if "num_success" in draft.attributes and _times(draft, "num_success", "num_cycles", ENDLESS, notes):
         message = (
-            "py_trees waits for the next tick before each repetition; num_cycles may go on in the same one"
+            "py_trees waits for the next tick before each repetition; num_cycles may continue in the same one"
         )
         notes.add("differs", message, draft.element)
 
 
 def _times(draft: Draft, name: str, other: str, below_1: int, notes: FindingCollector) -> bool:
-    """Convert a number of times; return whether this was possible."""
+    """Convert a number of repetitions; return whether this was possible."""
     if name not in draft.attributes:
         return False
     text = draft.attributes[name]
@@ -95,7 +95,7 @@ def _times(draft: Draft, name: str, other: str, below_1: int, notes: FindingColl
 def timeout(draft: Draft, notes: FindingCollector) -> None:
     """Write seconds as milliseconds."""
     if "duration" in draft.attributes:
-        # For BehaviorTree.CPP no time at all means no limit.
+        # BehaviorTree.CPP treats a time of zero as no limit.
         _milliseconds(draft, 1, notes)
 
 
@@ -109,8 +109,8 @@ def timer(draft: Draft, notes: FindingCollector) -> None:
 def _milliseconds(draft: Draft, least: int, notes: FindingCollector) -> bool:
     text = draft.attributes["duration"]
     if blackboard_key(text, "duration") is not None:
-        message = f"duration: '{text}' holds seconds, and BehaviorTree.CPP would read it as milliseconds"
-        hint = 'give the mission a parameter in milliseconds, and write msec="{...}"'
+        message = f"duration: '{text}' is in seconds, but BehaviorTree.CPP would read milliseconds"
+        hint = 'add a mission parameter in milliseconds, and write msec="{...}"'
         notes.add("no-counterpart", message, draft.element, value="duration", hint=hint)
         draft.kept = True
         return False
@@ -130,15 +130,15 @@ def parallel(draft: Draft, notes: FindingCollector) -> None:
     if policy not in ("SuccessOnAll", "SuccessOnOne") or (policy == "SuccessOnAll" and not synchronise):
         draft.kept = True
         detail = policy if policy != "SuccessOnAll" else f"{policy} without synchronise"
-        message = f"policy: BehaviorTree.CPP's Parallel has nothing like {detail}"
-        hint = "say it by success_count and failure_count, or register a control in C++"
+        message = f"policy: BehaviorTree.CPP's Parallel has no counterpart of {detail}"
+        hint = "use success_count and failure_count, or register a control in C++"
         notes.add("no-counterpart", message, draft.element, value="policy", hint=hint)
     if draft.kept:
         return
     _replace(draft, "policy", "success_count", "1" if policy == "SuccessOnOne" else "-1")
     draft.attributes["failure_count"] = "1"
     draft.attributes.pop("synchronise", None)
-    message = "py_trees ticks all children before it judges; BehaviorTree.CPP stops at the one that decides"
+    message = "py_trees ticks all children before it decides, BehaviorTree.CPP stops at the decisive one"
     notes.add("differs", message, draft.element)
 
 

@@ -1,7 +1,7 @@
 """Conversion of a tree file to BehaviorTree.CPP 4, so that it and Groot2 can open it.
 
-BehaviorTree.CPP refuses attributes that its nodes do not have, so `memory`, `oneshot` and the decorators of
-this project and py_trees are replaced by its own nodes. Anything without a counterpart is kept and noted.
+BehaviorTree.CPP rejects attributes that its nodes do not have, so `memory`, `oneshot` and the decorators of
+this project and py_trees are replaced by its own nodes. Nodes without a counterpart are kept and noted.
 """
 
 import dataclasses
@@ -38,7 +38,7 @@ from sar_compiler.tree.model import (
 )
 
 _QUEUES = {("LoopInt", "queue"): "std::vector<int>"}
-"""The types of ports that BehaviorTree.CPP declares in its own way."""
+"""The types of ports that BehaviorTree.CPP declares differently."""
 
 
 def to_btcpp(
@@ -48,12 +48,12 @@ def to_btcpp(
 
     Args:
         tree_file: The file.
-        registry: What tags mean.
+        registry: The meanings of tags.
         palettes: Further files with descriptions of nodes.
-        btcpp: The version that it is for; None for the newest.
+        btcpp: The target version; None for the newest.
 
     Returns:
-        The converted file and the notes about it, in its order: warnings for content that BehaviorTree.CPP does
+        The converted file and its notes, in file order: warnings for content that BehaviorTree.CPP does
         not support by itself, information for slight differences.
     """
     conversion = _Conversion(registry, btcpp or NEWEST)
@@ -119,8 +119,8 @@ class _Conversion:
 
     def _section(self, element: Element) -> Element:
         if element.tag == INCLUDE_TAG:
-            hint = "convert it too, and include what that makes"
-            self.notes.add("not-converted", "the included file stays as it is", element, hint=hint)
+            hint = "convert it too, and include the result"
+            self.notes.add("not-converted", "the included file is not converted", element, hint=hint)
         if element.tag != TREE_TAG:
             return element
         return dataclasses.replace(element, children=tuple(self._children(element, TREE_TAG)))
@@ -129,11 +129,11 @@ class _Conversion:
         tree_id = element.attributes.get("ID", "")
         refused = refused_in(tree_id)
         if self._btcpp >= NAMES.since and (refused or tree_id in RESERVED):
-            message = f"BehaviorTree.CPP refuses the ID '{tree_id}'"
+            message = f"BehaviorTree.CPP rejects the ID '{tree_id}'"
             what = f"an ID without {refused}" if refused else "another ID"
             self.notes.add("no-counterpart", message, element, value="ID", hint=f"give the tree {what}")
         elif self._is_built_in(tree_id) or tree_id in self._used:
-            message = f"BehaviorTree.CPP refuses a tree with the ID of a node, '{tree_id}'"
+            message = f"BehaviorTree.CPP rejects a tree with the ID of a node, '{tree_id}'"
             self.notes.add("no-counterpart", message, element, value="ID", hint="give the tree another ID")
 
     def _children(self, element: Element, parent: str) -> Iterator[Element]:
@@ -152,14 +152,14 @@ class _Conversion:
         converted = self._element(draft)
         if policy is None:
             return converted
-        # The OneShot made for the attribute has this name, too.
+        # The OneShot for the attribute has this name, too.
         return self._once(element, converted, f"{name}OneShot", policy)
 
     def _is_built_in(self, tag: str) -> bool:
         return is_built_in([subtree()] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
     def _rewrites(self, tag: str) -> Iterator[Rewrite]:
-        """Yield the rewrites of a tag's nodes for BehaviorTree.CPP; all meanings of the tag are tried."""
+        """Yield the rewrites of a tag for BehaviorTree.CPP; all meanings of the tag are tried."""
         for spec in self._registry.variants(tag):
             if spec.semantics.counterpart.rewrite is not None:
                 yield spec.semantics.counterpart.rewrite
@@ -174,12 +174,12 @@ class _Conversion:
         return Draft(element, tag, attributes, explicit)
 
     def _durations(self, tag: str) -> dict[str, str]:
-        """Return the unit of the plain numbers of each attribute of a tag that is a duration."""
+        """Return the unit of plain numbers for each duration attribute of a tag."""
         attributes = (each for spec in self._registry.variants(tag) for each in spec.attributes)
         return {each.name: each.value_type.unit for each in attributes if each.value_type.unit}
 
     def _units_of_keys(self, tree_file: TreeFile) -> dict[str, str]:
-        """Return the keys that attributes read as durations, with the unit of their plain numbers."""
+        """Return the keys that attributes read as durations, with the unit of plain numbers."""
         units: dict[str, str] = {}
         for element in tree_file.root.iterate():
             tag = element.attributes.get("ID", "") if element.tag in KIND_TAGS else element.tag
@@ -190,12 +190,10 @@ class _Conversion:
         return units
 
     def _subtree(self, element: Element) -> Draft:
-        """Note the durations that a subtree is given with a unit: there, they are texts."""
+        """Note the durations that a subtree is given with a unit: there, they are strings."""
         for name, text in element.attributes.items():
             if name in self._units and milliseconds_in(text) is not None:
-                message = (
-                    f"{name}: BehaviorTree.CPP knows no units, and would read '{text}' as another number"
-                )
+                message = f"{name}: BehaviorTree.CPP has no units and would read '{text}' as another number"
                 hint = f"write {plain_duration(text, self._units[name])}, for {text}"
                 self.notes.add("no-counterpart", message, element, value=name, hint=hint)
         return Draft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
@@ -217,25 +215,27 @@ class _Conversion:
         tag = "RunOnce"
         if policy == "ON_SUCCESSFUL_COMPLETION":
             tag, attributes = "OneShot", {"name": name, "policy": policy}
-            message = f"{ONESHOT}: nothing in BehaviorTree.CPP tries again until it succeeds once"
+            message = f"{ONESHOT}: BehaviorTree.CPP has no node that retries until the first success"
             self.notes.add("no-counterpart", message, element, value=ONESHOT, hint=NO_ONESHOT)
             self._use(tag, attributes, 1)
         return Element(tag, attributes, (child,), element.source, *element.place)
 
     def _complain(self, draft: Draft) -> None:
-        """Note missing counterparts, and drop the attributes that BehaviorTree.CPP would refuse."""
+        """Note missing counterparts, and remove the attributes that BehaviorTree.CPP would reject."""
         specs = self._registry.variants(draft.tag)
         refused = refused_in(draft.tag)
         if refused and not draft.explicit and self._btcpp >= NAMES.since:
-            message = f"BehaviorTree.CPP refuses the node '{draft.tag}'"
-            hint = f"register it by a name without {refused}"
+            message = f"BehaviorTree.CPP rejects the node '{draft.tag}'"
+            hint = f"register it under a name without {refused}"
             self.notes.add("no-counterpart", message, draft.element, hint=hint)
         if draft.kept or not specs:
             return
         spec = specs[0]
         since = spec.semantics.counterpart.since
         if since and self._btcpp < VERSIONS[since]:
-            message = f"BehaviorTree.CPP has <{draft.tag}> since {since}, and this is for {self._btcpp}"
+            message = (
+                f"BehaviorTree.CPP has <{draft.tag}> since {since}, but the target version is {self._btcpp}"
+            )
             self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
         built_in = is_built_in(specs)
         if not built_in:
@@ -248,21 +248,23 @@ class _Conversion:
         for name in [name for name in draft.attributes if name not in known and not name.startswith("_")]:
             del draft.attributes[name]
             if name in draft.element.attributes:
-                message = f"BehaviorTree.CPP's <{draft.tag}> has no '{name}'; it is left out"
+                message = f"BehaviorTree.CPP's <{draft.tag}> has no '{name}', so it is removed"
                 self.notes.add("left-out", message, draft.element, name=name)
 
     def _refer(self, element: Element, tag: str, parameter: Parameter) -> None:
-        """Note, once for each kind of node, that BehaviorTree.CPP treats a reference as a plain text."""
+        """Note, once for each kind of node, that BehaviorTree.CPP treats a reference as a plain string."""
         if (tag, parameter.name) in self._referring:
             return
         self._referring.add((tag, parameter.name))
         what = parameter.target_name or "node"
-        message = f"{parameter.name}: in BehaviorTree.CPP <{tag}> gets the name of a {what}, not the node"
-        hint = "in C++, let the two share what they need on the blackboard"
+        message = (
+            f"{parameter.name}: in BehaviorTree.CPP, <{tag}> receives the name of a {what}, not the node"
+        )
+        hint = "in C++, exchange the data on the blackboard"
         self.notes.add("reference", message, element, name=parameter.name, hint=hint)
 
     def _measure(self, draft: Draft) -> None:
-        """Note whole numbers that have more bits than BehaviorTree.CPP's type of the port."""
+        """Note integers that do not fit into BehaviorTree.CPP's type of the port."""
         for name, text in draft.attributes.items():
             type_name = normalized(self._type_name(draft.tag, name))
             kind = type_name.removeprefix("std::vector<").removesuffix(">")
@@ -273,15 +275,15 @@ class _Conversion:
             try:
                 numbers = items_of(text, whole_number) if kind != type_name else [whole_number(text)]
             except ConversionError:
-                continue  # validation has the words for it
+                continue  # validation reports it
             beyond = next((number for number in numbers if not least <= number <= most), None)
             if beyond is not None:
-                message = f"{name}: {beyond} does not go into BehaviorTree.CPP's {kind}"
+                message = f"{name}: {beyond} does not fit into BehaviorTree.CPP's {kind}"
                 hint = f"write a number from {least} to {most}"
                 self.notes.add("no-counterpart", message, draft.element, value=name, hint=hint)
 
     def _type_name(self, tag: str, name: str) -> str:
-        """Return the type that an attribute has in C++; empty if it is not known."""
+        """Return the C++ type of an attribute; empty if it is unknown."""
         model = self._models.get(tag)
         if model is not None and name in model.ports and not self._is_built_in(tag):
             return model.ports[name].type_name
@@ -293,11 +295,13 @@ class _Conversion:
     def _explicit(self, draft: Draft, parent: str) -> bool:
         """Return whether a node is written in explicit form."""
         if draft.tag in KIND_TAGS and draft.tag in self._registry:
-            return True  # its own name would be taken for the explicit form
+            return True  # its own name would be read as the explicit form
         if draft.explicit and parent == DROPS_EXPLICIT:
-            message = f"BehaviorTree.CPP 4.7 to 4.10 do not find <{draft.element.tag}> directly in <{parent}>"
+            message = (
+                f"BehaviorTree.CPP 4.7 to 4.10 do not recognise <{draft.element.tag}> directly in <{parent}>"
+            )
             if refused_in(draft.tag) or draft.tag in KIND_TAGS:
-                hint = "put it into a Sequence of its own"
+                hint = "wrap it in a Sequence"
                 self.notes.add("no-counterpart", message, draft.element, hint=hint)
                 return True
             self.notes.add("differs", f"{message}; written as <{draft.tag}>", draft.element)
@@ -348,7 +352,7 @@ def _with_models(sections: list[Element], models: list[Element]) -> list[Element
 
 
 def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
-    """Give trees without an ID their generated one."""
+    """Give trees without an ID their generated ID."""
     number = 0
     for section in sections:
         number += section.tag == TREE_TAG
@@ -360,5 +364,5 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
 
 
 def _copy(element: Element) -> Element:
-    """Return a copy of another file's element that belongs to no file."""
+    """Return a copy of an element of another file, without that file."""
     return synthetic_element(element.tag, element.attributes, map(_copy, element.children), element.text)

@@ -1,10 +1,10 @@
 """The nodes of BehaviorTree.CPP and of py_trees.
 
-What a tag means is declared here, and what makes it is named by its import path (`nodes.declaring`): none of these
-modules imports py_trees.
+The modules declare the meanings of tags, and name the classes by their import paths (`nodes.declaring`), so that
+they do not import py_trees.
 """
 
 from sar_compiler.nodes.language import controls, decorators, leaves
 
 SPECS = [*controls.SPECS, *decorators.SPECS, *leaves.SPECS]
-"""What each tag of the language means, and `SubTree`."""
+"""The specs of all tags of the language, and of `SubTree`."""

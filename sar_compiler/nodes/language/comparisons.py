@@ -26,7 +26,7 @@ JUNCTIONS: dict[str, Callable[[bool, bool], bool]] = {
     "or": operators.or_,
     "xor": operators.xor,
 }
-_EXAMPLE = "write a key, how to compare, and a value, for example battery gt 20"
+_EXAMPLE = "write a key, a comparison and a value, for example battery gt 20"
 _LEAST_CHECKS = 2
 
 
@@ -46,7 +46,7 @@ def read_check(text: str) -> Check:
     """
     parts = text.split(maxsplit=2)
     if len(parts) < len(Check._fields) or "{" in text:
-        raise ConversionError(f"'{text}' is no comparison; {_EXAMPLE}")
+        raise ConversionError(f"'{text}' is not a comparison; {_EXAMPLE}")
     check = Check(*parts)
     VARIABLE.convert(check.variable)
     if check.comparison not in COMPARISONS:
@@ -61,20 +61,20 @@ def expression(variable: str, operator: str, value: Input[object]) -> "Compariso
 
     Args:
         variable: The key, by its py_trees name.
-        operator: How to compare.
-        value: What to compare with; a key is read at each comparison.
+        operator: The comparison.
+        value: The value to compare with; a key is read at each comparison.
     """
     from py_trees.common import ComparisonExpression
 
     compare = COMPARISONS[operator]
     if value.entry is None:
         return ComparisonExpression(variable, constant(value), compare)
-    # A function as the value would do from py_trees 2.4 on.
+    # Since py_trees 2.4, the value itself could be a function.
     return ComparisonExpression(variable, _Held(value), lambda left, right: compare(left, right.get()))
 
 
 def constant(port: Input[object]) -> object:
-    """Return the value of a constant: a text from a file is a number or a Boolean if all of it is one."""
+    """Return the value of a constant: a string from a file is a number or a bool if all of it is one."""
     value = port.get()
     if not isinstance(value, str):
         return value
@@ -97,19 +97,19 @@ class _Held:
 def _checks(text: str) -> list[str]:
     checks = items_of(text, lambda item: " ".join(read_check(item)), blanks=True)
     if len(checks) < _LEAST_CHECKS:
-        message = f"at least two comparisons are wanted, and there is {len(checks) or 'none'}"
-        raise ConversionError(message, hint="for one there is CheckBlackboardVariableValue")
+        message = f"at least two comparisons are required, but there is {len(checks) or 'none'}"
+        raise ConversionError(message, hint="for one comparison, use CheckBlackboardVariableValue")
     return checks
 
 
 def _keys_in(checks: object) -> list[str]:
-    assert isinstance(checks, list)  # noqa: S101 - of this type
+    assert isinstance(checks, list)  # noqa: S101 - the type is known
     return [entry_of(check.split(" ", 1)[0]) for check in checks]
 
 
 CHECKS = ValueType(
     "checks",
-    "comparisons with ; between them",
+    "comparisons separated by ;",
     _checks,
     python=list,
     cpp="std::vector<std::string>",

@@ -38,7 +38,7 @@ _stock = partial(stock, Kind.DECORATOR)
 def _successes(bound: NodeView) -> float | None:
     """Return the rounds of py_trees' Repeat."""
     count = number(bound, "num_success")
-    # py_trees compares the number of successes with it: no success is the last one below 1.
+    # py_trees compares the number of successes with this number: below 1 no success is the last one.
     return math.inf if count is not None and count < 1 else count
 
 
@@ -49,12 +49,12 @@ def _failures(bound: NodeView) -> float | None:
 
 
 def _within(bound: NodeView) -> float | None:
-    """Return the limit of a Timeout in seconds; BehaviorTree.CPP's 0 is no limit."""
+    """Return the limit of a Timeout in seconds; 0 in BehaviorTree.CPP means no limit."""
     return milliseconds(bound, "msec") or (math.inf if number(bound, "msec") == 0 else None)
 
 
 def _with_rewrite(semantics: Semantics, rewrite: rewrites.Rewrite, *, built_in: bool = True) -> Semantics:
-    """Return semantics with what the node becomes in BehaviorTree.CPP."""
+    """Return semantics with the rewrite of the node for BehaviorTree.CPP."""
     return semantics._replace(counterpart=Counterpart(built_in, rewrite))
 
 
@@ -71,7 +71,7 @@ def _stock_unless_skipping(
     possible: SkipPossibility = SkipPossibility.FROM_CHILD,
     repeats: int = 0,
 ) -> NodeSpec:
-    """Return a decorator of BehaviorTree.CPP's that is py_trees' own unless its child can skip."""
+    """Return a decorator of BehaviorTree.CPP that uses py_trees' class unless its child can skip."""
     turned = tuple(WORD_OF[turns.get(each, each)] for each in (S, F, K))
     replacement = _own(tag, "kernel.turning:TurningNode", doc, fixed={"turned": turned})
     return _own(
@@ -298,7 +298,7 @@ PY_TREES = [
         semantics=Semantics(
             partial(outcome_sets.guard, "condition"),
             counterpart=Counterpart(
-                hint="a ReactiveSequence of a ScriptCondition and its child does the same"
+                hint="use a ReactiveSequence of a ScriptCondition and its child, which does the same"
             ),
         ),
     ),
@@ -345,6 +345,6 @@ SUBTREE = _own(
     former_tags=("SubTreePlus",),
     former_attributes={"__shared_blackboard": "_autoremap", "__autoremap": "_autoremap"},
 )
-"""The node that a `SubTree` is compiled to; its attributes are handled by binding."""
+"""The node that a `SubTree` is compiled to; binding handles its attributes."""
 
 SPECS = [*BEHAVIORTREE_CPP, *PY_TREES, SUBTREE]

@@ -37,7 +37,7 @@ def _peeking(*ports: str, resumes: bool = False) -> Semantics:
 
 
 def _as_in_btcpp(tag: str) -> Semantics:
-    """Return the semantics of a leaf that BehaviorTree.CPP has by another name."""
+    """Return the semantics of a leaf that BehaviorTree.CPP has under another name."""
     return Semantics(counterpart=Counterpart(rewrite=partial(rewrites.rename, tag)))
 
 
@@ -150,7 +150,7 @@ PY_TREES = [
     _stock("Failure", "Fails.", outcomes=_FAILURE, semantics=_as_in_btcpp("AlwaysFailure")),
     _stock(
         "Running",
-        "Runs for ever.",
+        "Always returns RUNNING.",
         outcomes=_RUNNING,
         semantics=Semantics(counterpart=Counterpart(rewrite=rewrites.running)),
     ),
@@ -216,7 +216,7 @@ PY_TREES = [
         Kind.ACTION,
         "Timer",
         "sar_compiler.runtime.stock:Timer",
-        "Runs until a time has passed on the mission's clock, then succeeds.",
+        "Runs for a time measured by the mission's clock, then succeeds.",
         CLOCK,
         attribute("duration", SECONDS, "Duration, in seconds; 0 or less to succeed at once.", 5.0),
         outcomes=_SUCCESS | _RUNNING,
@@ -297,14 +297,14 @@ PY_TREES = [
         attribute(
             "checks",
             CHECKS,
-            "The comparisons, each a key, an operator and a value: `battery gt 20;speed lt 1.5`. If nothing was written "
-            "to one of the keys, the node fails.",
+            "The comparisons, each a key, an operator and a value: `battery gt 20;speed lt 1.5`. If one of the keys has "
+            "no value, the node fails.",
         ),
         attribute("operator", Junction, "The operator that joins the results, from left to right."),
         inout_port(
             "namespace",
             KEY,
-            "A key `results` has each result written to `results/1`, `results/2` and so on.",
+            "The prefix of the keys for the results: with `results`, they are written to `results/1`, `results/2` and so on.",
             None,
         ),
         made_by="check_values",

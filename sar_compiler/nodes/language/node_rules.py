@@ -1,11 +1,11 @@
-"""Rules of single nodes: attributes that are each valid by themselves, and do not fit each other or the children."""
+"""Rules of single nodes: attributes that are each valid, but conflict with each other or the children."""
 
 from sar_compiler.nodes.collector import FindingCollector, NodeView
 from sar_compiler.nodes.values import ConversionError, items_of
 from sar_compiler.tree.guessing import nearest
 
 HOW_TO_SELECT = 'write the names of the children that have to succeed: selected="left;right"'
-NO_ANSWER = "queue: there is no status in it; write some: RUNNING;SUCCESS"
+NO_ANSWER = "queue: it is empty; write statuses, for example RUNNING;SUCCESS"
 
 
 def report_out_of_reach(bound: NodeView, collector: FindingCollector) -> None:
@@ -14,7 +14,7 @@ def report_out_of_reach(bound: NodeView, collector: FindingCollector) -> None:
     for name in bound.counts:
         wanted = bound.values.get(name)
         if isinstance(wanted, int) and wanted > there > 0:
-            message = f"{name}: {wanted} of {there} children can never be"
+            message = f"{name}: the node needs {wanted} children, but has {there}"
             collector.add("out-of-reach", message, bound.element, value=name, hint=f"write {there} or fewer")
 
 
@@ -28,10 +28,10 @@ def report_interruptions(bound: NodeView, collector: FindingCollector) -> None:
     pausing = [child.element for child in bound.children if child.tag == "AsyncSequence"]
     for child in pausing[1:]:
         message = (
-            f"a second AsyncSequence in '{bound.name}' never ends: the first one is started again in every tick, "
+            f"a second AsyncSequence in '{bound.name}' never ends: the first one is restarted in every tick "
             "and interrupts it"
         )
-        collector.add("interrupted-child", message, child, hint="put them together in an AsyncSequence")
+        collector.add("interrupted-child", message, child, hint="combine both in one AsyncSequence")
 
 
 def report_no_answer(bound: NodeView, collector: FindingCollector) -> None:
@@ -41,9 +41,9 @@ def report_no_answer(bound: NodeView, collector: FindingCollector) -> None:
 
 
 def report_policy(bound: NodeView, collector: FindingCollector) -> None:
-    """Report attributes that do not fit the policy of a Parallel, and selected children that do not exist."""
+    """Report attributes that conflict with the policy of a Parallel, and selected children that do not exist."""
     element, policy = bound.element, bound.values.get("policy")
-    if policy is None:  # a key, or a mistake
+    if policy is None:  # a key, or an invalid value
         return
     written = element.attributes.get("selected")
     clash = clash_with(policy, bound.values.get("synchronise"), is_selected=written is not None)
@@ -56,7 +56,7 @@ def report_policy(bound: NodeView, collector: FindingCollector) -> None:
         message = f"<{bound.tag}> needs the attribute 'selected' with SuccessOnSelected"
         collector.add("missing-attribute", message, element, hint=HOW_TO_SELECT)
     elif bound.values.get("selected") == []:
-        message = "selected: no child is named"
+        message = "selected: it names no child"
         collector.add("wrong-value", message, element, value="selected", hint=HOW_TO_SELECT)
     elif "selected" in bound.values and len(bound.children) == len(element.children):
         _report_names(bound, written, collector)
@@ -71,16 +71,16 @@ def _report_names(bound: NodeView, written: str, collector: FindingCollector) ->
 
 
 def clash_with(policy: object, synchronise: object, *, is_selected: bool) -> tuple[str, str] | None:
-    """Return the attribute that does not fit a policy, and the reason; None if all fit."""
+    """Return the attribute that conflicts with a policy, and the reason; None if there is none."""
     if is_selected and policy != "SuccessOnSelected":
-        return "selected", f"goes with the policy SuccessOnSelected, not with {policy}"
+        return "selected", f"requires the policy SuccessOnSelected, not {policy}"
     if synchronise and policy == "SuccessOnOne":
-        return "synchronise", "with SuccessOnOne no child waits for another; leave it out"
+        return "synchronise", "has no meaning with SuccessOnOne; remove it"
     return None
 
 
 def place_of(name: str, names: list[str]) -> int:
-    """Return the index of the child of a name.
+    """Return the index of the child with a name.
 
     Raises:
         ConversionError: If no child, or more than one, has the name.
@@ -89,8 +89,10 @@ def place_of(name: str, names: list[str]) -> int:
     if count == 1:
         return names.index(name)
     if count:
-        raise ConversionError(f"{count} children are called '{name}'; give each a name of its own")
-    raise ConversionError(f"no child is called '{name}'; there are {', '.join(names)}", nearest(name, names))
+        raise ConversionError(f"{count} children are named '{name}'; give each a unique name")
+    raise ConversionError(
+        f"no child is named '{name}'; the children are {', '.join(names)}", nearest(name, names)
+    )
 
 
 def _bound_name(child: NodeView) -> str:

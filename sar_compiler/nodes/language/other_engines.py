@@ -1,14 +1,14 @@
-"""Nodes of other behaviour tree engines, and the nodes that replace them here."""
+"""Nodes of other behaviour tree engines, and their replacements here."""
 
 from typing import NamedTuple
 
 
 class Replacement(NamedTuple):
-    """What replaces a node of another engine.
+    """The replacement of a node of another engine.
 
     Attributes:
         engine: The engine, as a user would search for it.
-        hint: What to write instead.
+        hint: The instruction for the user.
     """
 
     engine: str
@@ -85,4 +85,4 @@ REPLACEMENTS = {
         Concurrence='write <Parallel success_count="-1" failure_count="1">',
     ),
 }
-"""What replaces well-known nodes, by tag. A name that BehaviorTree.CPP 3 gave a node of ours is one of its `former_tags`."""
+"""The replacements of well-known nodes, by tag. Names of BehaviorTree.CPP 3 for nodes here are in `former_tags`."""

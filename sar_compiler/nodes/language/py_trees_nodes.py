@@ -1,10 +1,10 @@
-"""Makers of py_trees' own nodes of what is written in a tree file.
+"""Factories of py_trees nodes for the nodes in a tree file.
 
 The nodes keep their names, their arguments, and their treatment of unusual values (a count of 0 or below), as
-described in each spec. Only values that would raise an error in the middle of a run are refused.
-The differences: their keys are the tree's, and none of their children may be one that can be skipped.
+described in each spec. Only values that would raise an error in the middle of a run are rejected.
+There are two differences: their keys are those of the tree, and none of their children may be skippable.
 
-A node that the installed py_trees lacks has a spec nevertheless: whether a file is correct does not depend on the machine.
+A node that the installed py_trees lacks has a spec, too, because the machine must not affect whether a file is correct.
 """
 
 import contextlib
@@ -42,13 +42,13 @@ B = TypeVar("B", bound=Behaviour)
 
 
 class ScopedClient(Client):
-    """A client of py_trees' blackboard that works on the entries of a tree.
+    """A py_trees blackboard client for the entries of a tree.
 
-    It replaces a stock node's own client, which would bypass the tree: it would write to a py_trees namespace
-    that all trees share, and the board would not count the writes.
+    It replaces a stock node's own client, which would bypass the tree by writing to a py_trees namespace that all trees
+    share, and the tree would not count these writes.
 
     Args:
-        stock: The client to replace; it is signed off.
+        stock: The client to replace, which is unregistered.
         entries: The entry for each name that the client has registered.
     """
 
@@ -61,13 +61,13 @@ class ScopedClient(Client):
         for access, names in ((Access.READ, stock.read), (Access.WRITE, stock.write)):
             for name in sorted(names):
                 self.register_key(name, access, remap_to=entries[name].name)
-        # One after the other: py_trees stumbles over a key that is both read and written.
+        # In two steps: py_trees raises an error for a key that is both read and written.
         for name in {*stock.read, *stock.write}:
             stock.unregister_key(name, clear=False)
         stock.unregister(clear=False)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an entry's value; raises `UnknownValueError` if that is not known."""
+        """Return an entry's value; raises `UnknownValueError` if it is unknown."""
         with self._on_blackboard(name):
             value = super().__getattr__(name)
         if isinstance(value, UnknownValue):
@@ -75,7 +75,7 @@ class ScopedClient(Client):
         return value
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
-        """Write an entry or an attribute of its object; either counts as one write of the entry."""
+        """Write an entry or an attribute of its object; either is one write of the entry."""
         with self._on_blackboard(name):
             written = bool(super().set(name, value, overwrite))
             if written:
@@ -92,7 +92,7 @@ class ScopedClient(Client):
 
     @contextlib.contextmanager
     def _on_blackboard(self, name: str) -> Iterator[None]:
-        """Have an entry on py_trees' blackboard for a while: those of a numbered board are elsewhere."""
+        """Copy an entry to py_trees' blackboard temporarily, because a numbered board stores entries elsewhere."""
         entry = self._entry(name)
         if not entry.board.is_numbered or entry.name in Blackboard.storage:
             yield
@@ -154,7 +154,7 @@ class Keys:
 
     def _name(self, key: str) -> str:
         entry = self._scope.resolve(key)
-        # To py_trees a dot precedes an attribute of the object, even within the name of a tree.
+        # To py_trees, a dot precedes an attribute of the object, even within the name of a tree.
         name = entry.name.replace(".", "_")
         self._entries[name] = entry
         return name
@@ -169,7 +169,7 @@ class TooOldError(SarError):
     """The installed py_trees does not have a node yet."""
 
 
-# What py_trees is given for a value, by the name of its type.
+# The conversions of values for py_trees, by the name of the type.
 _GIVEN: Mapping[str, Callable[[Any], object]] = {
     STATUS_NAME.name: lambda word: Status[word],
     STATUS_NAMES.name: lambda words: [Status[word] for word in words],
@@ -182,17 +182,17 @@ _GIVEN: Mapping[str, Callable[[Any], object]] = {
 def stock(
     spec: NodeSpec, name: str, scope: Scope | None = None, enums: Enums | None = None, **written: Any
 ) -> Behaviour:
-    """Make a node by the constructor of its class.
+    """Create a node by the constructor of its class.
 
     Args:
-        spec: The node's record.
+        spec: The node's spec.
         name: Its name.
-        scope: Where its keys are looked up, if it has any.
-        enums: The names that stand for numbers, if it has a script.
-        **written: What is written for its other parameters.
+        scope: The scope in which its keys are looked up, if it has any.
+        enums: The named constants, if it has a script.
+        **written: The written values of its other parameters.
 
     Raises:
-        TooOldError: If the installed py_trees does not have it yet.
+        TooOldError: If the installed py_trees is too old for it.
     """
     keys = Keys(scope) if scope is not None else None
     arguments: dict[str, Any] = {}
@@ -210,7 +210,7 @@ def stock(
 
 
 def status_queue(spec: NodeSpec, name: str, queue: list[str], eventually: str | None = None) -> Behaviour:
-    """Make StatusQueue.
+    """Create a StatusQueue.
 
     Raises:
         ValueError: If there are no statuses.
@@ -228,10 +228,10 @@ def parallel(
     synchronise: bool | None = None,
     selected: list[str] | None = None,
 ) -> composites.Parallel:
-    """Make Parallel with one of its policies.
+    """Create a Parallel with one of its policies.
 
     Raises:
-        ValueError: If a name is not that of one child, or an attribute does not go with the policy.
+        ValueError: If a name does not match exactly one child, or an attribute conflicts with the policy.
     """
     clash = clash_with(policy, synchronise, is_selected=selected is not None)
     if clash is not None:
@@ -242,7 +242,7 @@ def parallel(
     if policy == "SuccessOnAll":
         return composites.Parallel(name, ParallelPolicy.SuccessOnAll(waits), children)
     if not selected:
-        raise ValueError(f"selected: no child is named; {HOW_TO_SELECT}")
+        raise ValueError(f"selected: it names no child; {HOW_TO_SELECT}")
     names = [_written_name(child) for child in children]
     chosen = [children[place_of(text, names)] for text in selected]
     return composites.Parallel(name, ParallelPolicy.SuccessOnSelected(chosen, waits), children)
@@ -256,7 +256,7 @@ def comparing(
     value: Input[object],
     scope: Scope,
 ) -> Behaviour:
-    """Make a node that compares a key with a value."""
+    """Create a node that compares a key with a value."""
     keys = Keys(scope)
     return keys.give_to(_class_of(spec)(name, expression(keys.variable(variable), operator, value)))
 
@@ -293,12 +293,12 @@ def _class_of(spec: NodeSpec) -> Callable[..., Behaviour]:
     """Return the class of a node.
 
     Raises:
-        TooOldError: If the installed py_trees does not have it yet.
+        TooOldError: If the installed py_trees is too old for it.
     """
     try:
         found = spec.cls
     except AttributeError:
-        message = f"py_trees {py_trees_version} does not have {spec.tag}; it takes 2.4 or later"
+        message = f"py_trees {py_trees_version} does not have {spec.tag}; install 2.4 or later"
         raise TooOldError(message) from None
-    assert found is not None  # noqa: S101 - it is named
+    assert found is not None  # noqa: S101 - it has a path
     return found

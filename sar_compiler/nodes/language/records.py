@@ -1,4 +1,4 @@
-"""What records of the language have in common: those of BehaviorTree.CPP's nodes, and those of py_trees' own."""
+"""Constructors for the specs of the language: of BehaviorTree.CPP's nodes, and of py_trees' own."""
 
 from typing import Any
 
@@ -20,9 +20,9 @@ def own(
     semantics: Semantics = _PLAIN,
     **more: Any,
 ) -> NodeSpec:
-    """Return the record of a node of the language, which BehaviorTree.CPP has as well if its tag is one of `BUILT_IN`.
+    """Return the spec of a node of the language; BehaviorTree.CPP has it as well if its tag is in `BUILT_IN`.
 
-    *path* is that of its class in `runtime`, or in py_trees.
+    *path* is that of its class in `runtime` or in py_trees.
     """
     if not path.startswith("py_trees."):
         path = f"sar_compiler.runtime.{path}"
@@ -33,16 +33,16 @@ def own(
 def stock(
     kind: Kind, tag: str, doc: str, *parameters: Parameter, made_by: str = "", instead: str = "", **more: Any
 ) -> NodeSpec:
-    """Return the record of a node of py_trees'.
+    """Return the spec of a node of py_trees.
 
     Args:
         kind: The kind of node.
         tag: Its tag, and the name of its class.
         doc: Its description.
         *parameters: Its parameters.
-        made_by: The function of `py_trees_nodes` that makes it, if not the usual one.
-        instead: The node that takes children that can be skipped.
-        **more: Further fields of the record.
+        made_by: The function of `py_trees_nodes` that creates it, if not the default one.
+        instead: An equivalent node that supports skipped children.
+        **more: Further fields of the spec.
     """
     module = {Kind.CONTROL: "composites", Kind.DECORATOR: "decorators"}.get(kind, "behaviours")
     factory = f"sar_compiler.nodes.language.py_trees_nodes:{made_by or 'stock'}" if parameters else ""

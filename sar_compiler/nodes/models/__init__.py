@@ -37,7 +37,7 @@ _KINDS = {kind.value: kind for kind in Kind}
 _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
 ENUM_TAG = "Enum"
-"""An enumeration of the C++ program: the name, and its number if that is known; BehaviorTree.CPP does not read it."""
+"""An enumeration of the C++ program: the name, and its number if known; BehaviorTree.CPP does not read it."""
 _SCRIPT = re.compile(
     r"code|if|case_\d+|_(?:(?:failure|success|skip)If|while|on(?:Success|Failure|Halted)|post)"
 )
@@ -45,20 +45,20 @@ _NAME = re.compile(r"(?<![\w'{@.])[A-Za-z_]\w*(?![\w'}])")
 _KEY = re.compile(r"\{(\w+)\}|(\w+)\s*(?::=|[-+*/]?=(?!=))")
 _QUOTED = re.compile(r"'[^']*'")
 FROM_USE = {"made": "from use"}
-"""What is noted beside a description that was made from the use of a node, and guesses its types and directions."""
+"""The marker of a description derived from the use of a node, with guessed types and directions."""
 LIBRARY = {"library": "py_trees"}
-"""What is noted beside the description of a node of py_trees', so that it is not taken for somebody's own."""
+"""The marker of a py_trees node's description, which distinguishes it from a user's node."""
 # The assumed outcomes of a leaf that is only described.
 _ANSWERS = {Kind.ACTION: ("SUCCESS", "FAILURE", "RUNNING"), Kind.CONDITION: ("SUCCESS", "FAILURE")}
 _DIRECTIONS_HINT = (
-    "write input_port for one that is read, output_port for one that is written, inout_port for both"
+    "write input_port for a port that is read, output_port for one that is written, inout_port for both"
 )
 _TAGS = (SUBTREE_TAG, TREE_TAG)
 _NAMES = ("name", "ID", "_autoremap", "children", ONESHOT)
 
 
 class Port(NamedTuple):
-    """A port as a model describes it.
+    """A port in a model.
 
     Attributes:
         element: The element that describes it.
@@ -76,7 +76,7 @@ class Port(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A node or a subtree as a model describes it.
+    """A node or a subtree in a model.
 
     Attributes:
         element: The element that describes it.
@@ -92,12 +92,12 @@ class Model(NamedTuple):
 
     @property
     def is_of_py_trees(self) -> bool:
-        """Whether it is a description of py_trees' node, as `sar-compile` writes them."""
+        """Whether it describes py_trees' node, as written by `sar-compile`."""
         return self._has_note(LIBRARY)
 
     @property
     def is_from_use(self) -> bool:
-        """Whether it was made from the use of the node."""
+        """Whether it was derived from the use of the node."""
         return self._has_note(FROM_USE)
 
     def _has_note(self, attributes: Mapping[str, str]) -> bool:
@@ -143,9 +143,9 @@ class Models(NamedTuple):
 
 
 def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> Models:
-    """Read the models of some files; the first description of a node counts.
+    """Read the models of some files; the first description of a node is used.
 
-    What a file says that nobody has named is not compared with what others say.
+    Files that the user did not name are not compared with other files.
     """
     nodes: dict[str, Model] = {}
     subtrees: dict[str, Model] = {}
@@ -174,7 +174,7 @@ def enums_file(numbers: Mapping[str, int]) -> TreeFile:
 
 
 def _read_enum(element: Element, enums: dict[str, int | None], collector: FindingCollector) -> None:
-    """Add an enumeration; the first number that is stated for a name is the one that is used."""
+    """Add an enumeration; the first number for a name is used."""
     name, written = element.attributes.get("ID", ""), element.attributes.get("value")
     if not (name.isidentifier() and name.isascii()):
         message = f"this <{ENUM_TAG}> needs an ID: a name of letters, digits and _"
@@ -188,7 +188,7 @@ def _read_enum(element: Element, enums: dict[str, int | None], collector: Findin
             collector.wrong_value(element, "value", error, "wrong-model")
     known = enums.get(name)
     if None not in (known, number) and known != number:
-        message = f"'{name}' stands for {known} already, and for {number} here"
+        message = f"'{name}' is already defined as {known}, but is {number} here"
         collector.add("wrong-model", message, element, value="value", hint="delete one of the two")
     enums[name] = number if known is None else known
 
@@ -201,7 +201,7 @@ def _descriptions(files: Iterable[TreeFile]) -> Iterator[Element]:
 
 
 def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
-    """Return the tags of nodes in files that neither the model of the same file nor a palette describes."""
+    """Return the tags in files that neither the model of the same file nor a palette describes."""
     tags: set[str] = set()
     for tree_file in files:
         described = {*map(_described_name, _descriptions([tree_file]))}
@@ -213,9 +213,9 @@ def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
 
 
 def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
-    """Return the names in scripts and cases that may be enumerations, and that neither a file nor a palette declares.
+    """Return the names in scripts and cases that may be enumerations, and that no file or palette declares.
 
-    These are names that are no keys of the files, and names in capitals, which hardly are.
+    These are names that are no keys of the files, and names in capitals, which are rarely keys.
     """
     files = tuple(files)
     names: set[str] = set()
@@ -244,10 +244,10 @@ def _enums(files: Iterable[TreeFile]) -> Iterator[Element]:
 def supplements(
     palettes: Iterable[TreeFile], tags: Collection[str], names: Collection[str] = ()
 ) -> Iterator[TreeFile]:
-    """Yield those of palettes that describe some nodes or enumerations, with these descriptions and their enumerations.
+    """Yield the palettes that describe some nodes or enumerations, reduced to these.
 
-    Of several the first one describes a node. What they say of subtrees is left out: it is of the trees of some file, and another
-    may have one of that name.
+    The first description of a node is used. Descriptions of subtrees are left out, because they belong to a file's
+    trees, and another file may have a tree of the same name.
     """
     wanted = {*tags}
     for palette in palettes:
@@ -268,16 +268,16 @@ def _compare_twice(first: Model, second: Model, collector: FindingCollector) -> 
     same_file = second.element.source is first.element.source
     if first.says == second.says and not (second.kind is None and same_file):
         return
-    # Of two files, the one whose description counts is spoken of.
+    # Of two files, the finding is about the one whose description is not used.
     here, there = (second.element, first.element) if same_file else (first.element, second.element)
     differs = ", differently" if first.says != second.says else ""
-    message = f"'{second.tag}' is described in line {there.line}{file_of(there, here)} already{differs}"
-    cause = Cause("these are described elsewhere already, differently", second.tag) if not same_file else None
+    message = f"'{second.tag}' is already described on line {there.line}{file_of(there, here)}{differs}"
+    cause = Cause("these are already described differently elsewhere", second.tag) if not same_file else None
     collector.add("wrong-model", message, here, value="ID", hint="delete one of the two", common_cause=cause)
 
 
 def registry_without(registry: Registry, models: Models) -> Registry:
-    """Return a registry without py_trees' nodes whose names are declared for others: what the user declares wins."""
+    """Return a registry without the py_trees nodes whose names the user declares for other nodes."""
     taken = {
         tag
         for tag, model in models.nodes.items()
@@ -287,7 +287,7 @@ def registry_without(registry: Registry, models: Models) -> Registry:
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
-    """Return the nodes that files describe, that are not registered, and whose names can be tags."""
+    """Return the nodes that files describe and that are not registered, if their names are valid tags."""
     models = read_models(files, FindingCollector())
     return [model.spec() for tag, model in models.nodes.items() if tag not in registry and can_be_tag(tag)]
 
@@ -307,11 +307,11 @@ def _model(element: Element, collector: FindingCollector) -> Model | None:
         return None
     tag = element.attributes.get("ID")
     if not tag:
-        message = f"this <{element.tag}> describes nothing: it has no ID"
+        message = f"this <{element.tag}> has no effect, because it has no ID"
         _report_typo(element, None, message, kind, collector, 'write ID="..."')
         return None
     if kind is not None and tag in _TAGS:
-        message = f"a node cannot be called '{tag}': it has a meaning already"
+        message = f"'{tag}' cannot be the name of a node: it is reserved"
         collector.add("wrong-model", message, element, value="ID")
         return None
     return Model(element, tag, kind, _ports(element, kind, collector))
@@ -322,7 +322,7 @@ def _ports(element: Element, kind: Kind | None, collector: FindingCollector) -> 
     for child in element.children:
         port = _port(child, kind, collector) if child.tag != METADATA_TAG else None
         if port is not None and ports.setdefault(port.name, port) is not port:
-            message = f"the port '{port.name}' is described in line {ports[port.name].element.line} already"
+            message = f"the port '{port.name}' is already described on line {ports[port.name].element.line}"
             collector.add("wrong-model", message, child, value="name", hint="delete one of the two")
     return ports
 
@@ -330,10 +330,10 @@ def _ports(element: Element, kind: Kind | None, collector: FindingCollector) -> 
 def _port(element: Element, kind: Kind | None, collector: FindingCollector) -> Port | None:
     direction, name = _DIRECTIONS.get(element.tag), element.attributes.get("name")
     if direction is None:
-        message = f"<{element.tag}> is no port; a model has {', '.join(_DIRECTIONS)}"
+        message = f"<{element.tag}> is not a port; a model can have {', '.join(_DIRECTIONS)}"
         near = collector.guesses.nearest(element.tag, _DIRECTIONS)
         collector.add("wrong-model", message, element, suggestion=near, hint=_DIRECTIONS_HINT)
-        # BehaviorTree.CPP reads the models of subtrees, and passes over such an element.
+        # BehaviorTree.CPP reads the models of subtrees, and ignores such an element.
         if kind is None or not name:
             return None
     if not name:
@@ -341,10 +341,10 @@ def _port(element: Element, kind: Kind | None, collector: FindingCollector) -> P
         return None
     taken = name in (*_NAMES, *CONDITIONS)
     if taken or not can_be_tag(name):
-        why = "it has a meaning already" if taken else "a name has letters, digits and _ only"
-        _report_typo(element, "name", f"a port cannot be called '{name}': {why}", kind, collector)
+        why = "it is reserved" if taken else "use only letters, digits and _"
+        _report_typo(element, "name", f"'{name}' cannot be the name of a port: {why}", kind, collector)
         return None
-    # Of one that is neither, anything may be meant.
+    # For an unknown direction, both are possible.
     attributes, direction = element.attributes, direction or Direction.INOUT
     return Port(element, name, direction, attributes.get("type", ""), attributes.get("default"))
 
@@ -357,14 +357,14 @@ def _report_typo(
     collector: FindingCollector,
     hint: str | None = None,
 ) -> None:
-    """Report a wrong attribute, or a missing one: an error in the model of a subtree, which BehaviorTree.CPP reads."""
+    """Report a wrong or missing attribute: an error in the model of a subtree, which BehaviorTree.CPP reads."""
     of_subtree = "missing-attribute" if attribute is None else "wrong-value"
     code = of_subtree if kind is None else "wrong-model"
     collector.add(code, message, element, value=attribute, hint=hint)
 
 
 def _used_port(port: Port) -> Parameter:
-    """Return a port whose description was made from its use: its type and its direction are guesses."""
+    """Return a port derived from its use, with a guessed type and direction."""
     return any_port(port.name, port.element.text)
 
 
@@ -382,14 +382,14 @@ def _parameter(port: Port) -> Parameter:
 
 
 _TEXT = type_of(str)
-# The comparable types: C++ has types of its own for durations, enumerations and other values written as texts.
+# The comparable types: in C++, durations, enumerations and other values written as strings have their own types.
 _COMPARED = (bool, int, float, str, list)
 
 
 def compare_models(models: Models, registry: Registry, collector: FindingCollector) -> None:
     """Report models that contradict the registry, and defaults that their ports do not accept.
 
-    BehaviorTree.CPP does not look at the models of nodes, so these are warnings.
+    BehaviorTree.CPP does not read the models of nodes, so these are warnings.
     """
     for model in models.nodes.values():
         specs = registry.variants(model.tag)
@@ -412,7 +412,7 @@ def compare_models(models: Models, registry: Registry, collector: FindingCollect
 def _compare_kind(model: Model, spec: NodeSpec, collector: FindingCollector) -> None:
     if model.kind is not spec.kind:
         article = "an" if spec.kind is Kind.ACTION else "a"
-        message = f"<{model.tag}> is {article} {spec.kind.value}, and the model says {model.element.tag}"
+        message = f"<{model.tag}> is {article} {spec.kind.value}, but the model declares {model.element.tag}"
         collector.add("model-mismatch", message, model.element, suggestion=spec.kind.value)
 
 
@@ -423,26 +423,24 @@ def _compare_port(model: Model, port: Port, parameter: Parameter, collector: Fin
         collector.add("model-mismatch", message, port.element, suggestion=right.value)
     said, real = type_of_cpp_name(port.type_name), _written_type(parameter)
     if said is not None and not _agree(said, real):
-        message = (
-            f"the port '{port.name}' of <{model.tag}> is {real.label}, and the model says {port.type_name}"
-        )
+        message = f"the port '{port.name}' of <{model.tag}> is {real.label}, but the model declares {port.type_name}"
         collector.add("model-mismatch", message, port.element, value="type", suggestion=real.cpp)
 
 
 def _written_type(parameter: Parameter) -> ValueType:
-    """Return the type of what a file has in an attribute; the name of another node is a text."""
+    """Return the type of an attribute in a file; the name of another node is a string."""
     return _TEXT if parameter.value_type is NO_VALUE else parameter.value_type
 
 
 def _agree(said: ValueType, real: ValueType) -> bool:
-    """Return whether a model's type fits a port, regardless of the size of whole numbers."""
+    """Return whether a model's type fits a port, regardless of the size of integers."""
     if real.python not in _COMPARED:
         return True
     return said.cpp == real.cpp if list in (said.python, real.python) else said.python is real.python
 
 
 def _check_default(port: Port, value_type: ValueType, collector: FindingCollector) -> None:
-    """Report a default that is not a valid value of the port; an empty one and that of an output do not count."""
+    """Report a default that is not a valid value of the port, unless it is empty or of an output."""
     text = port.default
     if not text or port.direction is Direction.OUTPUT or blackboard_key(text, port.name) is not None:
         return

@@ -1,4 +1,4 @@
-"""A palette of the nodes and trees that trees use and nobody describes: kinds, types and directions are guessed, and marked so."""
+"""Generation of a palette for used but undescribed nodes and trees, with guessed kinds, types and directions."""
 
 import re
 from collections import Counter
@@ -41,12 +41,12 @@ _NOTE = synthetic_element(METADATA_TAG, children=[synthetic_element("Metadata", 
 
 
 class _PortUse(NamedTuple):
-    """The use of a port in one place.
+    """The use of a port at one location.
 
     Attributes:
-        text: What is written.
-        is_key: Whether that is a key, and no value.
-        makes_key: Whether it is one that nothing before it in the tree has, and something after it has.
+        text: The written text.
+        is_key: Whether the text is a key.
+        makes_key: Whether no earlier node in the tree has the key, but a later one has.
         cpp: The C++ type of a known port that has the same key in the tree; empty if there is none.
     """
 
@@ -57,10 +57,10 @@ class _PortUse(NamedTuple):
 
 
 class _NodeUse:
-    """The use of a node in all places.
+    """The uses of a node.
 
     Attributes:
-        kinds: The kinds that explicit forms name.
+        kinds: The kinds in explicit forms.
         children: The largest number of children.
         ports: The uses of each port.
     """
@@ -71,12 +71,12 @@ class _NodeUse:
         self.ports: dict[str, list[_PortUse]] = {}
 
     def add(self, node: Element, made: Collection[str], types: Mapping[str, str]) -> None:
-        """Add a place.
+        """Add a use.
 
         Args:
             node: The element.
-            made: The keys in it that nothing before it has, and something after it has.
-            types: The C++ types of keys that known ports have in the tree.
+            made: Its keys that no earlier node has, but a later one has.
+            types: The C++ types of the keys of known ports in the tree.
         """
         self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])
         self.children = max(self.children, len(node.children))
@@ -90,14 +90,14 @@ class _NodeUse:
 
     @property
     def kind(self) -> str:
-        """The kind that this use implies; of a leaf that could be both, an action, of which less is sure."""
+        """The kind that the uses imply; a leaf that could be both is an action, which is the weaker claim."""
         fitting = [kind for kind, _ in self.kinds.most_common() if Kind(kind).takes(self.children)]
         guess = {0: Kind.ACTION, 1: Kind.DECORATOR}.get(self.children, Kind.CONTROL)
         return fitting[0] if fitting else str(guess.value)
 
 
 class UseOfNodes:
-    """Gathers what trees use and nobody describes."""
+    """Collects nodes and trees that are used but not described."""
 
     def __init__(self) -> None:
         self._guesses = Guesses()
@@ -108,7 +108,7 @@ class UseOfNodes:
         self._keys: set[str] = set()
 
     def add(self, tree_file: TreeFile, palettes: Iterable[TreeFile], registry: Registry) -> None:
-        """Add the trees of a file, in which its own models, those of palettes and registered nodes count."""
+        """Add the trees of a file, which may have models of its own, with palettes and registered nodes."""
         models = read_models([tree_file, *palettes], FindingCollector())
         described = models.nodes
         self._trees.update(models.subtrees, (tree.attributes.get("ID", "") for tree in tree_file.trees))
@@ -132,15 +132,15 @@ class UseOfNodes:
                 before.update(_keys_of(node))
 
     def models(self, only: str | None = None) -> Element:
-        """Return the models, in the order of their names; only that of one node if it is named."""
+        """Return the models, in the order of their names, or only that of one node."""
         used = [(tag, self._used[tag]) for tag in sorted(self._used) if only in (None, tag)]
-        # What a tree needs is not guessed: a use may leave out what has a default.
+        # Required ports are not guessed: a use may omit ports with a default.
         trees = [
             synthetic_element(SUBTREE_TAG, {"ID": tree_id}, [_NOTE])
             for tree_id in sorted(self._used_trees - self._trees - {""})
             if only in (None, tree_id)
         ]
-        # What a script reads in capitals and no tree writes is an enumeration; its number is in the C++ code only.
+        # A name in capitals that a script reads and no tree writes is an enumeration; only the C++ code has its number.
         enums = [
             synthetic_element(ENUM_TAG, {"ID": name})
             for name in sorted(self._capitals - self._keys)
@@ -158,7 +158,7 @@ class UseOfNodes:
 
 
 def _types_of_keys(nodes: Iterable[Element], models: Models, registry: Registry) -> Mapping[str, str]:
-    """Return the C++ types of the keys that known ports have in a tree; a port for texts may have been given anything."""
+    """Return the C++ types of the keys of known ports in a tree; ports for strings are ignored, since they may hold anything."""
     types: dict[str, str] = {}
     for node in nodes:
         tag = node.attributes.get("ID", "") if node.tag in KIND_TAGS else node.tag
@@ -181,7 +181,7 @@ def _types_of_keys(nodes: Iterable[Element], models: Models, registry: Registry)
 
 
 def _handed_over(tree_file: TreeFile) -> Mapping[str, set[str]]:
-    """Return the keys that the uses of each subtree of a file hand over to it."""
+    """Return the keys that each subtree of a file is given."""
     keys: dict[str, set[str]] = {}
     for node in tree_file.root.iterate():
         if node.tag == SUBTREE_TAG:
@@ -209,11 +209,11 @@ def _port(name: str, uses: Sequence[_PortUse]) -> Element:
     shared = {each.cpp for each in uses if each.cpp}
     cpp = next(iter(shared)) if len(shared) == 1 else ""
     if values:
-        # Of a number, the type of the key that the port has elsewhere says more: `unsigned int`, `double`.
+        # For a number, the type of the key's other ports is more precise: `unsigned int`, `double`.
         guess = next(name for name, form in _TYPES if all(map(form.fullmatch, values)))
         cpp = cpp if cpp and guess == "int" else guess
     attributes = {"name": name, **({"type": cpp} if cpp else {})}
     example = shortened((values or [each.text for each in uses])[0])
     return synthetic_element(
-        direction.value, attributes, text=f"guessed; such as {example}" if example else "guessed"
+        direction.value, attributes, text=f"guessed from {example}" if example else "guessed"
     )

@@ -1,4 +1,4 @@
-"""Writing of the `TreeNodesModel` that BehaviorTree.CPP and Groot2 read.
+"""Writer of the `TreeNodesModel` for BehaviorTree.CPP and Groot2.
 
 `nodes.models` reads the same format.
 """

@@ -1,8 +1,8 @@
 """The nodes of Nav2's distributions: `--model nav2:jazzy`.
 
-`nodes.yaml` has what each says of itself. Controls and decorators mean what each distribution's sources say, and what can run
-without Nav2 does. Leaves have no class: they are known by their ports and answers, so that trees can be checked, simulated and
-verified.
+`nodes.yaml` contains the declarations of the nodes. Controls and decorators behave as in the sources of each
+distribution, and those that need no Nav2 can be run. Leaves have no class: their ports and outcomes are known, so that
+trees can be checked, simulated and verified.
 """
 
 import functools
@@ -60,7 +60,7 @@ def type_of_port(name: str) -> ValueType:
     if name.endswith("[]"):
         return list_of(type_of_port(name.removesuffix("[]")))
     known = type_of_cpp_name(name)
-    assert known is not None, name  # noqa: S101 - a slip in the data
+    assert known is not None, name  # noqa: S101 - an error in the data
     return known
 
 
@@ -75,7 +75,7 @@ def of_port(name: str, value_type: ValueType) -> ValueType:
 
 @functools.cache
 def facts() -> Mapping[str, Any]:
-    """Return what `nodes.yaml` says."""
+    """Return the content of `nodes.yaml`."""
     import yaml
 
     text = Path(__file__).with_name("nodes.yaml").read_text(encoding="utf-8")
@@ -111,7 +111,7 @@ def _milliseconds(text: str) -> int:
     if match is None:
         message, meant = f"'{text}' is not a number of milliseconds", number_in(text, "ms")
         suggestion = meant if meant is not None and meant.isdecimal() else None
-        raise ConversionError(message, suggestion, "write whole milliseconds, without a unit")
+        raise ConversionError(message, suggestion, "write an integer in milliseconds, without a unit")
     return int(match[1])
 
 
@@ -119,9 +119,9 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
     """Check the number of fields between the semicolons of a text.
 
     Args:
-        first: How many come once, before the others.
-        each: How many belong together, as often as there are any; negative: exactly so many.
-        label: What the text is to be.
+        first: The number of fields that are not repeated.
+        each: The number of fields in each repetition; negative for exactly one repetition.
+        label: The name of the expected value.
         text: The text.
     """
     if text.startswith(JSON):
@@ -130,9 +130,9 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
     rest = len(fields) - first
     if rest != -each if each < 0 else rest % each or rest < 0:
         message = f"'{text}' is not {label}: it has {len(fields)} fields"
-        hint = "give it a {key}; a pose is a time, a frame, and 7 numbers, with ; between them"
+        hint = "write a {key}, or for a pose a time, a frame, and 7 numbers, separated by ;"
         raise ConversionError(message, hint=hint)
-    # A pose is a time, a frame, and seven numbers; each has these at its end.
+    # A pose is a time, a frame, and seven numbers; each item ends with these.
     for place in range(first, len(fields), abs(each)):
         whole_number(fields[place])
         for field in fields[place + 2 : place + _POSE if abs(each) == _POSE else place]:
@@ -143,11 +143,11 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
 def _no_text(label: str, text: str) -> object:
     if text.startswith(JSON):
         return ANYTHING.convert(text)
-    raise ConversionError(f"'{text}' is not {label}: no text is one", hint="give it a {key}")
+    raise ConversionError(f"'{text}' is not {label}, which cannot be written as text", hint="write a {key}")
 
 
 def _message(name: str, label: str, cpp: str, convert: Callable[[str, str], object]) -> ValueType:
-    """Return the type of a ROS message; each is a type of its own on the blackboard."""
+    """Return the type of a ROS message; each has its own type on the blackboard."""
     python = type(name, (), {})
     return ValueType(f"nav2.{name}", label, partial(convert, label), python=python, cpp=cpp)
 
@@ -192,11 +192,11 @@ _PORT = re.compile(
 _DIRECTIONS = {"in": Direction.INPUT, "out": Direction.OUTPUT, "inout": Direction.INOUT}
 _ALL = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
 _IN_CPP = Counterpart(hint="")
-"""Nav2 has the node itself."""
+"""Nav2 provides the node itself."""
 
 
 def specs(version: str) -> Iterator[NodeSpec]:
-    """Yield the records of the nodes of a distribution."""
+    """Yield the specs of the nodes of a distribution."""
     known = facts()
     for tag, said in known["nodes"].items():
         if version in said.get("distributions", known["distributions"]):
@@ -240,10 +240,10 @@ def _spec(tag: str, said: Mapping[str, Any], version: str) -> NodeSpec:
 
 
 def _ports(texts: Sequence[str], version: str, *, is_free: bool = False) -> Iterator[Parameter]:
-    """Yield the ports that a distribution has; what can run here needs those without a default."""
+    """Yield the ports in a distribution; a node that can run here requires those without a default."""
     for text in texts:
         match = _PORT.fullmatch(text)
-        assert match is not None, text  # noqa: S101 - a slip in the data
+        assert match is not None, text  # noqa: S101 - an error in the data
         if version in (match["versions"] or version).split():
             yield _parameter(match, required=is_free and not match["has_default"])
 
@@ -266,15 +266,15 @@ def _parameter(match: "re.Match[str]", *, required: bool) -> Parameter:
 
 
 class _FreeNode(NamedTuple):
-    """What is known of a control or decorator that is the same without Nav2: what it does depends on its children and on time.
+    """A control or decorator that needs no Nav2, because it depends only on its children and on time.
 
     Attributes:
         node: Its class in the kernel; empty for one with a stand-in.
-        semantics: What it means.
+        semantics: Its semantics.
         skips: Whether it can be skipped; one that never is handles skipped children itself.
-        child_count: How many children it takes; None for those of its kind.
-        handed_over: What it needs besides its ports.
-        fixed: What its tag implies.
+        child_count: The number of its children; None for the default of its kind.
+        handed_over: The context parameters that it needs in addition to its ports.
+        fixed: The values that its tag implies.
     """
 
     node: str
@@ -323,7 +323,7 @@ _REQUESTS = (
     Answer("RUNNING", "resume"),
     Answer("SKIPPED", "resume and pause"),
 )
-# What depends on the world, which its stand-in asks.
+# Nodes that depend on the world, which their stand-in queries.
 _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
     "SpeedController": ("nav2_decorators:WhenDueNode", _TIMED, _DUE),
     "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),

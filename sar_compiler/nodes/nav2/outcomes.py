@@ -1,4 +1,4 @@
-"""What a tick of Nav2's controls and decorators can come to, by what their children's can."""
+"""Outcome sets of Nav2's controls and decorators, computed from those of their children."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,12 +10,12 @@ _ENDS = S | F | K
 
 
 def _one_by_one(children: Sequence[int], told: int, goes_on: int) -> tuple[int, bool]:
-    """Return which of its children's results a node passes on that ticks them one by one, and whether it can come to the end.
+    """Return the results of the children that a node passes on, and whether it can reach the last child's end.
 
     Args:
         children: The results of its children.
-        told: Which of a child's results are the node's as well.
-        goes_on: After which of them it comes to the next child.
+        told: The results of a child that the node returns, too.
+        goes_on: The results after which it ticks the next child.
     """
     found = 0
     for child in children:
@@ -40,14 +40,14 @@ def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the set of a node that ticks all its children again, up to the furthest one that was reached."""
     if sure:
-        # Of those behind a branch it is not known whether that lets them come to an end: it is not reset in between.
+        # For children after a branch it is unknown whether it lets them end: it is not reset in between.
         leaves = [child.is_leaf for child in bound.children]
         known = leaves.index(False) + 1 if False in leaves else len(children)
         children = [*children[:known], *[0] * (len(children) - known)]
     found, comes_through = _one_by_one(children, F | R, S | K)
     if not comes_through:
         return found
-    # One that runs while a later one has been the furthest counts as one that was not skipped.
+    # A child that runs while a later one was the furthest is regarded as one that was not skipped.
     runs = sum(1 for child in children if child & R) > 1
     succeeds = union(children) & S or (runs and not sure)
     return found | (S if succeeds else 0) | intersection(children) & K
@@ -59,8 +59,8 @@ def round_robin(bound: NodeView, children: Sequence[int], sure: bool, *, wraps: 
     Args:
         bound: The node.
         children: The results of its children.
-        sure: Whether only those count that certainly occur.
-        wraps: Whether the first one follows the last one; None if the attribute `wrap_around` says so.
+        sure: Whether to include only results that certainly occur.
+        wraps: Whether the first one follows the last one; None to use the attribute `wrap_around`.
     """
     if wraps is None:
         wraps = bound.value("wrap_around")  # type: ignore[assignment]
@@ -100,7 +100,7 @@ def nonblocking(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
 
 
 def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a sequence whose place is on the blackboard."""
+    """Return the set of a sequence whose current index is on the blackboard."""
     if not sure:
         return union(children) & (F | R) | S
     found, comes_through = _one_by_one(children, F | R, S | K)
@@ -115,7 +115,7 @@ def paused(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def now_and_then(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that ticks its child at the start, and then now and then, and has results of its own."""
+    """Return the set of a decorator that ticks its child at the start and then repeatedly, and has results of its own."""
     return children[0] | own | (0 if sure else R)
 
 
@@ -125,5 +125,5 @@ def once_until_reset(_bound: NodeView, children: Sequence[int], sure: bool) -> i
 
 
 def after_a_failure(_bound: NodeView) -> Mapping[int, Gate]:
-    """Return the gates of a recovery: it is ticked if what is before it fails."""
+    """Return the gates of a recovery: it is ticked if the main child fails."""
     return {1: Gate((0,), F)}

@@ -16,7 +16,7 @@ def attributes_by_name(specs: Iterable[NodeSpec]) -> dict[str, list[tuple[NodeSp
 
 
 def required_names(specs: Sequence[NodeSpec]) -> list[str]:
-    """Return the names of the attributes that must be written, whichever of a tag's variants is meant."""
+    """Return the names of the attributes that all variants of a tag require."""
     return [
         name
         for name, choices in attributes_by_name(specs).items()
@@ -25,7 +25,7 @@ def required_names(specs: Sequence[NodeSpec]) -> list[str]:
 
 
 def value_types(tags: Mapping[str, Iterable[NodeSpec]]) -> list[ValueType]:
-    """Return the types of all attributes of some tags, by name; that of conditions is always among them."""
+    """Return the types of all attributes of some tags, by name; the type of conditions is always included."""
     attributes = (parameter for specs in tags.values() for spec in specs for parameter in spec.attributes)
     types = {each.value_type.name: each.value_type for each in attributes if each.value_type.name}
     return sorted({**types, CONDITION.name: CONDITION}.values(), key=lambda each: each.name)

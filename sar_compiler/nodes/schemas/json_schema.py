@@ -1,7 +1,7 @@
-"""The JSON schema of tree files in YAML, made from the registry.
+"""The JSON schema of tree files in YAML, generated from the registry.
 
-Editors complete with it and other tools validate with it. A node is a mapping with one key, its tag, so
-`properties` and `maxProperties` define what is allowed; alternatives (`oneOf`) between nodes would make every
+Editors use it for completion, and other tools for validation. A node is a mapping with one key, its tag, so
+`properties` and `maxProperties` define the allowed content; alternatives (`oneOf`) between nodes would make every
 message "is not valid under any of the given schemas".
 """
 
@@ -21,7 +21,7 @@ Schema = dict[str, Any]
 
 
 def _ref(definition: str) -> Schema:
-    """Refer to a definition; a reference is a URI, and a tag may have letters that no URI has."""
+    """Refer to a definition; a reference is a URI, and a tag may have letters that URIs do not allow."""
     return {"$ref": f"#/$defs/{quote(definition)}"}
 
 
@@ -32,7 +32,7 @@ _KEY_PATTERN = r"^ *(\{.+\}|=) *$"
 _NAME: Schema = {"type": ["string", "number", "boolean"], "minLength": 1}
 _SCALAR: Schema = {"type": ["string", "number", "boolean"]}
 _NOTES: Schema = {"patternProperties": {"^_": _SCALAR}}
-"""What editors keep in attributes that begin with `_`."""
+"""The schema of attributes that begin with `_`, in which editors store notes."""
 _COMMON: dict[str, Schema] = {
     ONESHOT: {"enum": list(ONESHOT_TYPE.choices), "description": ONESHOT_HELP},
     **{name: {**_ref(f"value.{CONDITION.name}"), "description": text} for name, text in CONDITIONS.items()},
@@ -45,7 +45,7 @@ def json_schema(registry: Registry) -> Schema:
     tags = registry.by_tag()
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$comment": "Made from the node registry by `make schemas`; do not edit.",
+        "$comment": "Generated from the node registry by `make schemas`; do not edit.",
         "title": "A file with behaviour trees",
         **_mapping({ROOT_TAG: _ref("root")}, required=[ROOT_TAG]),
         "$defs": {
@@ -57,7 +57,7 @@ def json_schema(registry: Registry) -> Schema:
             "node": _node(tags),
             "model": {"type": ["object", "null"]},
             SUBTREE_TAG: _explicit_form(0, 0),
-            # py_trees' Condition is the explicit form of others as well; its ID decides which.
+            # py_trees' Condition is also the explicit form of other nodes; its ID decides.
             **{
                 f"explicit.{kind.value}": _explicit_form(*((0, None) if kind.value in tags else count))
                 for kind, count in CHILD_COUNTS.items()
@@ -87,10 +87,10 @@ def _section() -> Schema:
 
 
 def _node(specs: Mapping[str, list[NodeSpec]]) -> Schema:
-    """A mapping with one key, the tag; or the bare tag of a node with neither attributes nor children."""
+    """Return the schema of a node: a mapping with one key, the tag, or the bare tag if it is empty."""
     tags = list(dict.fromkeys([*specs, SUBTREE_TAG, *_KINDS]))
     targets = {tag: _ref(_definition(tag)) for tag in tags}
-    # No word of JSON schemas, but editors show them for a bare tag.
+    # Not a keyword of JSON schemas, but editors show it for a bare tag.
     described = [specs[tag][0].doc if tag in specs else "" for tag in tags]
     return {
         "type": ["object", "string"],
@@ -110,7 +110,7 @@ def _definition(tag: str) -> str:
 
 
 def _nodes(least: int, most: int | None) -> Schema:
-    """A list of nodes with limits of its length."""
+    """Return the schema of a list of nodes with a limited length."""
     schema: Schema = {"type": "array", "items": _ref("node")}
     if least:
         schema["minItems"] = least
@@ -118,7 +118,7 @@ def _nodes(least: int, most: int | None) -> Schema:
 
 
 def _explicit_form(least: int, most: int | None) -> Schema:
-    """A tag whose ID names a node or a tree; its other attributes are those of that node or tree."""
+    """Return the schema of a tag whose ID names a node or a tree; its other attributes are those of that node or tree."""
     needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
     properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
     return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}
@@ -156,7 +156,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
 
 
 def _value(value_type: ValueType) -> Schema:
-    """A literal of the type, or a key of the blackboard, as a text or as YAML's own scalar."""
+    """Return the schema of a value: a literal of the type, or a blackboard key, as a string or a YAML scalar."""
     key: Schema = {"type": "string", "pattern": _KEY_PATTERN}
     if value_type.choices:
         return {"anyOf": [{"enum": _both_ways(value_type.choices)}, key]}
@@ -178,14 +178,14 @@ def _number(value_type: ValueType) -> Schema:
 
 
 def _both_ways(texts: Iterable[str]) -> list[object]:
-    """Return texts, with `true` and `false` also as YAML's own Booleans."""
+    """Return texts, with `true` and `false` also as YAML bools."""
     own: dict[str, object] = {"true": True, "false": False}
     texts = list(texts)
     return [*(own[text] for text in texts if text in own), *texts]
 
 
 def _with_children(attributes: Schema, children: Schema, required: Iterable[str] = ()) -> Schema:
-    """The value of a tag that requires children."""
+    """Return the schema of a tag that requires children."""
     return {**_mapping({**attributes, CHILDREN_KEY: children}, [*required, CHILDREN_KEY]), **_NOTES}
 
 

@@ -1,4 +1,4 @@
-"""The XML schema of tree files, made from the registry."""
+"""The XML schema of tree files, generated from the registry."""
 
 import functools
 from collections.abc import Collection, Iterable
@@ -32,7 +32,7 @@ def xml_schema(
         registry: The registered nodes.
         described: Nodes that only a model describes.
         only: The tags to include, for a file that has no others; None for all.
-        notes: The attributes that editors keep notes in: XSD 1.0 has no way to say that any may begin with `_`.
+        notes: The attributes in which editors store notes; XSD 1.0 cannot allow all names that begin with `_`.
     """
     tags = (
         registry.by_tag()
@@ -65,7 +65,7 @@ def _group(tags: Iterable[str]) -> list[str]:
     tags = list(tags)
     elements = [f'      <xs:element name="{tag}" type="{tag}.node"/>' for tag in tags]
     elements.append(f'      <xs:element name="{SUBTREE_TAG}" type="subtree"/>')
-    # A tag of its own comes before the explicit form of the same name (py_trees' Condition).
+    # A node's own tag takes precedence over the explicit form of the same name (py_trees' Condition).
     elements += [
         f'      <xs:element name="{kind.value}" type="explicit"/>' for kind in Kind if kind.value not in tags
     ]
@@ -88,7 +88,7 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
     if tag in _EXPLICIT:
         return _either_form(tag, specs[0])
     kind = specs[0].kind
-    # In an element without children XSD refuses even a line break, unless its content is "mixed".
+    # In an element without children, XSD rejects even a line break unless its content is "mixed".
     mixed = ' mixed="true"' if kind.is_leaf else ""
     lines = [f'  <xs:complexType name="{tag}.node"{mixed}>', *_documentation(specs[0].doc, "    ")]
     least, most = specs[0].child_count
@@ -102,7 +102,7 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
 
 
 def _either_form(tag: str, spec: NodeSpec) -> list[str]:
-    """A tag that is also the explicit form of others (py_trees' Condition): its ID decides, which XSD cannot express."""
+    """Return the type of a tag that is also an explicit form (py_trees' Condition); its ID decides, which XSD cannot express."""
     return [
         f'  <xs:complexType name="{tag}.node">',
         *_documentation(spec.doc, "    "),
@@ -133,7 +133,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
 
 
 def _value_type(value_type: ValueType) -> list[str]:
-    """A literal of the type, or a blackboard key; where any text is a literal, that is every text."""
+    """Return the type of a value: a literal, or a blackboard key; any text if all texts are literals."""
     if value_type.choices:
         literal = _enumeration(value_type.choices)
     elif value_type.pattern:

@@ -217,7 +217,7 @@ def test_a_script_that_cannot_be_read_comes_with_what_to_write():
     with pytest.raises(TreeError) as error:
         read("until: root == 0x")
     (finding,) = error.value.findings
-    assert (finding.code, finding.hint) == ("script-error", "such as 0xFF")
+    assert (finding.code, finding.hint) == ("script-error", "write for example 0xFF")
 
 
 @pytest.mark.parametrize(

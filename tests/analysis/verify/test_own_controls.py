@@ -189,7 +189,7 @@ def test_what_cannot_be_gone_through_is_said_with_what_to_do_instead(body, words
 @pytest.mark.parametrize(
     ("tag", "said"),
     [
-        ("OwnSilence", "resume() returned None, which is no status"),
+        ("OwnSilence", "resume() returned None, which is not a status"),
         ("OwnStray", "begin() returned <"),
     ],
 )
@@ -197,7 +197,7 @@ def test_a_class_that_answers_neither_with_a_status_nor_with_a_child_is_an_error
     verdict = next(each for each in verified(f"<{tag}><A/></{tag}>").verdicts if each.question == NO_ERROR)
     assert verdict.outcome is BROKEN
     assert verdict.reason.startswith(f"'{tag}' ({tag}) failed: {said}")
-    assert verdict.reason.endswith("or the child that is to be ticked next")
+    assert verdict.reason.endswith("or the child to tick next")
 
 
 def test_a_cell_that_counts_without_end_is_named():
