@@ -5,6 +5,8 @@ import re
 import runpy
 from pathlib import Path
 
+import pytest
+
 from sar_compiler.compiler.outline import unicode_tree, with_tags
 from sar_compiler.testing import compiled
 from sar_compiler.views.drawing import mermaid
@@ -45,15 +47,35 @@ def test_the_page_shows_one_tree_in_every_language():
     ]
 
 
-def test_the_figures_of_the_readme_are_those_of_the_benchmarks():
+README = Path("README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("a tick of six trees of usual shapes and sizes, the median", r"takes \[([\d.]+) times\]"),
+        ("`validate` of a folder of 300 files, cold", r"300 files takes ([\d.]+) s"),
+        ("`validate` of a folder of 300 files, again", r"unchanged files ([\d.]+) s"),
+        ("the result of a goal to the next goal", r"is sent ([\d.]+) ms after"),
+    ],
+)
+def test_a_figure_of_the_readme_is_that_of_the_benchmarks(row, said):
     """Within the factor by which `make bench` finds a row worse."""
     results = json.loads(Path("benchmarks/recorded.json").read_text(encoding="utf-8"))["results"]
-    readme = Path("README.md").read_text(encoding="utf-8")
-    for row, said in {
-        "a tick of six trees of usual shapes and sizes, the median": r"takes \[([\d.]+) times\]",
-        "`validate` of a folder of 300 files, cold": r"300 files takes ([\d.]+) s",
-        "`validate` of a folder of 300 files, again": r"unchanged files ([\d.]+) s",
-    }.items():
-        [figure] = re.findall(said, readme)
-        [first, *_], *_ = results[row]
-        assert 1 / 1.5 <= float(figure) / first <= 1.5, row
+    [figure] = re.findall(said, README)
+    [measured, *_], *_ = results[row]
+    assert 1 / 1.5 <= float(figure) / measured <= 1.5
+
+
+def test_the_numbers_of_the_readme_are_those_of_the_findings_the_traces_and_the_proofs():
+    [kinds] = re.findall(r"(\d+) kinds of findings", README)
+    assert int(kinds) == (len(list(Path("docs/findings").glob("*.md"))) - 1) // 10 * 10
+    traces = [
+        json.loads(path.read_text(encoding="utf-8"))
+        for path in Path("tests/conformance").glob("btcpp_*traces.json")
+    ]
+    assert f"traces of {sum(len(each['cases']) for each in traces)} trees" in README
+    [states, properties] = re.findall(r"([\d,]+) states of the .*?, (\d+) properties proved", README)[0]
+    proof = Path("docs/missions/resilient-tree.md").read_text(encoding="utf-8")
+    assert f"\n{states} states, " in proof
+    assert f"\n{properties} answers: {properties} proved\n" in proof
