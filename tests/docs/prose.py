@@ -144,4 +144,4 @@ def excesses(texts: dict[str, list[Text]], shown: str = "") -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.exit("\n".join(excesses(collected(), *sys.argv[1:])))
+    sys.exit("\n".join(excesses(collected(), *sys.argv[1:])) or None)

@@ -1,5 +1,8 @@
 """The lint of words finds what it counts, in each kind of text, and holds the ceilings."""
 
+import subprocess
+import sys
+
 import pytest
 
 from tests.docs import prose
@@ -80,3 +83,11 @@ def test_a_kind_above_a_ceiling_is_reported(module, monkeypatch):
     monkeypatch.setattr(prose, "MARK_CEILINGS", {"messages": 50})
     module["options"] *= 2
     assert [each.partition(":")[0] for each in prose.excesses(module)] == ["messages", "options"]
+
+
+@pytest.mark.parametrize("shown", [[], ["names"]])
+def test_the_lint_succeeds_where_nothing_is_above_a_ceiling(shown):
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.docs.prose", *shown], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr, "with words" in done.stdout) == (0, "", bool(shown))
