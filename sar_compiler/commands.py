@@ -72,7 +72,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
             unwritable standard output.
     """
     try:
-        return _done(command)
+        return _run_and_flush(command)
     except SarError as error:
         # A finding starts with its location, which editors and terminals turn into a link.
         print_error(str(error) if is_tree_error(error) else f"{prog}: {error}")
@@ -112,7 +112,7 @@ def is_tree_error(error: SarError) -> "TypeGuard[TreeError]":
     return diagnostic is not None and isinstance(error, diagnostic.TreeError)
 
 
-def _done(command: Callable[[], int]) -> int:
+def _run_and_flush(command: Callable[[], int]) -> int:
     """Run a command, and flush its output."""
     if sys.stderr is None:  # `print` would use standard output instead
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - to the end of the process
@@ -243,7 +243,7 @@ def not_installed(error: ImportError) -> str | None:
     return None
 
 
-def _meant(message: str, options: Iterable[str], *, has_ros: bool) -> str:
+def _usage_suggestion(message: str, options: Iterable[str], *, has_ros: bool) -> str:
     """Return the suggestion that argparse's message lacks: the choice, or the option, that was probably meant."""
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
@@ -350,7 +350,7 @@ class CommandParser(argparse.ArgumentParser):
         else:
             self.print_usage(sys.stderr)
         options = [name for name in self._option_string_actions if name.startswith("--")]
-        meant = _meant(message, options, has_ros="--ros-args" in (self.epilog or ""))
+        meant = _usage_suggestion(message, options, has_ros="--ros-args" in (self.epilog or ""))
         self.exit(USAGE, _visible(f"{self.prog}: error: {message}{meant}\n"))
 
     def complete(self) -> NoReturn:

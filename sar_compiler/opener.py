@@ -381,7 +381,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
 
 
 def _read(named: Path, kind: FileKind) -> FileContent:
-    with _opened(named, kind) as (descriptor, real):
+    with _open_regular(named, kind) as (descriptor, real):
         about = os.fstat(descriptor)
         # To the end of the file instead of its size: it may grow, and files of the system have no size.
         parts, left = [], kind.limit + 1
@@ -411,7 +411,7 @@ def regular_file(path: str | Path) -> Iterator[int]:
     Raises:
         UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
     """
-    with _opened(Path(path), _OF_ANOTHER_LIBRARY) as (descriptor, _):
+    with _open_regular(Path(path), _OF_ANOTHER_LIBRARY) as (descriptor, _):
         yield descriptor
 
 
@@ -551,7 +551,7 @@ def _words(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _opened(path: Path, kind: FileKind) -> Iterator[tuple[int, Path]]:
+def _open_regular(path: Path, kind: FileKind) -> Iterator[tuple[int, Path]]:
     """Open a regular file for reading; yield its descriptor and its location."""
     limits = [] if kind.is_installed or _confinement is None else [_confinement]
     if isinstance(path, NamedPath) and path.beneath is not None:

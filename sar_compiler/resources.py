@@ -51,7 +51,7 @@ def shipped_root(package: Path = _PACKAGE) -> Path:
     return found
 
 
-def shipped(kind: str, name: str) -> Path:
+def shared_file_path(kind: str, name: str) -> Path:
     """Return the path of a shipped file.
 
     Raises:

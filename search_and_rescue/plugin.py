@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from pathlib import Path
 
-from sar_compiler.missions import Mission, ParameterReader, shipped
+from sar_compiler.missions import Mission, ParameterReader, shared_file_path
 from search_and_rescue.actions.coming_home import ReturnInReach
 from search_and_rescue.actions.navigation import NavigateToBase
 from search_and_rescue.actions.sweeping import PlanSweep
@@ -49,14 +49,16 @@ class SearchAndRescue(Mission):
 
     def default_parameters(self) -> Path:
         """Return the shipped parameter file."""
-        return shipped("config", "mission_params.yaml")
+        return shared_file_path("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
         """Return the shipped properties for a tree that visits the zones and returns home; another file if it may return early, or sweeps."""
         if not {ZonesRemaining, NavigateToBase} <= set(leaves):
             return None
         early = "search_areas" if ReturnInReach in leaves else "mission"
-        return shipped("config", f"{'search_sweeps' if PlanSweep in leaves else early}_properties.yaml")
+        return shared_file_path(
+            "config", f"{'search_sweeps' if PlanSweep in leaves else early}_properties.yaml"
+        )
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Start a run with no zone visited."""

@@ -436,7 +436,7 @@ OPENED_ELSEWHERE = {
     "execution/supervisor.py": {"open": "a descriptor of its own"},
     "writing.py": {"new.open": WRITTEN, "target.open": WRITTEN},
     "commands.py": {"open": "/dev/null, in place of a closed stream"},
-    "documents/located.py": {"shipped('schemas', f'sar_{schema}.schema.json').read_bytes": OWN},
+    "documents/located.py": {"shared_file_path('schemas', f'sar_{schema}.schema.json').read_bytes": OWN},
     "lazy_exports.py": {"spec.loader.get_data": OWN},
     "journal/database.py": {
         "cls.open": "its own method",
@@ -463,7 +463,7 @@ OPENED_ELSEWHERE = {
         "yaml.parse": TEXT,
     },
     "views/drawing.py": {"files(__package__).joinpath('drawing.css').read_text": OWN},
-    "views/findings.py": {"shipped('docs/findings', f'{code}.md').read_text": OWN},
+    "views/findings.py": {"shared_file_path('docs/findings', f'{code}.md').read_text": OWN},
     "analysis/prediction_view.py": {"files(__package__).joinpath('prediction.css').read_text": OWN},
     "reports/report_html.py": {
         "files(__package__).joinpath('report.css').read_text": OWN,

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.resources import ResourceError, find, not_found, shipped, shipped_root
+from sar_compiler.resources import ResourceError, find, not_found, shared_file_path, shipped_root
 
 
 def test_a_shipped_file_is_found_by_kind_and_name():
-    assert shipped("trees", "search_and_rescue.xml").read_text(encoding="utf-8").startswith("<?xml")
+    assert shared_file_path("trees", "search_and_rescue.xml").read_text(encoding="utf-8").startswith("<?xml")
 
 
 def test_a_file_that_is_not_shipped_is_an_error_that_lists_those_that_are():
@@ -16,11 +16,11 @@ def test_a_file_that_is_not_shipped_is_an_error_that_lists_those_that_are():
         ResourceError,
         match=r"has no shipped file 'x\.xml' \(it has: failsafes\.xml, search_and_rescue\.xml",
     ):
-        shipped("trees", "x.xml")
+        shared_file_path("trees", "x.xml")
 
 
 def test_a_bare_word_means_the_shipped_file_of_that_name():
-    assert find("trees", "search_and_rescue", ".xml") == shipped("trees", "search_and_rescue.xml")
+    assert find("trees", "search_and_rescue", ".xml") == shared_file_path("trees", "search_and_rescue.xml")
 
 
 @pytest.mark.parametrize("name", ["mine.xml", "folder/search_and_rescue", "nothing_shipped"])
@@ -37,7 +37,7 @@ def test_a_file_in_the_current_folder_comes_before_a_shipped_one(tmp_path, monke
 def test_a_folder_in_the_current_folder_does_not_hide_a_shipped_file(tmp_path, monkeypatch):
     (tmp_path / "search_and_rescue").mkdir()
     monkeypatch.chdir(tmp_path)
-    assert find("trees", "search_and_rescue", ".xml") == shipped("trees", "search_and_rescue.xml")
+    assert find("trees", "search_and_rescue", ".xml") == shared_file_path("trees", "search_and_rescue.xml")
 
 
 def test_a_name_that_means_nothing_gets_those_that_do():
@@ -78,7 +78,7 @@ def test_a_package_without_its_files_says_that_it_has_to_be_installed_again(tmp_
 
 def test_where_nothing_of_a_kind_is_shipped_the_error_says_so():
     with pytest.raises(ResourceError, match="it has: nothing"):
-        shipped("moons", "luna.yaml")
+        shared_file_path("moons", "luna.yaml")
 
 
 @pytest.mark.parametrize(

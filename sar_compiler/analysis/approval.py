@@ -231,9 +231,9 @@ class ApprovalCheck:
         """
         now, then = _mission_parameters(parameters), self._approval.parameters
         changed = [
-            f"{name} is {_shown(now, name)} and was {_shown(then, name)}"
+            f"{name} is {_value_text(now, name)} and was {_value_text(then, name)}"
             for name in sorted(now.keys() | then.keys())
-            if _shown(now, name) != _shown(then, name)
+            if _value_text(now, name) != _value_text(then, name)
         ]
         if len(changed) > _SHOWN:
             changed = [*changed[:_SHOWN], f"and {len(changed) - _SHOWN} more parameters"]
@@ -292,7 +292,7 @@ def _mission_parameters(parameters: Mapping[str, object]) -> dict[str, object]:
     }
 
 
-def _shown(parameters: Mapping[str, object], name: str) -> str:
+def _value_text(parameters: Mapping[str, object], name: str) -> str:
     return json.dumps(parameters[name]) if name in parameters else "not given"
 
 

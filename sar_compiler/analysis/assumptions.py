@@ -117,14 +117,14 @@ def _read_answers(value: Value, words: LeafVocabulary) -> dict[str, tuple[Answer
         specs = list({id(spec): spec for spec in map(words.spec, leaves)}.values())
         kept = [item for item in inner.listed if "answer" in item.mapping]
         options = [_answer(words.document, item, specs) for item in inner.listed if item not in kept]
-        declared = _declared(words, key, kept, leaves, specs) if kept else ()
+        declared = _declared_outcomes(words, key, kept, leaves, specs) if kept else ()
         found = tuple(dict.fromkeys((*declared, *(option for option in options if option is not None))))
         _check_probabilities(words.document, inner, found)
         said[key.text or ""] = found
     return said
 
 
-def _declared(
+def _declared_outcomes(
     words: LeafVocabulary,
     key: Value,
     items: Sequence[Value],
@@ -272,14 +272,14 @@ def take_controls(
             document.report("unknown-node", message, key, suggestion=nearest(tag, known))
             continue
         nodes = [node for node in (*described_parents(binding), *own) if node.spec.tag == tag]
-        spec = _stand_in(document, value, tag, nodes, registry)
+        spec = _find_replacement(document, value, tag, nodes, registry)
         # After a finding any replacement is accepted, to find further ones.
         fits = (each for each in registry if not _replacement_fault(each, nodes))
         stand_ins[tag] = spec or next(fits)
     put_in_place(binding, stand_ins)
 
 
-def _stand_in(
+def _find_replacement(
     document: Document, value: Value, wanted: str, nodes: Sequence[BoundNode], registry: Registry
 ) -> NodeSpec | None:
     """Return the replacement for some nodes; report an unsuitable one."""

@@ -134,7 +134,7 @@ def conform(
     properties = properties_of(file, prepared, tags)
     recorded = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
     events = _RememberingLast(record)
-    moments, lost = recorded.runs.found_again(events)
+    moments, lost = recorded.runs.locate(events)
     ticks = events.last_tick()
     if lost is not None and not is_over and recorded.is_unfinished(lost):
         lost = None
@@ -214,7 +214,7 @@ class _ReplayedRun:
                 break
         return tuple(led[-_MOST_TOLD:])
 
-    def _noted(self, lost: LostTick) -> list[Event]:
+    def _recorded_outcomes(self, lost: LostTick) -> list[Event]:
         return [event for event in lost.events if event.answer and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
@@ -222,7 +222,7 @@ class _ReplayedRun:
 
         Even then only a node that ran can have been stopped.
         """
-        noted, recorded = self._noted(lost), lost.events[-1].statuses
+        noted, recorded = self._recorded_outcomes(lost), lost.events[-1].statuses
         halted = {number for number, status in recorded if status == _HALTED}
         ran = {number for number, status in recorded if status == _RUNNING}
         return (
@@ -237,7 +237,7 @@ class _ReplayedRun:
 
     def misfit(self, lost: LostTick) -> Misfit:
         """Return the first impossible event of a tick."""
-        noted = self._noted(lost)
+        noted = self._recorded_outcomes(lost)
         tried = [
             _Attempt(state, way, *way.common(noted, lost.told))
             for state in lost.states
@@ -273,7 +273,7 @@ class _ReplayedRun:
                 "no run ticks this leaf there",
             )
         attempt, place = own[0]
-        self.runs.put_before(attempt.state, attempt.way, place)
+        self.runs.restore_before(attempt.state, attempt.way, place)
         possible = [event_words(each.way.answers[place]) for each, place in own]
         return event.number, event_words(event), possible, _why(self._leaves[event.number], event)
 
@@ -290,7 +290,7 @@ class _ReplayedRun:
             if not was:
                 return number, f"no answer of {missing.leaf}", possible, ""
             again = missing._replace(status=was, label=told.labels.get(number) or "")
-            self.runs.put_before(state, way, place)
+            self.runs.restore_before(state, way, place)
             return number, f"{missing.leaf} still {again.answer}", possible, _why(self._leaves[number], again)
         if not fitting:
             return 0, f"{root} {end.status or 'did not end its tick'}", [each.next for each in best], ""

@@ -96,10 +96,10 @@ class Merging:
         """Store values unchanged in this state and in the following ones."""
         self._cells.put(self._switch, True)  # noqa: FBT003 - what an entry holds
 
-    def concerned(self, entries: Iterable[Entry]) -> list[int]:
+    def add_switch(self, entries: Iterable[Entry]) -> list[int]:
         """Return the place of the switch, on which code that uses some entries depends as well."""
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
-    def stored(self, name: str, value: object) -> object:
+    def representative(self, name: str, value: object) -> object:
         """Return the value to store when a value is written to an entry."""
         return value if self._cells.now[self._switch] else self.values[name](value)

@@ -61,7 +61,9 @@ class NumberedBoard(Board):
     def memo(self, entries: Sequence[Entry]) -> Memo:
         """Return a memo of the effects of code on entries of this board, and of those that share its cells."""
         places = {self.cells.place_of(entry.name) for entry in entries}
-        return Memo(self.cells, sorted(places.union(self.merging.concerned(entries) if self.merging else ())))
+        return Memo(
+            self.cells, sorted(places.union(self.merging.add_switch(entries) if self.merging else ()))
+        )
 
     def merge(self, merging: Merging) -> None:
         """Merge some values, beginning with the current ones."""
@@ -142,7 +144,7 @@ class NumberedBoard(Board):
         place = self.cells.place_of(name)
         self.cells.lent.pop(place, None)
         if self.merging and content.frozen is not None and name in self.merging.values:
-            content = content._replace(frozen=freeze(self.merging.stored(name, thaw(content.frozen))))
+            content = content._replace(frozen=freeze(self.merging.representative(name, thaw(content.frozen))))
         self.cells.put(place, None if content == _NOTHING else content)
 
     def _next_stamp(self, name: str) -> int:

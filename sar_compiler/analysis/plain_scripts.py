@@ -49,7 +49,7 @@ class _ScriptWalk:
             known: The variables that certainly have values when it is ticked.
         """
         if not bound.children:
-            return self._of_leaf(bound, known)
+            return self._variables_after_leaf(bound, known)
         semantics = bound.spec.semantics
         if semantics.repeats:  # a script may determine the duration, and a tick may never end
             return None
@@ -63,7 +63,7 @@ class _ScriptWalk:
             then = reached if is_sequence else known
         return then
 
-    def _of_leaf(self, bound: BoundNode, known: frozenset[str]) -> frozenset[str] | None:
+    def _variables_after_leaf(self, bound: BoundNode, known: frozenset[str]) -> frozenset[str] | None:
         script = _script_of(bound)
         if script is None:
             return known if not any(isinstance(each, Script) for each in bound.values.values()) else None
@@ -71,7 +71,7 @@ class _ScriptWalk:
             return None
         (statement,) = script.statements
         if isinstance(statement, Assignment):
-            return self._of_assignment(bound, statement, known)
+            return self._variables_after_assignment(bound, statement, known)
         assert isinstance(statement, ComparisonChain)  # noqa: S101 - a plain form
         operators = {step.operator for step in statement.steps}
         types = {
@@ -81,7 +81,7 @@ class _ScriptWalk:
         is_right = types <= {int, float} or (types == {str} and operators <= _EQUALITY)
         return known if is_right else None
 
-    def _of_assignment(
+    def _variables_after_assignment(
         self, bound: BoundNode, statement: Assignment, known: frozenset[str]
     ) -> frozenset[str] | None:
         name, kind = statement.target.name, self._type_of(statement.value, known)

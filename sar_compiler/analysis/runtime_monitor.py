@@ -167,7 +167,7 @@ class RuntimeMonitor:
         rules = self.properties.rules
         self._looks: dict[int, list[_HeldCondition]] = {}
         guarded = {
-            event: [self._looked(event, each) for each in some] for event, some in rules.guarded.items()
+            event: [self._guard_state(event, each) for each in some] for event, some in rules.guarded.items()
         }
         monitors = rules.monitors
         self._trail = Trail(guarded, monitors.heard, monitors.after, EntryCells())
@@ -195,7 +195,7 @@ class RuntimeMonitor:
         owed = self.properties.rules.monitors.owed(self._trail.watched)
         return [name for number, name in enumerate(self.properties.names) if owed >> number & 1]
 
-    def _looked(self, event: int, guard: Guarded) -> Guarded:
+    def _guard_state(self, event: int, guard: Guarded) -> Guarded:
         leaf, _ = self._alphabet.answers[event]
         look = _HeldCondition(guard.holds, self._cannot_judge)
         self._looks.setdefault(leaf.number, []).append(look)

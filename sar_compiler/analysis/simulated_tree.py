@@ -106,17 +106,17 @@ def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
     if means.possible is None or means.once or bound.spec.references:
         return None
     if bound.spec.kind is Kind.CONTROL:
-        return _in_order(bound, means)
+        return _sequence_substitute(bound, means)
     if means.limit_sec is not None:
         limit = means.limit_sec(bound)
         return None if limit is None else _limit(clock, limit)
     if means.repeats:
         rounds = means.rounds and means.rounds(bound)
         return partial(_repeat, means.repeats, rounds) if rounds else None
-    return _turning(bound, means)
+    return _mapping_substitute(bound, means)
 
 
-def _in_order(bound: BoundNode, means: Semantics) -> Substitute | None:
+def _sequence_substitute(bound: BoundNode, means: Semantics) -> Substitute | None:
     assert means.possible is not None  # noqa: S101 - the caller has seen to it
     if means.order is not Order.IN_ORDER:
         return None
@@ -128,7 +128,7 @@ def _in_order(bound: BoundNode, means: Semantics) -> Substitute | None:
     return partial(stock.Sequence if means.is_sequence else stock.Fallback, memory=not bound.is_reactive)
 
 
-def _turning(bound: BoundNode, means: Semantics) -> Substitute | None:
+def _mapping_substitute(bound: BoundNode, means: Semantics) -> Substitute | None:
     assert means.possible is not None  # noqa: S101 - the caller has seen to it
     turned = [WORD_OF.get(means.possible(bound, [answer], ALLOWED)) for answer in (S, F, R)]
     if not means.steady or turned[2] != "RUNNING" or None in turned:

@@ -280,11 +280,11 @@ class StubLeaf(SkippableLeaf):
         try:
             self.change(answer)
         except StubLeafError:
-            self.events.append(self._answered(answer, before))
+            self.events.append(self._outcome_event(answer, before))
             raise
-        return self._answered(answer, before)
+        return self._outcome_event(answer, before)
 
-    def _answered(self, answer: Answer, before: Mapping[str, object]) -> Event:
+    def _outcome_event(self, answer: Answer, before: Mapping[str, object]) -> Event:
         return self.event(ANSWERED, answer, changes_in(before, self._facts_of(answer)))
 
     def _facts_of(self, answer: Answer) -> dict[str, object]:

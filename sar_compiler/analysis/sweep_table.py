@@ -45,10 +45,10 @@ def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
     heads = list(dict.fromkeys(head for line in lines for head in line))
     table = [heads, *([line.get(head, "") for head in heads] for line in lines)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return "\n".join("  ".join(_aligned(cells, widths, labels)).rstrip() for cells in table)
+    return "\n".join("  ".join(_align(cells, widths, labels)).rstrip() for cells in table)
 
 
-def _aligned(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator[str]:
+def _align(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator[str]:
     """Yield the cells of a line, the labels to the left and the numbers to the right."""
     for index, (cell, width) in enumerate(zip(cells, widths, strict=True)):
         yield cell.ljust(width) if index < labels else cell.rjust(width)
@@ -63,7 +63,7 @@ def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, st
         confidence: f"{100 * interval.low:.1f} to {100 * interval.high:.1f}",
         "time (median)": f"{quantile(times, 0.5):.1f} s" if times else "",
         "(95th percentile)": f"{quantile(times, 0.95):.1f} s" if times else "",
-        **{name: _with_margin(*mean) for name, mean in _means(row.outcomes, rule.confidence).items()},
+        **{name: _margin_text(*mean) for name, mean in _means(row.outcomes, rule.confidence).items()},
     }
 
 
@@ -118,7 +118,7 @@ def _means(outcomes: Sequence[Played], confidence: float) -> dict[str, _Mean]:
     }
 
 
-def _with_margin(value: float, margin: float | None) -> str:
+def _margin_text(value: float, margin: float | None) -> str:
     return f"{value:.2f}" if margin is None else f"{value:.2f} ± {margin:.2f}"
 
 

@@ -84,11 +84,11 @@ def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
     """Return whether a tick has events that the previous one did not have."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
-    known = {(event.number, event.status, event.label) for event in _seen(before)}
-    return any((event.number, event.status, event.label) not in known for event in _seen(tick))
+    known = {(event.number, event.status, event.label) for event in _visible_events(before)}
+    return any((event.number, event.status, event.label) not in known for event in _visible_events(tick))
 
 
-def _seen(tick: TickRecord) -> list[Event]:
+def _visible_events(tick: TickRecord) -> list[Event]:
     return [event for event in tick.events if event.what in (ANSWERED, HALTED)]
 
 
@@ -105,7 +105,7 @@ class _Writer:
         """Yield the lines of a tick."""
         came_to = f"root {tick.root}" if tick.root else "not finished"
         yield f"tick {tick.number}, {tick.time_sec:g} s: {came_to}"
-        for event in _seen(tick):
+        for event in _visible_events(tick):
             status = f" ({event.status})" if event.label else ""
             yield f"  {self._labels[event.number]:{self._width}}  {event.deed}{status}"
         if tick.facts:
@@ -119,7 +119,7 @@ class _Writer:
             return []
         first, last = quiet[0], quiet[-1]
         which = f"tick {first.number}" if first is last else f"ticks {first.number} to {last.number}"
-        events = (event for tick in quiet for event in _seen(tick) if self._is_done(event))
+        events = (event for tick in quiet for event in _visible_events(tick) if self._is_done(event))
         again = dict.fromkeys(f"{self._labels[event.number]} {event.deed}" for event in events)
         said = f"again {', '.join(again)}" if again else "nothing new"
         return [f"{which}, until {last.time_sec:g} s: {said}"]

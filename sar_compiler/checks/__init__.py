@@ -26,7 +26,7 @@ from sar_compiler.checks.rules import (
     subtrees,
     version_differences,
 )
-from sar_compiler.checks.suppressions import without_suppressed
+from sar_compiler.checks.suppressions import remove_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.collector import FindingCollector
@@ -111,7 +111,7 @@ def context_of(
     return CheckContext(forest, registry, palettes, btcpp)
 
 
-def _of_schema(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
+def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
     """Return the schema's findings that add to those of the rules; none in a browser, which has no lxml."""
     if sys.platform == "emscripten":
         return []
@@ -136,7 +136,7 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
         findings += found
     # The rules' messages are better, so the schema is used only where they found nothing.
     if is_all:
-        findings += _of_schema(context, findings)
+        findings += _schema_findings(context, findings)
     files = (*reversed(forest.files), *forest.others)
     order = {tree_file.source.path: number for number, tree_file in reversed([*enumerate(files)])}
 
@@ -149,7 +149,7 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
             finding.code,
         )
 
-    return sorted(without_suppressed(forest, findings), key=place)
+    return sorted(remove_suppressed(forest, findings), key=place)
 
 
 def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
@@ -318,6 +318,6 @@ def check_beginning(
         return finding.code in _OF_A_START_TAG or (finding.code in _OF_AN_ELEMENT and place not in unfinished)
 
     recovered = beginning.tree_file.findings
-    kept = without_suppressed(forest, [*recovered, *(each for each in found if stays(each))])
+    kept = remove_suppressed(forest, [*recovered, *(each for each in found if stays(each))])
     told = {id(each) for each in recovered}
     return [*forest.findings, *(each for each in kept if id(each) in told or stays(each))]

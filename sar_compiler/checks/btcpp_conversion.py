@@ -40,16 +40,16 @@ def convert_to_btcpp(
     palettes = tuple(palettes)
     losses = convert(forest.main, Form.XML).losses
     rewritten, notes = to_btcpp(forest.main, registry, palettes, btcpp)
-    written = CheckContext(_with_main(forest, rewritten), registry, palettes, btcpp)
+    written = CheckContext(_replace_main(forest, rewritten), registry, palettes, btcpp)
     noted = {each.span for each in notes if each.severity is not Severity.INFO}
     refused = [
-        each for each in _refused(written) if each.source is forest.main.source and each.span not in noted
+        each for each in _refusals(written) if each.source is forest.main.source and each.span not in noted
     ]
     found = dict.fromkeys((*notes, *refused))
     return Converted(convert(rewritten, Form.XML).text, (*losses, *sorted(found, key=lambda each: each.span)))
 
 
-def _with_main(forest: Forest, main: TreeFile) -> Forest:
+def _replace_main(forest: Forest, main: TreeFile) -> Forest:
     """Return a forest with a rewritten main file whose elements have kept their locations."""
     files = tuple(main if each is forest.main else each for each in forest.files)
     meant = {each.place: forest.targets.get(id(each)) for each in forest.main.root.iterate()}
@@ -57,7 +57,7 @@ def _with_main(forest: Forest, main: TreeFile) -> Forest:
     return dataclasses.replace(forest, main=main, files=files, targets=targets)
 
 
-def _refused(context: CheckContext) -> Iterator[Diagnostic]:
+def _refusals(context: CheckContext) -> Iterator[Diagnostic]:
     for finding in (*context.bound.findings, *refused_key_types(context), *check_literals(context)):
         is_error = finding.severity is Severity.ERROR and finding.code not in _MODELLED
         if is_error or finding.code in _WARNINGS:

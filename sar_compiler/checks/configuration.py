@@ -110,9 +110,9 @@ def configuration_for(
             exists = is_file(path) if table else is_there(path)
             if not exists or (table and not _OWN_WORD.search(read_file(path, SETTINGS).data)):
                 continue
-            if not _counts(path, tree_file):
+            if not _has_trusted_owner(path, tree_file):
                 passed_over(path)
-            elif (decided := _decided(path, table)) is not None:
+            elif (decided := _read_table(path, table)) is not None:
                 return decided
     return NOTHING_DECIDED
 
@@ -158,7 +158,7 @@ def _folder_of(folder: Path, pattern: str) -> Path:
     return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
 
 
-def _counts(configuration: Path, tree_file: Path) -> bool:
+def _has_trusted_owner(configuration: Path, tree_file: Path) -> bool:
     """Return whether a configuration belongs to the user, to root, or to the owner of the tree file."""
     if sys.platform == "win32":
         return True
@@ -166,7 +166,7 @@ def _counts(configuration: Path, tree_file: Path) -> bool:
     return owner_of(configuration) in {os.geteuid(), 0, owner_of(tree_file)}
 
 
-def _decided(path: Path, table: tuple[str, ...]) -> Configuration | None:
+def _read_table(path: Path, table: tuple[str, ...]) -> Configuration | None:
     """Return the configuration in a table of a file; None if the file has no such table.
 
     Raises:

@@ -64,12 +64,12 @@ def _shape(written: str, suggestion: str) -> bool:
     return suggestion == f"'{written}'"
 
 
-def _left_out(_written: str, suggestion: str) -> bool:
+def _is_output(_escape: str, suggestion: str) -> bool:
     """Outputs without a key."""
     return not suggestion
 
 
-def _stand_alone(_written: str, _suggestion: str) -> bool:
+def _stand_alone(_escape: str, _suggestion: str) -> bool:
     """Characters that XML escapes, in positions in which they can only mean themselves."""
     return True
 
@@ -81,7 +81,7 @@ SAFE: Mapping[str, Callable[[str, str], bool]] = {
     "btcpp-version": _script,
     "wrong-shape": _shape,
     "loose-xml": _stand_alone,
-    "ignored-attribute": _left_out,
+    "ignored-attribute": _is_output,
 }
 """For each kind of finding with safe fixes: whether a text in a file may be replaced by its suggestion.
 
@@ -111,7 +111,7 @@ class Fix:
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
         written, suggestion = (
-            in_one_line(shortened(each)) for each in (_written(finding), finding.suggestion or "left out")
+            in_one_line(shortened(each)) for each in (_escape(finding), finding.suggestion or "left out")
         )
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
@@ -120,7 +120,7 @@ IsMeant = Callable[[Diagnostic], bool]
 """Decides whether a suggestion is to be applied."""
 
 
-def _written(finding: Diagnostic) -> str:
+def _escape(finding: Diagnostic) -> str:
     start, end = finding.source.offsets(finding.span)
     return finding.source.text[start:end]
 
@@ -129,9 +129,7 @@ def is_safe(finding: Diagnostic) -> bool:
     """Return whether a finding has a suggestion that may be applied without asking."""
     decide = SAFE.get(finding.code)
     return (
-        decide is not None
-        and finding.suggestion is not None
-        and decide(_written(finding), finding.suggestion)
+        decide is not None and finding.suggestion is not None and decide(_escape(finding), finding.suggestion)
     )
 
 

@@ -100,9 +100,9 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
     if not parts or parts[0].cls is not spec.cls:
         return
     assigned = {name for part in parts for name, _ in part.assignments()}
-    yield from _missing(spec, parts[0], assigned)
+    yield from _missing_attributes(spec, parts[0], assigned)
     for part in parts:
-        yield from _hidden(part)
+        yield from _hiding_attributes(part)
     yield from _undeclared_uses(spec, parts[0])
     for part in parts:
         yield from _undeclared_outcomes(spec, part)
@@ -142,7 +142,9 @@ def _module(path: str) -> tuple[Source, ast.Module] | None:
     return _read_module(path, read_file(Path(path), MODULE).data.decode("utf-8", "replace"))
 
 
-def _missing(spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]) -> Iterator[Diagnostic]:
+def _missing_attributes(
+    spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]
+) -> Iterator[Diagnostic]:
     """Yield attributes that a base class requires, and that neither the class nor a method sets."""
     cls = part.cls
     for name, example in getattr(cls, "required_attributes", {}).items():
@@ -152,7 +154,7 @@ def _missing(spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]) -> 
             yield part.finding("faulty-class", message, part.node, hint)
 
 
-def _hidden(part: _WrittenClass) -> Iterator[Diagnostic]:
+def _hiding_attributes(part: _WrittenClass) -> Iterator[Diagnostic]:
     """Yield attributes that hide a method, or that have the name of a property without setter."""
     cls, seen, replaced = part.cls, set(), part.replaced()
     for name, node in part.assignments():

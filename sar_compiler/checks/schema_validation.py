@@ -77,10 +77,10 @@ def schema_errors(
     tags, notes = frozenset({element.tag for element in elements}), _notes(elements)
     schema = _schema(registry, tags, notes, described) if described else _schema_of(registry, tags, notes)
     text, lines = _as_xml(tree_file)
-    return [(lines[line - 1], message) for line, message in _refused(text, schema)]
+    return [(lines[line - 1], message) for line, message in _schema_errors_in(text, schema)]
 
 
-def _refused(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
+def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str]]:
     """Return the errors of a schema about a text as pairs of line and message."""
     parser = etree.XMLParser(
         encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False, remove_blank_text=True

@@ -45,7 +45,7 @@ class _Suppression:
         return [code.strip() for code in match[1].split(",")] if match else []
 
 
-def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+def remove_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return the findings that no comment suppresses, and those about the comments themselves."""
     kept, guesses = list(findings), Guesses()
     whole = all(finding.severity is not Severity.ERROR for finding in kept)
@@ -53,7 +53,7 @@ def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[D
         if _MARK not in tree_file.source.text:
             continue
         suppressions = list(_suppressions(tree_file))
-        kept = _silenced(tree_file, suppressions, kept)
+        kept = _suppress(tree_file, suppressions, kept)
         if number < len(forest.files):
             # If there are errors, some rules do not run.
             wrong = [each for one in suppressions for each in _wrong(one, guesses, unneeded=whole)]
@@ -65,7 +65,7 @@ def without_suppressed(forest: Forest, findings: Iterable[Diagnostic]) -> list[D
     return kept
 
 
-def _silenced(
+def _suppress(
     tree_file: TreeFile, suppressions: list[_Suppression], findings: list[Diagnostic]
 ) -> list[Diagnostic]:
     by_element: dict[int, list[_Suppression]] = {}

@@ -20,7 +20,7 @@ from sar_compiler.nodes.numbers import (
     number_in,
 )
 from sar_compiler.nodes.values import literal_value
-from sar_compiler.resources import shipped
+from sar_compiler.resources import shared_file_path
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, Source, Span, TreeError
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.kinds import SEVERITIES
@@ -67,12 +67,12 @@ def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
         path = tuple(error.absolute_path)
         refuse = {
             "additionalProperties": _unknown_keys,
-            "required": _missing,
-            "anyOf": _missing,
+            "required": _missing_keys,
+            "anyOf": _missing_keys,
             "not": _conflict,
             UNIT: _unusual,
         }
-        of_another_type = _of_another_type(validator, root.at(path), path, error)
+        of_another_type = _wrong_quotes(validator, root.at(path), path, error)
         if of_another_type is not None:
             yield of_another_type
         else:
@@ -96,7 +96,7 @@ def _validator(schema: str) -> "Draft7Validator":
             yield ValidationError(oddity.message, cause=None, context=())
 
     extend: Any = validators.extend
-    said = json.loads(shipped("schemas", f"sar_{schema}.schema.json").read_bytes())
+    said = json.loads(shared_file_path("schemas", f"sar_{schema}.schema.json").read_bytes())
     made: Draft7Validator = extend(Draft7Validator, {UNIT: check_unit})(said)
     return made
 
@@ -110,7 +110,7 @@ def _unknown_keys(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
         yield Refusal("unknown-key", message, inner, root.name_at(inner), nearest(name, known))
 
 
-def _missing(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _missing_keys(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     """Yield one finding for all missing keys, except those probably meant by an unknown one that has its own."""
     given, properties = error.instance, error.schema["properties"]
     unknown = set() if error.schema.get("additionalProperties", True) else given.keys() - properties.keys()
@@ -133,7 +133,7 @@ def _conflict(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     yield Refusal("conflicting-keys", message, inner, root.name_at(inner), hint="write two separate entries")
 
 
-def _of_another_type(validator: "Draft7Validator", value: "Value", path: Path, error: Any) -> Refusal | None:
+def _wrong_quotes(validator: "Draft7Validator", value: "Value", path: Path, error: Any) -> Refusal | None:
     """Return the finding about a value that would be valid with quotes, or without them; None for other values."""
     if error.validator not in ("type", "enum") or value.text is None or value.is_nothing:
         return None
@@ -456,12 +456,12 @@ class Document:
             TreeError: If there are errors.
         """
         if len(self.warnings) < len(self.findings):
-            raise TreeError(_in_order(self.findings))
+            raise TreeError(_sort_findings(self.findings))
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         """The findings that do not prevent the use of the file, in its order."""
-        return tuple(each for each in _in_order(self.findings) if each.severity is not Severity.ERROR)
+        return tuple(each for each in _sort_findings(self.findings) if each.severity is not Severity.ERROR)
 
     def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
         """Return the location of a value, or of a part of its text; for lists and mappings the first line."""
@@ -479,5 +479,5 @@ class Document:
         return source.span(first, max(first + 1, last))
 
 
-def _in_order(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+def _sort_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     return sorted(dict.fromkeys(findings), key=lambda each: (each.span.line, each.span.column))

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from sar_compiler.missions.parameter_reader import ParameterError as ParameterError
     from sar_compiler.missions.parameter_reader import ParameterReader as ParameterReader
     from sar_compiler.missions.parameter_reader import lookalikes as lookalikes
-    from sar_compiler.resources import shipped as shipped
+    from sar_compiler.resources import shared_file_path as shared_file_path
     from sar_compiler.ros.arguments import readable_ros_errors as readable_ros_errors
     from sar_compiler.ros.parameters import DataNode as DataNode
     from sar_compiler.ros.parameters import flat_parameters as flat_parameters

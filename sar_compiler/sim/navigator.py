@@ -80,7 +80,7 @@ _REPLANS_SEC = 3.0
 @cache
 def manner(name: str) -> Manner:
     """Return the manner with a name, one of `placement.MANNER_NAMES`."""
-    return like_nav2(resources.shipped("config", "nav2_params.yaml")) if name == NAV2_NAME else QUICK
+    return like_nav2(resources.shared_file_path("config", "nav2_params.yaml")) if name == NAV2_NAME else QUICK
 
 
 def like_nav2(parameters: Path) -> Manner:

@@ -185,11 +185,11 @@ def style() -> str:
 def literal(css: str) -> str:
     """Return a stylesheet with literal colours instead of their names, for renderers without `var()`."""
     coloured = "\n".join(line for line in css.splitlines() if "var(" in line)
-    light, dark = _resolved(css, dark=False), _resolved(coloured, dark=True)
+    light, dark = _resolve(css, dark=False), _resolve(coloured, dark=True)
     return f"{light}@media (prefers-color-scheme:dark){{\n{dark}\n}}\n"
 
 
-def _resolved(css: str, *, dark: bool) -> str:
+def _resolve(css: str, *, dark: bool) -> str:
     return re.sub(r"var\(--([a-z-]+)\)", lambda name: COLOURS[name[1]].on(dark=dark), css)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.commands import version_of
-from sar_compiler.resources import shipped
+from sar_compiler.resources import shared_file_path
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, Span
 from sar_compiler.tree.kinds import KINDS, SEVERITIES
 from sar_compiler.tree.plain import as_json, count_text
@@ -69,7 +69,7 @@ def page_of(code: str) -> str:
     Raises:
         ResourceError: If it is not installed.
     """
-    return shipped("docs/findings", f"{code}.md").read_text("utf-8")
+    return shared_file_path("docs/findings", f"{code}.md").read_text("utf-8")
 
 
 def without_markdown(page: str, paint: Callable[[str, str], str]) -> str:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 
 from sar_compiler.checks import check
-from sar_compiler.checks.rules.scripts import raised_always
+from sar_compiler.checks.rules.scripts import find_certain_errors
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.script import parse
@@ -138,7 +138,7 @@ def raises(script, x, y):
 @given(PART)
 def test_what_is_said_to_raise_raises_with_all_values_and_of_constants_everything_that_raises_is_said(text):
     script = parse(text)
-    is_raised = bool(raised_always(script, is_condition=True)[0])
+    is_raised = bool(find_certain_errors(script, is_condition=True)[0])
     runs = [raises(script, x, y) for x in VALUES for y in VALUES]
     if is_raised:
         assert all(runs)

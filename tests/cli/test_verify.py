@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from sar_compiler.cli.compile import main
-from sar_compiler.resources import shipped
+from sar_compiler.resources import shared_file_path
 from sar_compiler.terminal import ProgressLine
 from tests.terminals import Terminal
 from tests.trees import document
@@ -333,7 +333,7 @@ def test_what_does_not_hold_for_both_trees_is_nothing_new(run):
 
 
 def test_both_trees_are_held_against_the_properties_of_the_mission_of_either(run):
-    mission = shipped("trees", "search_and_rescue.xml").read_text(encoding="utf-8")
+    mission = shared_file_path("trees", "search_and_rescue.xml").read_text(encoding="utf-8")
     arguments = ("--against", "{folder}/before.xml", "--set", "zones_left=1")
     for tree, before in ((FINE, mission), (mission, FINE)):
         out = run(tree, *arguments, before=before)[1]
@@ -405,7 +405,7 @@ def test_progress_goes_to_standard_error_where_that_is_a_terminal(run, monkeypat
 def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found_so_far(tmp_path, more):
     properties = tmp_path / "p.yaml"
     properties.write_text("properties: {stays at home: {never: NavigateToZone starts}}", encoding="utf-8")
-    tree = shipped("trees", "search_and_rescue_resilient.xml")
+    tree = shared_file_path("trees", "search_and_rescue_resilient.xml")
     words = ["verify", str(tree), "--properties", str(properties), "--set", "zones_left=9", *more]
     terminal = Terminal("sar-compile", *words, columns=200, env={"NO_COLOR": "1"})
     try:

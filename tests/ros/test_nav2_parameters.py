@@ -52,7 +52,7 @@ def test_the_shipped_parameter_file_is_taken_without_advice(ros: Ros) -> None:
     from sar_compiler import resources
     from sar_compiler.missions.parameter_file import read_parameter_file
 
-    file = resources.shipped("config", "nav2_params.yaml")
+    file = resources.shared_file_path("config", "nav2_params.yaml")
     for name in ("bt_navigator", "controller_server", "behavior_server", "velocity_smoother"):
         values = read_parameter_file(file, f"/{name}")
         node = ros.node(name)

@@ -31,7 +31,7 @@ from sar_compiler.analysis.verify.properties import (
 from sar_compiler.analysis.verify.slicing import merge_values
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.analysis.verify.unknown_values import explored, search_decidable
+from sar_compiler.analysis.verify.unknown_values import explore_decidable, search_decidable
 from sar_compiler.analysis.verify.verdicts import AN_END
 from sar_compiler.budget import Budget, Progress
 from sar_compiler.errors import UndecidableError
@@ -84,7 +84,7 @@ class Prediction:
         stopped: Whether it was stopped before that, or before all numbers were computed: missing numbers have the
             bounds 0 and 1.
         left_out: The properties that do not apply to this tree.
-        undecided: The reasons why some runs were not explored, or some conditions not evaluated, because they need
+        undecided: The reasons why some runs were not explore_decidable, or some conditions not evaluated, because they need
             unknown values. The bounds of probabilities hold for all these values; times, the distribution and the
             influences are not computed.
         merged: The keys and facts with merged values, because no run can distinguish them.
@@ -144,7 +144,11 @@ def predict(
     if merges:
         merge_values(prepared, properties)
     search = partial(
-        _predicted, prepared=prepared, period_sec=period_sec, max_states=max_states, budget=budget or Budget()
+        _predict_searched,
+        prepared=prepared,
+        period_sec=period_sec,
+        max_states=max_states,
+        budget=budget or Budget(),
     )
     found, reasons = search_decidable(properties, search)
     if AN_END in reasons:
@@ -154,20 +158,20 @@ def predict(
     return replace(found, properties=kept, undecided=undecided)
 
 
-def _predicted(
+def _predict_searched(
     properties: Properties, *, prepared: Prepared, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
     """Predict the results of a tree's runs; raises `ConditionError` as well."""
     simulated, probabilities = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
-    stepper = TreeStepper(prepared, _remembering(properties.rules), probabilities=probabilities)
-    nothing = _nothing_known(properties)
+    stepper = TreeStepper(prepared, _breach_automata(properties.rules), probabilities=probabilities)
+    nothing = _unknown_prediction(properties)
 
     def report(progress: Progress) -> bool:
         budget.publish(partial(replace, nothing, states=progress.states, steps=progress.steps))
         return budget.report(progress)
 
     budget.publish(lambda: nothing)
-    graph, unknown = explored(stepper, max_states, report)
+    graph, unknown = explore_decidable(stepper, max_states, report)
     _require_no_error(graph, simulated)
     nothing = replace(
         nothing,
@@ -190,7 +194,7 @@ def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
     """
     for name, seconds in _times(simulated):
         if seconds / period_sec > _MOST_TICKS:
-            period = _rounded_up(seconds / _MOST_TICKS)
+            period = _round_up(seconds / _MOST_TICKS)
             raise UndecidableError(
                 f"'{name}' takes {seconds:g} s, which is {seconds / period_sec:.3g} ticks. At most {_MOST_TICKS:,} are supported. "
                 f"Write a longer tick period: --period {period}"
@@ -209,7 +213,7 @@ def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
         )
 
 
-def _rounded_up(seconds: float) -> str:
+def _round_up(seconds: float) -> str:
     """Return a number of seconds, rounded up to two digits, as the value of an option."""
     digits = 1 - math.floor(math.log10(seconds))
     return f"{math.ceil(seconds * 10.0**digits) / 10.0**digits:g}"
@@ -228,7 +232,7 @@ def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
                 yield bound.name, value * _SECONDS[parameter.value_type.name]
 
 
-def _nothing_known(properties: Properties) -> Prediction:
+def _unknown_prediction(properties: Properties) -> Prediction:
     return Prediction(
         success=_ANYTHING,
         ends=_ANYTHING,
@@ -279,7 +283,7 @@ class _BreachMonitors(Monitors):
         return self._inner.owed(self.parts(state)[0])
 
 
-def _remembering(rules: PropertyAutomata) -> PropertyAutomata:
+def _breach_automata(rules: PropertyAutomata) -> PropertyAutomata:
     return PropertyAutomata(
         _BreachMonitors(rules.monitors), rules.guarded, rules.ends, rules.at_end, rules.entries
     )
@@ -305,16 +309,16 @@ class _Reckoning:
         self._succeeded = np.zeros(count, bool)
         self._broken = np.zeros((count, properties.rules.count), bool)
         for state in range(count) if properties.names else np.flatnonzero(self._ends):
-            self._look_at(int(state))
+            self._classify_state(int(state))
 
-    def _look_at(self, state: int) -> None:
+    def _classify_state(self, state: int) -> None:
         """Determine the properties violated in a state, and whether a run has succeeded in it."""
         steps, code = self._stepper.steps, self._graph.states[state]
         outcome, watched = steps.restore(code)
         broken = watched >> self._properties.rules.monitors.count
         if self._ends[state]:
             self._succeeded[state] = outcome == SUCCESS
-            broken |= _judged(steps, code).broken
+            broken |= _judge(steps, code).broken
         for rule in range(self._properties.rules.count):
             self._broken[state, rule] = broken >> rule & 1
 
@@ -327,7 +331,7 @@ class _Reckoning:
         """
         weighed, unknown = self._weighed, self._open
         parts: list[tuple[str, Callable[[], Any]]] = [
-            ("unknown", self._unknown),
+            ("unknown", self._unknown_leaves),
             ("success", lambda: weighed.bounds(self._succeeded, unknown)),
             ("ends", lambda: weighed.bounds(self._ends, unknown)),
             ("properties", self._properties_kept),
@@ -345,7 +349,7 @@ class _Reckoning:
         return found
 
     def _properties_kept(self) -> Mapping[str, Between]:
-        return {name: self._kept(rule) for rule, name in enumerate(self._properties.names)}
+        return {name: self._property_bounds(rule) for rule, name in enumerate(self._properties.names)}
 
     def _distribution(self, budget: Budget) -> tuple[tuple[float, float, float], ...]:
         if not self._graph.complete:
@@ -353,7 +357,7 @@ class _Reckoning:
         moments = self._weighed.ends(self._ends, self._succeeded, budget.is_spent)
         return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
-    def _kept(self, rule: int) -> Between:
+    def _property_bounds(self, rule: int) -> Between:
         """Return the probability that a property holds; an obligation must be met before a run ends."""
         broken, unknown = self._broken[:, rule], self._open
         if rule in self._properties.owing:
@@ -381,7 +385,7 @@ class _Reckoning:
         ]
         return tuple(sorted(found, key=lambda each: -abs(each.derivative)))
 
-    def _unknown(self) -> tuple[tuple[str, ...], ...]:
+    def _unknown_leaves(self) -> tuple[tuple[str, ...], ...]:
         """Return the paths of the leaves that have a choice without known probabilities."""
         open_ = {
             choice.leaf
@@ -391,7 +395,7 @@ class _Reckoning:
         return tuple(leaf.path for leaf in self._stepper.leaves if leaf.number in open_)
 
 
-def _judged(steps: TickSteps, code: bytes) -> Judgement:
+def _judge(steps: TickSteps, code: bytes) -> Judgement:
     """Return the judgement of a state in which a run ends, perhaps because it idles."""
     judgement = steps.judge(code, None)
     if not judgement.ends:

@@ -114,7 +114,7 @@ class WeighedGraph:
         width = self._low.shape[1]
         followed = np.bincount(source * width + answers, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
-        ends = self._wide(np.frombuffer(bytes(graph.ends), np.uint8).astype(bool))
+        ends = self._place_flags(np.frombuffer(bytes(graph.ends), np.uint8).astype(bool))
         ends[graph.expanded : self._states] = ends[-1] = True
         missing[ends] = 0.0
         places, found = np.nonzero(missing > _ROUNDING)
@@ -127,12 +127,12 @@ class WeighedGraph:
             goal: Which states these are.
             unknown: The states with unknown behaviour after them.
         """
-        possible = self._wide(goal | unknown)
+        possible = self._place_flags(goal | unknown)
         possible[-1] = True
-        least, most = self._optimum(self._wide(goal), -1)[0], self._optimum(possible, 1)[0]
+        least, most = self._optimum(self._place_flags(goal), -1)[0], self._optimum(possible, 1)[0]
         return Between(float(least[0]), float(most[0]))
 
-    def _wide(self, states: Flags) -> Flags:
+    def _place_flags(self, states: Flags) -> Flags:
         """Return flags of places for flags of states."""
         return np.concatenate([states, np.zeros(self._count - self._states, bool)])
 
@@ -144,26 +144,30 @@ class WeighedGraph:
         Raises:
             UndecidableError: If it is not found: intermediate results may be no bounds.
         """
-        probabilities = self._between()
-        left_out = self._avoiding(goal) if sign < 0 and len(self._varying) else np.zeros(self._count, bool)
+        probabilities = self._interior_probabilities()
+        left_out = (
+            self._avoiding_places(goal) if sign < 0 and len(self._varying) else np.zeros(self._count, bool)
+        )
         values = self._reach(goal, probabilities, left_out)
         for turn in range(_MOST_ROUNDS):
-            better = self._improved(values, probabilities, sign) if len(self._varying) else None
+            better = self._improve(values, probabilities, sign) if len(self._varying) else None
             if better is None:
                 return values, probabilities
-            probabilities = better if turn != _FEW_ROUNDS else self._backwards(goal | left_out, values, sign)
+            probabilities = (
+                better if turn != _FEW_ROUNDS else self._initial_policy(goal | left_out, values, sign)
+            )
             values = self._reach(goal, probabilities, left_out)
         raise UndecidableError(f"no bound of a probability was found in {_MOST_ROUNDS} rounds")
 
-    def _between(self) -> Reals:
+    def _interior_probabilities(self) -> Reals:
         """Return probabilities of the outcomes at each place that are within their bounds, and positive if possible."""
         probabilities: Reals = self._middle[self._choice_at]
         return probabilities
 
-    def _backwards(self, given: Flags, values: Reals, sign: int) -> Reals:
+    def _initial_policy(self, given: Flags, values: Reals, sign: int) -> Reals:
         """Return probabilities that are optimal without loops, found in one pass from the last places to the first ones.
 
-        With loops they are only a good start. Changing one choice at a time, `_improved` would take as many rounds as
+        With loops they are only a good start. Changing one choice at a time, `_improve` would take as many rounds as
         the longest path.
 
         Args:
@@ -176,7 +180,7 @@ class WeighedGraph:
             (np.ones(len(self._source), np.int8), (self._source, self._target)), (count, count)
         )
         _, parts = csgraph.connected_components(matrix, connection="strong")
-        probabilities = self._between()
+        probabilities = self._interior_probabilities()
         first = np.searchsorted(self._source, np.arange(count + 1)).tolist()
         target, answer, share = (each.tolist() for each in (self._target, self._answer, self._share))
         known, varies = values.tolist(), np.isin(np.arange(count), self._varying).tolist()
@@ -193,10 +197,10 @@ class WeighedGraph:
             known[place] = float(probabilities[place] @ worth)
         return probabilities
 
-    def _improved(self, values: Reals, probabilities: Reals, sign: int) -> Reals | None:
+    def _improve(self, values: Reals, probabilities: Reals, sign: int) -> Reals | None:
         """Return better probabilities for the places with a choice; None if there are none."""
         places = self._varying
-        worth = self._worth(values)[places]
+        worth = self._outcome_values(values)[places]
         low, high = self._low[self._choice_at[places]], self._high[self._choice_at[places]]
         better, left = low.copy(), 1.0 - low.sum(axis=1)
         rows = np.arange(len(places))
@@ -211,7 +215,7 @@ class WeighedGraph:
         found[places[gain > _ROUNDING]] = better[gain > _ROUNDING]
         return found
 
-    def _worth(self, values: Reals) -> Reals:
+    def _outcome_values(self, values: Reals) -> Reals:
         """Return the value of each outcome at each place."""
         width = self._low.shape[1]
         worth = np.bincount(
@@ -226,10 +230,10 @@ class WeighedGraph:
     def _equations(self, goal: Flags, probabilities: Reals, left_out: Flags) -> "_Equations":
         likely = self._share * probabilities[self._source, self._answer]
         likely[goal[self._source] | left_out[self._source]] = 0.0
-        there = self._before(goal, likely > 0.0) & ~goal
+        there = self._predecessors(goal, likely > 0.0) & ~goal
         return _Equations(self._source, self._target, likely, there)
 
-    def _before(self, goal: Flags, used: Flags) -> Flags:
+    def _predecessors(self, goal: Flags, used: Flags) -> Flags:
         """Return the places with a path to a goal."""
         count = self._count
         first = np.flatnonzero(goal)
@@ -241,7 +245,7 @@ class WeighedGraph:
         before: Flags = found[:count]
         return before
 
-    def _avoiding(self, goal: Flags) -> Flags:
+    def _avoiding_places(self, goal: Flags) -> Flags:
         """Return the places from which a goal can be avoided forever."""
         width = self._low.shape[1]
         avoiding = ~goal
@@ -270,7 +274,8 @@ class WeighedGraph:
             best_for: The states for which unknown probabilities are the worst and the best ones.
         """
         found = [
-            self._expected(self._wide(goal), probabilities) for probabilities in self._extremes(best_for)
+            self._expected(self._place_flags(goal), probabilities)
+            for probabilities in self._extremes(best_for)
         ]
         told = [each for each in found if each is not None]
         return Between(min(told), max(told)) if told else None
@@ -278,7 +283,7 @@ class WeighedGraph:
     def _extremes(self, goal: Flags) -> list[Reals]:
         """Return the probabilities with which reaching some states is least and most probable."""
         signs = (-1, 1) if len(self._varying) else (1,)
-        return [self._optimum(self._wide(goal), sign)[1] for sign in signs]
+        return [self._optimum(self._place_flags(goal), sign)[1] for sign in signs]
 
     def _expected(self, goal: Flags, probabilities: Reals) -> float | None:
         equations = self._equations(goal, probabilities, np.zeros(self._count, bool))
@@ -298,14 +303,14 @@ class WeighedGraph:
             goal: The states.
             usual: Which outcome of each choice is the usual one; -1 for none.
         """
-        wide, probabilities = self._wide(goal), self._between()
+        wide, probabilities = self._place_flags(goal), self._interior_probabilities()
         nothing = np.zeros(self._count, bool)
         equations = self._equations(wide, probabilities, nothing)
         reached = equations.reach(wide)
         if not reached[0]:
             return
         visits = equations.visits()
-        worth = self._worth(reached)
+        worth = self._outcome_values(reached)
         leaves = np.array([choice.leaf for choice in self._choices] + [-1])[self._choice_at]
         usual_at = np.array([*usual, -1])[self._choice_at]
         for leaf in dict.fromkeys(choice.leaf for choice in self._choices):
@@ -334,9 +339,9 @@ class WeighedGraph:
             goal: The states in which they have succeeded.
             is_spent: Returns whether it has taken too long.
         """
-        likely = self._share * self._between()[self._source, self._answer]
+        likely = self._share * self._interior_probabilities()[self._source, self._answer]
         # A run that can no longer end is not followed, because that would take forever.
-        can_end = self._before(self._wide(ends), likely > 0.0)
+        can_end = self._predecessors(self._place_flags(ends), likely > 0.0)
         likely[~can_end[self._target]] = 0.0
         first = np.concatenate([[0], np.cumsum(np.bincount(self._source, minlength=self._count))])
         found, total, good, carried = [], 0.0, 0.0, 0
@@ -345,7 +350,7 @@ class WeighedGraph:
         moments: dict[int, list[tuple[Indices, Reals]]] = {0: [(np.array([0]), np.array([1.0]))]}
         while moments and left > _REST:
             tick = min(moments)
-            places, mass = _gathered(moments.pop(tick))
+            places, mass = _sum_by_place(moments.pop(tick))
             over = ends[places]
             if over.any():
                 total += float(mass[over].sum())
@@ -367,7 +372,7 @@ class WeighedGraph:
                 for ticks in np.unique(taken[ended]):
                     now = ended & (taken == ticks)
                     moments.setdefault(tick + int(ticks), []).append((to[now], moved[now]))
-                places, mass = _gathered([(to[~ended], moved[~ended])])
+                places, mass = _sum_by_place([(to[~ended], moved[~ended])])
         return found
 
 
@@ -452,7 +457,7 @@ def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[fl
     return likely
 
 
-def _gathered(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
+def _sum_by_place(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
     """Return the places of some parts, each once, with the sum of its values."""
     places, inverse = np.unique(np.concatenate([each[0] for each in parts]), return_inverse=True)
     return places, np.bincount(inverse, np.concatenate([each[1] for each in parts]), len(places))

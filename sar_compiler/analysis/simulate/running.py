@@ -170,10 +170,10 @@ class _Plan:
             choices.append(self._current)
         choice = self._current
         if self.clock.now() - self._since < choice.after_sec - TOLERANCE_SEC:
-            return self._named("RUNNING", options)
+            return self._named_outcome("RUNNING", options)
         self._current = None
         at_once = choice.usual and not choice.after_sec
-        return nominal(options) if at_once else self._named(choice.answer, options)
+        return nominal(options) if at_once else self._named_outcome(choice.answer, options)
 
     def _next(self, options: Sequence[Answer]) -> Drawn:
         """Return the choice from the remaining steps, or else the default one."""
@@ -184,10 +184,12 @@ class _Plan:
         after_sec = step.after_sec
         if step.longest_sec > after_sec:
             after_sec = round(self.random.uniform(after_sec, step.longest_sec), 3)
-        return Drawn(self.leaf, step.answer, after_sec, _by_name(step.answer, options)[:1] == [usual])
+        return Drawn(
+            self.leaf, step.answer, after_sec, _default_outcomes(step.answer, options)[:1] == [usual]
+        )
 
-    def _named(self, name: str, options: Sequence[Answer]) -> Answer:
-        found = _by_name(name, options)
+    def _named_outcome(self, name: str, options: Sequence[Answer]) -> Answer:
+        found = _default_outcomes(name, options)
         if found:
             return found[0]
         leaf = self.leaf
@@ -206,7 +208,7 @@ class _Plan:
             raise ScriptedError(f"'{self.leaf.name}': when '{step.when.script.text}': {error}") from error
 
 
-def _by_name(name: str, options: Sequence[Answer]) -> list[Answer]:
+def _default_outcomes(name: str, options: Sequence[Answer]) -> list[Answer]:
     """Return the answers with a label or a status, those with the label first."""
     labelled = [answer for answer in options if answer.label == name]
     return labelled + [answer for answer in options if answer.status == name]
@@ -418,7 +420,7 @@ def failures(run: Run) -> list[Failure]:
 def _all(run: Run) -> Iterator[tuple[str, str]]:
     """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
     expect = run.scenario.expect
-    yield from _ending(run)
+    yield from _end_mismatches(run)
     if expect.root is not None and run.root != expect.root:
         yield "root", f"the root is {run.root} in the last tick; expected {expect.root}"
     values = run.simulated.fact_values()
@@ -439,7 +441,7 @@ def _all(run: Run) -> Iterator[tuple[str, str]]:
             yield f"count {deed.text}", f"'{deed.text}' {_times(number)}; expected {bounds}"
 
 
-def _ending(run: Run) -> Iterator[tuple[str, str]]:
+def _end_mismatches(run: Run) -> Iterator[tuple[str, str]]:
     expect, last = run.scenario.expect, f"tick {len(run.ticks)} ({run.time_sec:g} s)"
     if run.ended != expect.ends:
         until = run.scenario.until

@@ -150,7 +150,7 @@ def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectation
     """Read the expectations of a scenario; reports impossible ones."""
     document, parts = words.document, {} if value is None else value.mapping
     plain = {} if value is None else value.data
-    ticks, limit_sec = _within(parts["within"]) if "within" in parts else (None, None)
+    ticks, limit_sec = _tick_window(parts["within"]) if "within" in parts else (None, None)
     return Expectations(
         root=plain.get("root"),
         ends=plain.get("ends", True),
@@ -176,7 +176,7 @@ def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str
             yield f"{name} {key.text}", document.source.place(key.start)[0]
 
 
-def _within(value: Value) -> tuple[int | None, float | None]:
+def _tick_window(value: Value) -> tuple[int | None, float | None]:
     text = value.text or ""
     return (int(text.split()[0]), None) if "tick" in text else (None, seconds(value))
 
@@ -299,7 +299,7 @@ class Stage:
     registry: Registry
     palettes: tuple[TreeFile, ...] = ()
     tree_id: str | None = None
-    start: Callable[[Binding], StartValues] = lambda _binding: StartValues()
+    start: Callable[[Binding], StartValues] = lambda _bind: StartValues()
     _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
 
     def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
@@ -329,7 +329,7 @@ class Stage:
         """
         binding = self.binding()
         start = self.start(binding)
-        simulated = _simulated(binding, start.parameters, lambda plain: start_assumptions(start, plain))
+        simulated = _simulate(binding, start.parameters, lambda plain: start_assumptions(start, plain))
         raise_disputes(simulated)
         return Play(simulated, Scenario(period_sec=start.period_sec or PERIOD_SEC))
 
@@ -365,12 +365,12 @@ def understand(document: Document, stage: Stage) -> Play:
     """
     parts = document.validate("scenario").mapping
     with document.findings_first():
-        binding = _binding(document, parts.get("tree"), parts.get("controls"), stage)
+        binding = _bind(document, parts.get("tree"), parts.get("controls"), stage)
         if "enums" in parts:
             binding = replace(binding, enums={**binding.enums, **parts["enums"].data})
         start = stage.start(binding)
         facts, answers = parts.get("facts"), parts.get("answers")
-        simulated = _simulated(
+        simulated = _simulate(
             binding,
             {**start.parameters, **parameters(parts.get("parameters"))},
             lambda plain: start_assumptions(start, plain) | read_assumptions(document, facts, answers, plain),
@@ -394,12 +394,12 @@ def understand(document: Document, stage: Stage) -> Play:
     return Play(simulated, scenario)
 
 
-def _binding(document: Document, tree: Value | None, controls: Value | None, stage: Stage) -> Binding:
+def _bind(document: Document, tree: Value | None, controls: Value | None, stage: Stage) -> Binding:
     tree_id = None if tree is None else word(document, tree, stage.forest.trees, "the tree")
     return stage.binding(tree_id) if controls is None else stage.with_controls(document, controls, tree_id)
 
 
-def _simulated(
+def _simulate(
     binding: Binding,
     parameters: Mapping[str, object],
     assumptions_for: Callable[[SimulatedTree], Assumptions],

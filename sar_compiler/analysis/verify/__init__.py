@@ -11,13 +11,13 @@ from functools import partial
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Report
 from sar_compiler.analysis.verify.branches import has_parallels
-from sar_compiler.analysis.verify.composing import proved_apart
+from sar_compiler.analysis.verify.composing import prove_by_branches
 from sar_compiler.analysis.verify.properties import Properties, PropertyFile, properties_of
 from sar_compiler.analysis.verify.slicing import merge_values
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.state_space import StateSpace
 from sar_compiler.analysis.verify.stepping import TreeStepper, plain_stepper
-from sar_compiler.analysis.verify.unknown_values import explored, search_decidable
+from sar_compiler.analysis.verify.unknown_values import explore_decidable, search_decidable
 from sar_compiler.analysis.verify.verdicts import (
     OWN_RECORDS,
     ProofStatus,
@@ -63,7 +63,7 @@ def verify(
     """
     prepared = Prepared.of(simulated)
     search = partial(
-        _searched,
+        _search,
         prepared=prepared,
         max_states=max_states,
         budget=budget or Budget(),
@@ -83,7 +83,7 @@ def verify(
     return replace(found, verdicts=tuple(verdicts[each] for each in in_order))
 
 
-def _searched(
+def _search(
     properties: Properties,
     *,
     prepared: Prepared,
@@ -98,25 +98,25 @@ def _searched(
     asked = [*questions_of(properties), *([OWN_RECORDS] if stepper.claims else ())]
 
     def report(progress: Progress) -> bool:
-        budget.publish(partial(_so_far, asked, progress, properties, simulated))
+        budget.publish(partial(_partial_result, asked, progress, properties, simulated))
         return budget.report(progress)
 
-    budget.publish(partial(_so_far, asked, Progress(0, 0, 0, 0), properties, simulated))
+    budget.publish(partial(_partial_result, asked, Progress(0, 0, 0, 0), properties, simulated))
     verified = partial(
-        _verified, asked=asked, prepared=prepared, properties=properties, report=report, budget=budget
+        _search_whole, asked=asked, prepared=prepared, properties=properties, report=report, budget=budget
     )
     if not forgets or max_states <= plainly or not has_parallels(stepper.flat):
         return verified(stepper, max_states=max_states)
     found = verified(stepper, max_states=plainly)
     if found.complete or found.stopped:
         return found
-    composed = proved_apart(prepared, stepper.flat, properties, max_states, report, found)
+    composed = prove_by_branches(prepared, stepper.flat, properties, max_states, report, found)
     if composed is not None:
         return composed
     return verified(TreeStepper(prepared, properties.rules), max_states=max_states)
 
 
-def _so_far(
+def _partial_result(
     asked: Collection[str], progress: Progress, properties: Properties, simulated: SimulatedTree
 ) -> Verification:
     """Return the result during the search: the violated properties, without a run."""
@@ -140,7 +140,7 @@ def _so_far(
     )
 
 
-def _verified(
+def _search_whole(
     stepper: TreeStepper,
     *,
     asked: Collection[str],
@@ -152,7 +152,7 @@ def _verified(
 ) -> Verification:
     """Search the states of a tree without composing branches."""
     simulated = prepared.simulated
-    graph, unknown = explored(stepper, max_states, report, (*properties.names, OWN_RECORDS))
+    graph, unknown = explore_decidable(stepper, max_states, report, (*properties.names, OWN_RECORDS))
     plain = plain_stepper(prepared, properties.rules)
     space = StateSpace(stepper, graph, properties.names, properties.owing, unknown, plain)
     questions = Questions(space, simulated.explain)

@@ -222,14 +222,14 @@ def branches_of(prepared: Prepared, flat: FlatTree, read: Iterable[str]) -> Iter
         around = waiting.pop()
         for node in around.children:
             is_candidate = isinstance(around, CountingNode) and sharing.is_apart(node.behaviour)
-            branch = searched(prepared, node.behaviour) if is_candidate else None
+            branch = search_branch(prepared, node.behaviour) if is_candidate else None
             if branch is None:
                 waiting.append(node)
             else:
                 yield branch
 
 
-def searched(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = ()) -> Branch | None:
+def search_branch(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = ()) -> Branch | None:
     """Search a branch on its own; return None if it cannot be replaced by an automaton.
 
     Args:
@@ -283,18 +283,18 @@ def _classes(results: Sequence[Sequence[BranchResult]]) -> list[int]:
     classes, count = [0] * len(results), 0
     while count < len(set(classes)):
         count = len(set(classes))
-        signs = [(classes[state], _following(classes, each)) for state, each in enumerate(results)]
+        signs = [(classes[state], _next_results(classes, each)) for state, each in enumerate(results)]
         numbers = {sign: number for number, sign in enumerate(sorted(set(signs)))}
         classes = [numbers[sign] for sign in signs]
     return classes
 
 
-def _following(classes: Sequence[int], results: Iterable[BranchResult]) -> tuple[BranchResult, ...]:
+def _next_results(classes: Sequence[int], results: Iterable[BranchResult]) -> tuple[BranchResult, ...]:
     return tuple(sorted({(outcome, classes[target]) for outcome, target in results}))
 
 
 def _automaton(classes: Sequence[int], results: Sequence[Sequence[BranchResult]]) -> Automaton:
-    found = dict(zip(classes, (_following(classes, each) for each in results), strict=True))
+    found = dict(zip(classes, (_next_results(classes, each) for each in results), strict=True))
     ticks, halts = (
         tuple(
             tuple(each for each in found[number] if (each[0] == INVALID) is halted)

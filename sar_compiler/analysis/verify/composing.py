@@ -2,7 +2,7 @@
 
 The states of k parallel branches are the product of their states. But the rest of the tree observes only the results
 of a branch's ticks if it shares nothing with the branch. So for each question only the branches that it concerns are
-searched in full. Automata replace the others (`branches`, `state_search.branch_nodes`):
+search_branch in full. Automata replace the others (`branches`, `state_search.branch_nodes`):
 
 - Whether the leaves of a branch can run is decided with this branch in full, and all others replaced.
 - A property is decided with the branches in full whose leaves it names.
@@ -23,12 +23,12 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.searching import Report
-from sar_compiler.analysis.verify.branches import Assembly, Branch, branches_of, searched
+from sar_compiler.analysis.verify.branches import Assembly, Branch, branches_of, search_branch
 from sar_compiler.analysis.verify.properties import Properties, PropertyAutomata, without_properties
 from sar_compiler.analysis.verify.state import Prepared
-from sar_compiler.analysis.verify.state_space import IsWanted, PlayedTick, StateSpace, Trace, played_again
+from sar_compiler.analysis.verify.state_space import IsWanted, PlayedTick, StateSpace, Trace, replay_ticks
 from sar_compiler.analysis.verify.stepping import TreeStepper, plain_stepper
-from sar_compiler.analysis.verify.unknown_values import explored
+from sar_compiler.analysis.verify.unknown_values import explore_decidable
 from sar_compiler.analysis.verify.verdicts import Questions, Verdict, Verification
 from sar_compiler.runtime.events import TickRecord
 from sar_compiler.runtime.kernel.counting import ParallelAllNode, ParallelNode
@@ -43,7 +43,7 @@ _FEWEST = 2
 """With one replaceable branch, the search in which it is not replaced is the plain one."""
 
 
-def proved_apart(
+def prove_by_branches(
     prepared: Prepared,
     flat: FlatTree,
     properties: Properties,
@@ -117,7 +117,7 @@ class _Asked:
         """Search the tree with some branches in full."""
         asked = self._properties.only(self.numbers[concrete])
         parts = self._arrangement.without(concrete, asked.rules)
-        graph, unknown = explored(parts.stepper, max_states, report, asked.names)
+        graph, unknown = explore_decidable(parts.stepper, max_states, report, asked.names)
         self.spaces[concrete] = ComposedSpace(
             parts.stepper,
             graph,
@@ -151,7 +151,7 @@ class _Asked:
 
 
 class Arrangement:
-    """The replaced branches, alone or joined, for a given set of branches that are searched in full.
+    """The replaced branches, alone or joined, for a given set of branches that are search_branch in full.
 
     Args:
         prepared: The tree.
@@ -211,7 +211,7 @@ class Arrangement:
         """Return two branches as one; None if they can only be replaced separately."""
         roots = pair[0].root, pair[1].root
         if roots not in self._joined:
-            self._joined[roots] = searched(self._prepared, copy.copy(parallel), pair)
+            self._joined[roots] = search_branch(self._prepared, copy.copy(parallel), pair)
         return self._joined[roots]
 
 
@@ -256,7 +256,7 @@ class ComposedSpace(StateSpace):
             known[run.position] = len(run.ticks)
             for each in wanted[stem:]:
                 run.go_on(each)
-        ticks = run.ticks if self.plain is None else played_again(self.plain, run.found)
+        ticks = run.ticks if self.plain is None else replay_ticks(self.plain, run.found)
         return Trace(tuple(ticks), len(ticks) - known[run.position] if loop else 0)
 
 

@@ -79,7 +79,7 @@ def counterfactual(
     after = _Continuations(runs)
     # The possible changes of a tick depend only on its ways: of ticks with equal ways, keep the latest.
     moments: dict[int, FoundTick] = {}
-    for moment in reversed(runs.replayed(record)):
+    for moment in reversed(runs.locate_all(record)):
         moments.setdefault(id(moment.ways), moment)
     for unusual, moment in itertools.product(range(_MOST_UNUSUAL + 1), moments.values()):
         for change in _changes(moment, runs):
@@ -121,7 +121,7 @@ class WhatIfSearch:
             UndecidableError: If the record is not one of the tree's runs.
         """
         self._runs.renew()
-        moments = self._runs.replayed(record)
+        moments = self._runs.locate_all(record)
         found: dict[str, _OtherAnswer] = {}
         for change in _changes(moments[-1], self._runs) if moments else ():
             if change.was.number != leaf:
@@ -129,7 +129,7 @@ class WhatIfSearch:
             known = found.setdefault(change.instead.answer, change)
             if change.unusual < known.unusual:
                 found[change.instead.answer] = change
-        return [self._after.followed(change) for change in found.values()]
+        return [self._after.follow(change) for change in found.values()]
 
 
 class _OtherAnswer(NamedTuple):
@@ -176,7 +176,7 @@ class _Continuations:
         self._runs = runs
         self._hopeless: dict[bytes, int] = {}
 
-    def followed(self, change: _OtherAnswer) -> WhatIfResult:
+    def follow(self, change: _OtherAnswer) -> WhatIfResult:
         """Return the consequence of another outcome: some usual ticks, at most until the tree has ended."""
         way, answers = change.way, list(change.way.answers[change.place + 1 :])
         for _ in range(_MOST_FOLLOWED):

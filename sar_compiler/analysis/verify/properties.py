@@ -193,27 +193,27 @@ def _never(_: bool, roles: int) -> tuple[bool, bool]:
     return False, bool(roles & MAIN)
 
 
-def _before(flag: bool, roles: int) -> tuple[bool, bool]:
+def _check_precedence(flag: bool, roles: int) -> tuple[bool, bool]:
     broken = bool(roles & MAIN) and not flag
     return bool(roles & OTHER) or (flag and not roles & LIMIT), broken
 
 
-def _after(flag: bool, roles: int) -> tuple[bool, bool]:
+def _check_response(flag: bool, roles: int) -> tuple[bool, bool]:
     owed = flag and not roles & OTHER
     broken = owed and bool(roles & LIMIT)
     return bool(roles & MAIN) or (owed and not broken), broken
 
 
-def _at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
+def _check_at_most_once(flag: bool, roles: int) -> tuple[bool, bool]:
     happened = flag and not roles & LIMIT
     return happened or bool(roles & MAIN), happened and bool(roles & MAIN)
 
 
 _RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
     PropertyPattern.NEVER: _never,
-    PropertyPattern.BEFORE: _before,
-    PropertyPattern.AFTER: _after,
-    PropertyPattern.AT_MOST_ONCE: _at_most_once,
+    PropertyPattern.BEFORE: _check_precedence,
+    PropertyPattern.AFTER: _check_response,
+    PropertyPattern.AT_MOST_ONCE: _check_at_most_once,
 }
 
 
@@ -613,7 +613,7 @@ class _PropertyParser:
     def _events(self, values: Sequence[Value]) -> _MeantEvents:
         events = _MeantEvents()
         for value in values:
-            absent = self._absent(value.text or "")
+            absent = self._absent_leaf(value.text or "")
             if absent is not None:
                 events.missing.append(absent)
                 continue
@@ -622,7 +622,7 @@ class _PropertyParser:
                 events.numbers |= self._alphabet.meant_by(deed)
         return events
 
-    def _absent(self, text: str) -> str | None:
+    def _absent_leaf(self, text: str) -> str | None:
         """Return the leaf that a text names, if a tree can have it and this one does not."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]

@@ -385,14 +385,14 @@ class TreeRuns:
         cells = self.stepper.ticker.cells
         return tuple(WORDS[cells[node.at]] if cells[node.at] else "" for node in self.stepper.flat.nodes)
 
-    def put_before(self, state: bytes, way: Way, place: int) -> None:
+    def restore_before(self, state: bytes, way: Way, place: int) -> None:
         """Restore the facts and keys before an outcome of a tick, by its index among the tick's outcomes."""
         for step in self.stepper.ticks(state):
             if self._way(step.state or _NOWHERE)._replace(running=way.running) == way:
                 self.stepper.before_answer(place)
                 return
 
-    def found_again(self, record: Iterable[Event]) -> tuple[FoundTicks, LostTick | None]:
+    def locate(self, record: Iterable[Event]) -> tuple[FoundTicks, LostTick | None]:
         """Return the ticks of a run, found again, up to the first that is none of the tree's.
 
         Raises:
@@ -452,14 +452,14 @@ class TreeRuns:
             raise UndecidableError(f"tick {end.tick}: {unknown}") from unknown
         return LostTick(end.tick, end.time_sec or 0.0, tick, states, position.told, is_last)
 
-    def replayed(self, record: Iterable[Event]) -> FoundTicks:
+    def locate_all(self, record: Iterable[Event]) -> FoundTicks:
         """Return the ticks of a run, found again.
 
         Raises:
             NotReplayedError: If the run is not one of the tree's runs.
             UndecidableError: If the tree has too many.
         """
-        moments, lost = self.found_again(record)
+        moments, lost = self.locate(record)
         if lost is not None:
             raise NotReplayedError(
                 f"the run is not possible in the tree from tick {lost.number} on, {lost.time_sec:.1f} s: "

@@ -133,16 +133,16 @@ class _FlowReader:
             # Its value is the stored value.
             self.assign(node)
             return self._variable(node.target.name)
-        return self._calculated(node)
+        return self._calculate(node)
 
-    def _calculated(self, node: Prefix | Operation | ComparisonChain) -> FlowValue:
+    def _calculate(self, node: Prefix | Operation | ComparisonChain) -> FlowValue:
         if isinstance(node, Prefix):
             return self._prefix(node.operator, self.value(node.operand))
         value = self.value(node.first)
         for step in node.steps:
             left, right = value, self.value(step.operand)
             if isinstance(node, Operation):
-                value = self._combined(step.operator, left, right)
+                value = self._combine(step.operator, left, right)
             else:
                 self._compare(left, right)
                 value = right
@@ -152,7 +152,7 @@ class _FlowReader:
         """Record an assignment."""
         found, value, target = self._found, self.value(node.value), self._resolve(node.target.name)
         if node.operator not in {":=", "="}:
-            value = self._combined(node.operator[0], self._variable(node.target.name), value)
+            value = self._combine(node.operator[0], self._variable(node.target.name), value)
         if target is None:
             found.fixed |= value.names
             return
@@ -175,7 +175,7 @@ class _FlowReader:
             return FlowValue(frozenset((None, -offset) for _, offset in value.forms), _REAL)
         return FlowValue(frozenset(), _REAL, value.names, is_total=operator == "-" and _is_number(value))
 
-    def _combined(self, operator: str, left: FlowValue, right: FlowValue) -> FlowValue:
+    def _combine(self, operator: str, left: FlowValue, right: FlowValue) -> FlowValue:
         if operator in {"&&", "||"}:
             self._found.fixed |= left.names | right.names
             return _TRUTH
@@ -183,7 +183,7 @@ class _FlowReader:
             ((_, offset),) = right.forms
             return left.plus(offset if operator == "+" else -offset)
         if operator == "+" and len(left.forms) == 1 and left.is_constant and right.forms:
-            return self._combined("+", right, left)
+            return self._combine("+", right, left)
         names, are_total = left.names | right.names, left.is_total and right.is_total
         if operator == "..":
             length, is_text = left.length + right.length, _TEXT in (left.types, right.types)

@@ -143,8 +143,8 @@ class _Solution:
     def __init__(self, flows: ScriptFlows, start: Mapping[str, set[object]]) -> None:
         self._flows, self._read = flows, flows.read
         self._types = _types_of_all(flows, start)
-        self._real = self._all_real()
-        fixed = self._fixed()
+        self._real = self._real_entries()
+        fixed = self._fixed_entries()
         self._above = dict.fromkeys(self._types, -math.inf) | dict.fromkeys(fixed, math.inf)
         self._below = dict.fromkeys(self._types, math.inf) | dict.fromkeys(fixed, -math.inf)
         for name, constant in flows.tests:
@@ -164,7 +164,7 @@ class _Solution:
     def _are_numbers(self, name: str) -> bool:
         return self._types[name] <= NUMBERS
 
-    def _all_real(self) -> set[str]:
+    def _real_entries(self) -> set[str]:
         """Return the entries that only hold real numbers, and whose values only flow into entries of that kind."""
         real = {name for name, types in self._types.items() if types == {float}}
         while lost := {
@@ -173,7 +173,7 @@ class _Solution:
             real -= lost
         return real
 
-    def _fixed(self) -> set[str]:
+    def _fixed_entries(self) -> set[str]:
         """Return the entries that are read in a way that distinguishes all of their values."""
         flows = self._flows
         fixed = {*flows.fixed, *(name for name in self._read if not self._are_numbers(name))}

@@ -49,7 +49,7 @@ class PlayedTick(NamedTuple):
     raises: bool = False
 
 
-def played_again(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[TickRecord]:
+def replay_ticks(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[TickRecord]:
     """Play a run from the start by its choices; return its ticks.
 
     Args:
@@ -123,7 +123,7 @@ class StateSpace:
         if self.plain is None:
             played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
         else:
-            played = played_again(self.plain, [self._found(source, wanted) for source, wanted in steps])
+            played = replay_ticks(self.plain, [self._found(source, wanted) for source, wanted in steps])
         return Trace(tuple(played), loop)
 
     def _found(self, source: int, wanted: IsWanted) -> "PlayedTick":

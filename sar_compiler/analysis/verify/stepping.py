@@ -194,7 +194,7 @@ class TreeStepper:
     def played(self, number: int = 0) -> TickRecord:
         """Return the events of the last tick, as the tick of that number."""
         now, events = self.ticker.entries.now, []
-        happened, after = self._happened(), list(now)
+        happened, after = self._recorded_events(), list(now)
         for (event, past), (_, then) in pairwise([*happened, (0, after)]):
             changed = () if past == then else changes_in(self._facts_in(past), self._facts_in(then))
             events.append(self._alphabet.events[event]._replace(facts=changed))
@@ -212,7 +212,7 @@ class TreeStepper:
         """Return which outcomes of the last tick were unusual."""
         entries, unusual = self.ticker.entries, []
         after = entries.now
-        for event, past in self._happened():
+        for event, past in self._recorded_events():
             leaf, answer = self._alphabet.answers[event]
             if answer is not None:
                 entries.restore(vec[i32](past))
@@ -249,10 +249,12 @@ class TreeStepper:
 
     def before_answer(self, place: int) -> None:
         """Restore the entries before an outcome of the last tick, by its index among its outcomes."""
-        answers = [past for event, past in self._happened() if self._alphabet.answers[event][1] is not None]
+        answers = [
+            past for event, past in self._recorded_events() if self._alphabet.answers[event][1] is not None
+        ]
         self.ticker.entries.restore(vec[i32](answers[place]))
 
-    def _happened(self) -> list[tuple[int, list[int]]]:
+    def _recorded_events(self) -> list[tuple[int, list[int]]]:
         """Return the events of the last tick, each with the values of entries before it."""
         # Numbers above those of the alphabet are those of guarded events, which accompany another one.
         count, trail = len(self._alphabet.events), self._trail

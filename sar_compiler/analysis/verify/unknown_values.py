@@ -44,7 +44,7 @@ def search_decidable(
     return found, {**dict.fromkeys(left_out, reason), **reasons}
 
 
-def explored(
+def explore_decidable(
     stepper: TreeStepper, max_states: int, report: Report, names: Sequence[str] = ()
 ) -> tuple[Graph, Breach | None]:
     """Search the states of a tree; see `explore`.

@@ -137,7 +137,7 @@ class Questions:
         error, unknown = self._graph.error, self._space.unknown
         first = error or unknown
         if first is None:
-            return self._unbroken(NO_ERROR)
+            return self._not_violated(NO_ERROR)
         assert first.error is not None  # noqa: S101 - true for this kind of violation
         outcome = ProofStatus.UNDECIDED if error is None else ProofStatus.BROKEN
         trace = self._space.breach(first)
@@ -152,23 +152,23 @@ class Questions:
         if self._space.unknown is not None:
             return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         if self._graph.complete:
-            return _broken(EVERY_LEAF, f"no run ticks {names}")
+            return _violated(EVERY_LEAF, f"no run ticks {names}")
         return Verdict(EVERY_LEAF, ProofStatus.UNDECIDED, f"no explored run ticks {names}")
 
     def endings(self) -> Iterator[Verdict]:
         """Yield the verdicts on whether the runs end."""
         found = endings(self._graph)
         if found.stuck is None:
-            yield self._unbroken(AN_END)
+            yield self._not_violated(AN_END)
         elif self._space.unknown is not None:
             # An end may follow in a run that was not explored.
             yield Verdict(AN_END, ProofStatus.UNDECIDED, self._depends_on(self._space.unknown))
         else:
-            yield _broken(AN_END, "the run cannot end after this", self._space.to(found.stuck))
+            yield _violated(AN_END, "the run cannot end after this", self._space.to(found.stuck))
         if found.circling is None:
-            yield self._unbroken(NO_LIVELOCK)
+            yield self._not_violated(NO_LIVELOCK)
         else:
-            yield _broken(NO_LIVELOCK, "this run never ends", self._round(found.circling))
+            yield _violated(NO_LIVELOCK, "this run never ends", self._round(found.circling))
 
     def own_records(self, rule: int, wrong: Callable[[], str]) -> Verdict:
         """Return the verdict on whether the user's controls and decorators match their declarations.
@@ -179,23 +179,23 @@ class Questions:
         """
         breach = self._graph.breaches.get(rule)
         if breach is None:
-            return self._unbroken(OWN_RECORDS)
+            return self._not_violated(OWN_RECORDS)
         # Creating the trace plays the run, ending with its last tick.
         trace = self._space.breach(breach)
-        return _broken(OWN_RECORDS, wrong(), trace)
+        return _violated(OWN_RECORDS, wrong(), trace)
 
     def properties(self, properties: Properties) -> Iterator[Verdict]:
         """Yield a verdict for each property."""
         for rule, name in enumerate(properties.names):
             breach = self._graph.breaches.get(rule)
             if breach is not None:
-                yield _broken(name, "it is violated in the last tick", self._space.breach(breach))
+                yield _violated(name, "it is violated in the last tick", self._space.breach(breach))
                 continue
             circling = owing_for_ever(self._graph, 1 << rule) if rule in properties.owing else None
             if circling is None:
-                yield self._unbroken(name)
+                yield self._not_violated(name)
             else:
-                yield _broken(name, "the required event never happens in this run", self._round(circling))
+                yield _violated(name, "the required event never happens in this run", self._round(circling))
 
     def _depends_on(self, breach: Breach) -> str:
         value = unknown_value_of(breach.error)
@@ -205,7 +205,7 @@ class Questions:
     def _round(self, component: list[int]) -> Trace:
         return self._space.lasso(lasso(self._graph, component))
 
-    def _unbroken(self, question: str) -> Verdict:
+    def _not_violated(self, question: str) -> Verdict:
         graph = self._graph
         if graph.error is not None:
             reason = "runs were not explored beyond an error"
@@ -220,7 +220,7 @@ class Questions:
         return Verdict(question, ProofStatus.UNDECIDED, reason)
 
 
-def _broken(question: str, reason: str, trace: Trace | None = None) -> Verdict:
+def _violated(question: str, reason: str, trace: Trace | None = None) -> Verdict:
     return Verdict(question, ProofStatus.BROKEN, reason, trace)
 
 

@@ -106,18 +106,18 @@ def key_accesses_of(tree: BoundTree) -> KeyAccesses:
     involved = dict.fromkeys([*tree.keyed, *tree.demanding])
     if tree.wrappers:
         involved.update(dict.fromkeys(node for node in tree.nodes if node.conditions))
-    accesses = [access for bound in involved for access in _of_node(bound)]
+    accesses = [access for bound in involved for access in _node_accesses(bound)]
     accesses.sort(key=attrgetter("bound.element.place"))
     return KeyAccesses(tuple(accesses), any(_is_open(bound) for bound in involved))
 
 
-def _of_node(bound: BoundNode) -> Iterator[KeyAccess]:
+def _node_accesses(bound: BoundNode) -> Iterator[KeyAccess]:
     if bound.conditions:
         for attribute in CONDITIONS:
             if attribute in bound.conditions:
                 time = AccessTime.AFTER if attribute in _POST else AccessTime.BEFORE
                 # Each script after a node belongs to one outcome, and may never run.
-                yield from _of_script(bound, attribute, bound.conditions[attribute], time)
+                yield from _script_accesses(bound, attribute, bound.conditions[attribute], time)
     for name, key in bound.keys.items():
         parameter = bound.spec.parameters.get(name)
         if parameter is not None:
@@ -129,7 +129,7 @@ def _of_node(bound: BoundNode) -> Iterator[KeyAccess]:
             )
     for name, value in bound.values.items():
         if isinstance(value, Script):
-            yield from _of_script(bound, name, value, AccessTime.BEFORE)
+            yield from _script_accesses(bound, name, value, AccessTime.BEFORE)
         elif value is not None:  # after a finding it is None
             kind = _role(bound, bound.spec.parameters[name]).kind
             yield from _accesses(bound, name, _keys_in(bound, name, value), kind)
@@ -157,7 +157,9 @@ def _keys_in(bound: BoundNode, name: str, value: object) -> Iterable[str]:
     return (value,) if _role(bound, parameter).by_name else ()
 
 
-def _of_script(bound: BoundNode, attribute: str, script: Script, time: AccessTime) -> Iterator[KeyAccess]:
+def _script_accesses(
+    bound: BoundNode, attribute: str, script: Script, time: AccessTime
+) -> Iterator[KeyAccess]:
     for turn, use in enumerate(name_uses(script)):
         place = (use.start, use.end)
         yield KeyAccess(bound, attribute, use.name, _BY_ACCESS[use.access], time, place, use.certain, turn)
@@ -165,10 +167,10 @@ def _of_script(bound: BoundNode, attribute: str, script: Script, time: AccessTim
 
 def _is_open(bound: BoundNode) -> bool:
     """Return whether a node may access keys that its attributes do not name."""
-    return any(_is_told_by(bound, name) for name in bound.keys) or _has_scope(bound.spec)
+    return any(_is_indirect(bound, name) for name in bound.keys) or _has_scope(bound.spec)
 
 
-def _is_told_by(bound: BoundNode, name: str) -> bool:
+def _is_indirect(bound: BoundNode, name: str) -> bool:
     """Return whether a key holds the script that a node runs, or the name of the key that it uses."""
     parameter = bound.spec.parameters.get(name)
     if parameter is None:
@@ -533,7 +535,7 @@ def common_place(first: Place, second: Place) -> Place:
     return first
 
 
-def parted_in(first: EntryAccess, second: EntryAccess) -> Place | None:
+def branching_place(first: EntryAccess, second: EntryAccess) -> Place | None:
     """Return the place in which two uses are in different children; None if one node contains the other."""
     place, other = first.place, second.place
     return None if place.holds(other) or other.holds(place) else common_place(place, other)

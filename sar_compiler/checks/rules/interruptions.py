@@ -29,18 +29,20 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
             yield from (_sequence if bound.spec.semantics.is_sequence else _selector)(bound, outcomes)
     for top in context.bound.tops:
         if top.tree.root is not None:
-            yield from (each for each in _finished(top.tree.root, outcomes) if context.is_main(top.tree))
+            yield from (
+                each for each in _check_finished_work(top.tree.root, outcomes) if context.is_main(top.tree)
+            )
 
 
 def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    for child, later in _with_later(bound, outcomes):
+    for child, later in _pairs_with_later(bound, outcomes):
         if not outcomes.may_return(child) & S:
             return  # the later nodes are never reached
-        found = outcomes.begun_again(child, outcomes.works)
+        found = outcomes.find_restarted(child, outcomes.works)
         if found is not None and outcomes.known_to_return(child) & S:
             yield _restart(found, later, bound, f"while {name_beside(later, found.leaf)} runs")
             return
-        found = outcomes.begun_again(child, outcomes.acts_at_once)
+        found = outcomes.find_restarted(child, outcomes.acts_at_once)
         if found is not None:
             message = (
                 f"{found.name_beside(later)} {consequence(found.leaf)} while {name_beside(later, found.leaf)} runs: "
@@ -49,7 +51,7 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
             yield found.place.element.finding("repeated-effect", message, hint=_remember(bound))
 
 
-def _with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
+def _pairs_with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
     """Yield each child that precedes a child which takes time, with the first of these."""
     later: BoundNode | None = None
     pairs: list[tuple[BoundNode, BoundNode]] = []
@@ -62,8 +64,8 @@ def _with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[
 
 
 def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    for child, later in _with_later(bound, outcomes):
-        found = outcomes.begun_again(_beginning(child), outcomes.works)
+    for child, later in _pairs_with_later(bound, outcomes):
+        found = outcomes.find_restarted(_first_node(child), outcomes.works)
         if (
             found is not None
             and outcomes.known_to_return(found.leaf) & F
@@ -76,7 +78,7 @@ def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
         yield from _lost_progress(bound, outcomes)
 
 
-def _beginning(bound: BoundNode) -> BoundNode:
+def _first_node(bound: BoundNode) -> BoundNode:
     """Return the first node of nested sequences, on which the later ones may depend."""
     while (
         bound.children and bound.spec.semantics.is_sequence and not bound.conditions and bound.oneshot is None
@@ -102,7 +104,9 @@ def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Dia
             before = child
         if interrupting is None or not _starts_over(child):
             continue
-        steps = [found for step in child.children if (found := outcomes.begun_again(step, outcomes.is_work))]
+        steps = [
+            found for step in child.children if (found := outcomes.find_restarted(step, outcomes.is_work))
+        ]
         if len(steps) > 1:
             message = (
                 f"'{child.name}' restarts with {steps[0].name} whenever '{interrupting.name}' has interrupted it: "
@@ -118,7 +122,7 @@ def _starts_over(bound: BoundNode) -> bool:
     return means.is_sequence and not means.resumes and not bound.is_reactive and bound.oneshot is None
 
 
-def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield work below the root that is restarted after it is done, because nothing before it has changed."""
     waiting = [root]
     while waiting:
@@ -130,19 +134,19 @@ def _finished(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
         elif bound.spec.semantics.steady:
             waiting.extend(bound.children)
         elif bound.spec.semantics.is_selector and bound.is_reactive:
-            yield from _done_again(bound, outcomes)
+            yield from _check_repeated_work(bound, outcomes)
             waiting.extend(bound.children)
 
 
-def _done_again(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_repeated_work(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
         # A condition before it may ask whether it is done; one after which the branch gives up does not.
         if index and not _gives_up(bound.children[index - 1], outcomes):
             return
         # A branch that begins with a condition checks by itself whether there is work left.
-        if not index or not outcomes.known_to_return(child) & S or is_question(_beginning(child)):
+        if not index or not outcomes.known_to_return(child) & S or is_question(_first_node(child)):
             continue
-        found = outcomes.begun_again(child, acts)
+        found = outcomes.find_restarted(child, acts)
         if found is not None:
             what = "it" if found.place is child else f"'{child.name}'"
             message = (
@@ -159,9 +163,9 @@ def _once(child: BoundNode, found: Found) -> str:
 
 def _gives_up(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
     """Return whether a node has an effect, and is known to fail in its first tick because of its first condition."""
-    first = _beginning(bound)
+    first = _first_node(bound)
     asks = is_question(first) and outcomes.known_to_return(first) & F and first is not bound
-    return bool(asks) and outcomes.anywhere(bound, acts) is not None
+    return bool(asks) and outcomes.find_leaf(bound, acts) is not None
 
 
 def _remember(bound: BoundNode) -> str:
@@ -177,15 +181,15 @@ def check_parallels(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield findings about children of a Parallel that interfere with each other."""
     for bound in context.parents():
         if bound.spec.semantics.order is Order.TOGETHER:
-            yield from _cancelled(bound, context.outcomes)
-            yield from _out_of_step(bound, context.outcomes)
-            yield from _shared_actions(bound)
+            yield from _check_cancelled(bound, context.outcomes)
+            yield from _check_simultaneous_success(bound, context.outcomes)
+            yield from _check_shared_actions(bound)
 
 
-def _cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     if bound.values.get("policy") != "SuccessOnOne" and bound.values.get("success_count") != 1:
         return
-    work = [found for child in bound.children if (found := outcomes.anywhere(child, outcomes.is_work))]
+    work = [found for child in bound.children if (found := outcomes.find_leaf(child, outcomes.is_work))]
     if len(work) > 1:
         message = (
             f"in '{bound.name}' the first success interrupts the others: {work[1].name} is interrupted when "
@@ -196,13 +200,13 @@ def _cancelled(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnos
         yield bound.element.finding("cancelled-branch", message, value=attribute, hint=hint)
 
 
-def _out_of_step(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_simultaneous_success(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     if bound.values.get("policy") != "SuccessOnAll" or bound.values.get("synchronise") is not False:
         return
     running = [child for child in bound.children if outcomes.takes_time(child)]
     for child in bound.children:
         others = [other for other in running if other is not child]
-        if others and (child in running or outcomes.anywhere(child, acts)):
+        if others and (child in running or outcomes.find_leaf(child, acts)):
             message = (
                 f"'{child.name}' is restarted whenever it has succeeded and '{others[0].name}' still runs: "
                 f"'{bound.name}' succeeds only in a tick in which all its children succeed"
@@ -216,7 +220,7 @@ class _Action(NamedTuple):
     found: Found
 
 
-def _shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
+def _check_shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
     first: dict[str, _Action] = {}
     for child in bound.children:
         actions = list(_actions(child, None))

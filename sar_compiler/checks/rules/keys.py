@@ -12,10 +12,10 @@ from sar_compiler.checks.rules.entry_accesses import (
     EntryTable,
     argument_of,
     between,
+    branching_place,
     comes_first,
     common_place,
     entry_table_of,
-    parted_in,
 )
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
 from sar_compiler.checks.rules.unwritten_ends import find_unwritten_ends
@@ -45,7 +45,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
             for entry in board.entries if ports else ():
                 # Users of the tree pass the keys that its model declares.
                 entry.is_parameter = entry.is_parameter or (entry.scope is top.scope and entry.key in ports)
-            for finding in _of_board(board, context):
+            for finding in _check_board(board, context):
                 place = (finding.source.path, finding.span.line, finding.span.column)
                 if place not in reported:
                     reported.add(place)
@@ -61,25 +61,25 @@ def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
             yield from rules.misfits(entry)
 
 
-def _of_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
+def _check_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
     rules = KeyTypeRules(board, context.bound.key_types[board.top], context.btcpp, context.bound.models.enums)
     for entry in board.entries:
         yield from rules.misfits(entry)
         if entry.given or entry.is_parameter:
             continue
         if not entry.is_made:
-            yield from _unwritten(entry, board, context)
+            yield from _check_unwritten(entry, board, context)
             continue
         yield from _doubt(_too_early(entry)) if board.is_foreign else _too_early(entry)
         yield from find_unwritten_ends(entry, context.outcomes)
-        yield from _overwritten(entry, context)
+        yield from _check_overwritten(entry, context)
         if not board.is_foreign:
             yield from _side_by_side(entry)
         if not board.is_open and not board.is_foreign:
             yield from (each for each in _unread(entry, board, context) if context.is_main(board.top.tree))
 
 
-def _unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
+def _check_unwritten(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> Iterator[Diagnostic]:
     readers = [
         each
         for each in entry.of(AccessKind.READ, AccessKind.PEEK, AccessKind.CHANGE)
@@ -230,7 +230,7 @@ def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
             return
 
 
-def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagnostic]:
+def _check_overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagnostic]:
     writers = entry.of(AccessKind.WRITE)
     if entry.of(AccessKind.BOTH, AccessKind.CHANGE):
         return
@@ -253,7 +253,7 @@ def _overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[Diagno
 
 def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for first, second in itertools.pairwise(entry.of(AccessKind.WRITE)):
-        around = parted_in(first, second)
+        around = branching_place(first, second)
         if around is None or around.bound.spec.semantics.order is not Order.TOGETHER:
             continue
         # A key that is also read there is a signal from one branch to the other.
@@ -275,7 +275,7 @@ def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
         return False
     if first.bound.spec.is_only_described or second.bound.spec.is_only_described:
         return False
-    around = parted_in(first, second)
+    around = branching_place(first, second)
     return around is not None and around.bound.spec.semantics.is_sequence and comes_first(first, second)
 
 

@@ -22,14 +22,14 @@ def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
     outcomes = context.outcomes
     for bound in outcomes.blocked:
         if bound not in context.broken:
-            yield from _after_the_last(bound, outcomes)
+            yield from _check_last_reachable(bound, outcomes)
     # At the top of the tree, endless repetition is the way to keep a robot running.
     tops = {top.tree.root for top in context.bound.tops}
     for bound in context.parents():
         if bound.spec.semantics.order is not Order.IN_ORDER:
             if bound not in tops or not bound.spec.semantics.repeats & S:
                 yield from _endless(bound, outcomes)
-            yield from _unreached(bound, outcomes)
+            yield from _check_gates(bound, outcomes)
 
 
 def _endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
@@ -42,7 +42,7 @@ def _endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnosti
     yield bound.element.finding("never-ends", f"'{bound.name}' never ends: {why}", hint=hint)
 
 
-def _unreached(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_gates(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     children, means = bound.children, bound.spec.semantics
     if means.rounds is not None and means.rounds(bound) == 0:
         yield _unreachable(children[0], f"'{bound.name}' ticks it 0 times")
@@ -50,10 +50,10 @@ def _unreached(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnos
         if number < len(children) and not any(
             outcomes.may_return(children[each]) & gate.answers for each in gate.children
         ):
-            yield _unreachable(children[number], _shut(gate, children))
+            yield _unreachable(children[number], _gate_reason(gate, children))
 
 
-def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
+def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
     """Return why a child is never ticked, if it is ticked only after certain results of others."""
     verb = _VERBS[gate.answers & ~K]
     if len(gate.children) > 1:
@@ -61,7 +61,7 @@ def _shut(gate: Gate, children: Sequence[BoundNode]) -> str:
     return f"'{children[gate.children[0]].name}' never {verb}"
 
 
-def _after_the_last(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_last_reachable(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield the first child that follows one whose results never let a tick continue to the next."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
@@ -92,12 +92,12 @@ def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
         if len(bound.children) == len(bound.element.children) == 1:
             needless = _needless(bound, bound.children[0])
             if needless is None:
-                yield from _of_one(bound, bound.children[0], context.outcomes)
+                yield from _check_decorator(bound, bound.children[0], context.outcomes)
             elif is_own and not bound.conditions and bound.oneshot is None:
                 yield needless
 
 
-def _of_one(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_decorator(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     means = bound.spec.semantics
     never = _NEVER.get(means.changes & ~K)
     if never is not None and not outcomes.may_return(child) & means.changes:
@@ -107,16 +107,16 @@ def _of_one(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> I
     elif means.limit_sec is not None:
         yield from _timeout(bound)
     elif means.changes == R:
-        yield from _interrupting(bound, child, outcomes)
+        yield from _check_interrupting(bound, child, outcomes)
     elif means.repeats:
-        yield from _spent(bound, child, outcomes)
+        yield from _check_one_shot(bound, child, outcomes)
 
 
 def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
     means, hint = bound.spec.semantics, f"delete <{bound.element.tag}>"
     if means.order in (Order.IN_ORDER, Order.TOGETHER):
         why = f"its only child is '{child.name}'"
-    elif _takes_back(bound, child) and not child.conditions:
+    elif _reverses(bound, child) and not child.conditions:
         why, hint = f"it reverses the effect of '{child.name}'", "delete both"
     elif means.rounds is not None and means.rounds(bound) == 1:
         why = "a node is executed once without it, too"
@@ -125,7 +125,7 @@ def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
     return bound.element.finding("needless-node", f"'{bound.name}' is not needed: {why}", hint=hint)
 
 
-def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
+def _reverses(bound: BoundNode, child: BoundNode) -> bool:
     """Return whether a decorator reverses every status that the decorator in it has changed."""
     once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
     if once is None or twice is None or {bound.spec.kind, child.spec.kind} != {Kind.DECORATOR}:
@@ -134,8 +134,10 @@ def _takes_back(bound: BoundNode, child: BoundNode) -> bool:
     return turned != ANSWERS and tuple(twice(bound, [answer], ALLOWED) for answer in turned) == ANSWERS
 
 
-def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    found = outcomes.anywhere(child, outcomes.is_work)
+def _check_interrupting(
+    bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes
+) -> Iterator[Diagnostic]:
+    found = outcomes.find_leaf(child, outcomes.is_work)
     if found is not None:
         message = (
             f"{found.name} is interrupted in every tick in which it runs: '{bound.name}' ends, and "
@@ -145,10 +147,10 @@ def _interrupting(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes
         yield bound.element.finding("interrupted-action", message, hint=hint)
 
 
-def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
+def _check_one_shot(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield loops around a node that is executed only once."""
     retries = bound.spec.semantics.repeats == F
-    once, within = _done_once(child)
+    once, within = _find_one_shot(child)
     if once is None or (retries and not outcomes.may_return(within) & F):
         return
     if retries and (once.oneshot or once.values.get("policy")) == "ON_SUCCESSFUL_COMPLETION":
@@ -158,7 +160,7 @@ def _spent(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> It
     yield bound.element.finding("without-effect", message, hint=hint)
 
 
-def _done_once(child: BoundNode) -> tuple[BoundNode | None, BoundNode]:
+def _find_one_shot(child: BoundNode) -> tuple[BoundNode | None, BoundNode]:
     if child.oneshot is not None:
         return child, child
     if child.spec.semantics.once and child.children:

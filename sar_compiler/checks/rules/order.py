@@ -12,8 +12,8 @@ from sar_compiler.checks.rules.entry_accesses import (
     OrderedAccesses,
     Place,
     PlaceFinder,
+    branching_place,
     comes_first,
-    parted_in,
     straight_around,
 )
 from sar_compiler.nodes.answers import SELF, fill_text, number_text
@@ -251,7 +251,7 @@ def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
 
 def _leads_to(first: _Leaf, second: _Leaf) -> bool:
     """Return whether two leaves are in one sequence, the first before the second."""
-    around = parted_in(first.use, second.use)
+    around = branching_place(first.use, second.use)
     return (
         around is not None and around.bound.spec.semantics.is_sequence and comes_first(first.use, second.use)
     )

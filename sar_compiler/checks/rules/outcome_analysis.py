@@ -75,7 +75,7 @@ class PossibleOutcomes:
         self.blocked: list[BoundNode] = []
         self.running: list[BoundNode] = []
         for tree in trees:
-            self._look_at(tree)
+            self._analyze(tree)
 
     def may_return(self, bound: BoundNode) -> int:
         """Return all results that a tick of a node may have."""
@@ -89,7 +89,7 @@ class PossibleOutcomes:
         """Return whether a node is known to run for more than a tick."""
         return bool(self.known_to_return(bound) & R)
 
-    def begun_again(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
+    def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
         """Return the first leaf that is restarted whenever a node is, and that meets a condition.
 
         Nodes that depend on a result are left out: those after the first child of a selector, in a branch, or
@@ -98,7 +98,7 @@ class PossibleOutcomes:
         if bound.oneshot is not None or bound.conditions or bound in self._broken:
             return None
         if bound.subtree is not None:
-            inner = self.begun_again(bound.subtree.root, wanted) if bound.subtree.root else None
+            inner = self.find_restarted(bound.subtree.root, wanted) if bound.subtree.root else None
             return None if inner is None else Found(inner.leaf, bound)
         if not bound.children:
             return Found(bound, bound) if bound.spec.kind.is_leaf and wanted(bound) else None
@@ -106,16 +106,16 @@ class PossibleOutcomes:
         if means.order is not Order.IN_ORDER and not means.steady:
             return None
         first = bound.children if means.is_sequence else bound.children[:1]
-        return next((found for child in first if (found := self.begun_again(child, wanted))), None)
+        return next((found for child in first if (found := self.find_restarted(child, wanted))), None)
 
-    def anywhere(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
+    def find_leaf(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
         """Return the first leaf in a node that meets a condition."""
         if bound.subtree is not None:
-            inner = self.anywhere(bound.subtree.root, wanted) if bound.subtree.root else None
+            inner = self.find_leaf(bound.subtree.root, wanted) if bound.subtree.root else None
             return None if inner is None else Found(inner.leaf, bound)
         if bound.spec.kind.is_leaf:
             return Found(bound, bound) if wanted(bound) else None
-        return next((found for child in bound.children if (found := self.anywhere(child, wanted))), None)
+        return next((found for child in bound.children if (found := self.find_leaf(child, wanted))), None)
 
     def acts_at_once(self, leaf: BoundNode) -> bool:
         """Return whether a leaf has an effect on the world that is complete in the same tick."""
@@ -132,14 +132,14 @@ class PossibleOutcomes:
     def _of(self, bound: BoundNode) -> OutcomeSets:
         return self._known.get(bound) or self._leaves.get(id(bound.spec)) or self._leaf(bound)
 
-    def _look_at(self, tree: BoundTree) -> None:
+    def _analyze(self, tree: BoundTree) -> None:
         if tree.wrappers or self._broken:
             for node in tree.nodes:
                 if not node.children and (node.conditions or node in self._broken):
-                    self._known[node] = self._conditioned(node, self._leaf(node))
+                    self._known[node] = self._apply_conditions(node, self._leaf(node))
         for use in tree.uses:
             root = use.subtree.root if use.subtree is not None else None
-            self._known[use] = self._conditioned(use, _UNKNOWN if root is None else self._of(root))
+            self._known[use] = self._apply_conditions(use, _UNKNOWN if root is None else self._of(root))
         # Inlined, because this loop dominates the time for a large tree.
         known, leaves, leaf = self._known.get, self._leaves.get, self._leaf
         for parent in tree.parents:
@@ -150,14 +150,14 @@ class PossibleOutcomes:
                 self._known[parent] = _UNKNOWN
                 continue
             if parent.spec.semantics.order is Order.IN_ORDER:
-                outcome_sets = self._ordered(parent, children)
+                outcome_sets = self._ordered_outcomes(parent, children)
             else:
-                outcome_sets = _made_of(parent, children)
+                outcome_sets = _outcomes_of_node(parent, children)
             if parent.conditions or parent in self._broken:
-                outcome_sets = self._conditioned(parent, outcome_sets)
+                outcome_sets = self._apply_conditions(parent, outcome_sets)
             self._known[parent] = outcome_sets
 
-    def _ordered(self, bound: BoundNode, children: tuple[OutcomeSets, ...]) -> OutcomeSets:
+    def _ordered_outcomes(self, bound: BoundNode, children: tuple[OutcomeSets, ...]) -> OutcomeSets:
         """Return the outcome sets of a sequence or selector, which depend only on its children."""
         # For a reactive control the result depends on which children are leaves.
         leaves = bound.is_reactive and tuple(child.spec.kind.is_leaf for child in bound.children)
@@ -166,7 +166,7 @@ class PossibleOutcomes:
         if known is None:
             passing = bound.spec.semantics.goes_on | K
             known = self._alike[key] = (
-                _made_of(bound, children),
+                _outcomes_of_node(bound, children),
                 any(not child & passing for child in children[:-1]),
                 any(child >> _SHIFT & R for child in children),
             )
@@ -182,12 +182,12 @@ class PossibleOutcomes:
         spec = bound.spec
         if not spec.kind.is_leaf:
             return _UNKNOWN
-        outcome_sets = _made_of(bound, ())
+        outcome_sets = _outcomes_of_node(bound, ())
         if spec.semantics.possible is None:
             self._leaves[id(spec)] = outcome_sets
         return outcome_sets
 
-    def _conditioned(self, bound: BoundNode, outcome_sets: OutcomeSets) -> OutcomeSets:
+    def _apply_conditions(self, bound: BoundNode, outcome_sets: OutcomeSets) -> OutcomeSets:
         if bound in self._broken:
             return _UNKNOWN
         added = 0
@@ -244,7 +244,7 @@ def _drives(spec: NodeSpec) -> bool:
     return any(use.kind == "action" for use in spec.uses)
 
 
-def _made_of(bound: BoundNode, children: Sequence[OutcomeSets]) -> OutcomeSets:
+def _outcomes_of_node(bound: BoundNode, children: Sequence[OutcomeSets]) -> OutcomeSets:
     """Return the outcome sets of a node without conditions."""
     spec, possible = bound.spec, bound.spec.semantics.possible
     if possible is None:

@@ -46,12 +46,12 @@ def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
         if script.plain_form is (ComparisonChain if asked else Assignment):
             continue  # it cannot be wrong
         if asked:
-            yield from _assigning(bound, attribute, script)
+            yield from _check_assignments(bound, attribute, script)
         yield from _idle(bound, attribute, script, is_condition=asked)
-        yield from _raising(bound, attribute, script, is_condition=asked)
+        yield from _check_raising(bound, attribute, script, is_condition=asked)
         # `check_versions` reports syntax that an older version refuses.
         if context.version >= STATEMENTS:
-            yield from _touching(bound, attribute, script, is_condition=asked)
+            yield from _check_touching(bound, attribute, script, is_condition=asked)
 
 
 def is_condition(bound: BoundNode, attribute: str) -> bool:
@@ -69,7 +69,7 @@ def is_statement(bound: BoundNode, attribute: str, start: int) -> bool:
     return statement is not script.statements[-1] or not is_condition(bound, attribute)
 
 
-def _assigning(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:
+def _check_assignments(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diagnostic]:
     assignment = script.closing_assignment
     if assignment is None:
         return
@@ -110,14 +110,14 @@ def _idle(bound: BoundNode, attribute: str, script: Script, *, is_condition: boo
             start, end = statements[0].start, statements[-1].end
             span = bound.element.within_value(attribute, start, end)
             message = f"{attribute}: '{excerpt(script.text[start:end])}' has no effect: its value is not used"
-            yield bound.element.finding("idle-statement", message, span, hint=_meant_by(statements))
+            yield bound.element.finding("idle-statement", message, span, hint=_idle_hint(statements))
 
 
 def _is_idle(statement: Expression) -> bool:
     return not any(isinstance(part, Assignment) for part in parts(statement))
 
 
-def _meant_by(statements: list[Expression]) -> str:
+def _idle_hint(statements: list[Expression]) -> str:
     if all(isinstance(each, Literal) for each in statements):
         return "; ends a statement. Write a list as a string, in '...'"
     if isinstance(statements[0], ComparisonChain):
@@ -127,9 +127,11 @@ def _meant_by(statements: list[Expression]) -> str:
     return "delete it, or assign it to a variable, as in x := ..."
 
 
-def _raising(bound: BoundNode, attribute: str, script: Script, *, is_condition: bool) -> Iterator[Diagnostic]:
+def _check_raising(
+    bound: BoundNode, attribute: str, script: Script, *, is_condition: bool
+) -> Iterator[Diagnostic]:
     """Yield the operations that raise for all values of the variables."""
-    always, in_branches = raised_always(script, is_condition=is_condition)
+    always, in_branches = find_certain_errors(script, is_condition=is_condition)
     for error in (*always, *in_branches):
         span = bound.element.within_value(attribute, error.start, error.end)
         message = f"{attribute}: {error.message}"
@@ -139,7 +141,7 @@ def _raising(bound: BoundNode, attribute: str, script: Script, *, is_condition: 
         )
 
 
-def _touching(
+def _check_touching(
     bound: BoundNode, attribute: str, script: Script, *, is_condition: bool
 ) -> Iterator[Diagnostic]:
     """Yield the first statement on one line with the previous statement, without a separator between them."""
@@ -174,14 +176,16 @@ class _Samples(NamedTuple):
 _NUMBER, _ANY = _Samples((1.0,)), _Samples((1.0, "1"))
 
 
-def raised_always(
+def find_certain_errors(
     script: Script, *, is_condition: bool
 ) -> tuple[list[EvaluationError], list[EvaluationError]]:
     """Return the errors that a script always raises, and those of branches of `? :` that may never be taken."""
     folding = _Folding(script.text)
     values = [folding.values_of(statement) for statement in script.statements]
     if is_condition and values:
-        folding.applied(operators.as_condition, lambda error, _: no_condition(script, error), values[-1])
+        folding.apply_operator(
+            operators.as_condition, lambda error, _: no_condition(script, error), values[-1]
+        )
     return folding.errors, folding.in_branches
 
 
@@ -197,7 +201,7 @@ class _Folding:
         if isinstance(node, Literal):
             return _Samples((node.value,), is_known=True)
         if isinstance(node, Prefix):
-            return self.applied(
+            return self.apply_operator(
                 operators.PREFIX[node.operator], self._failure(node), self.values_of(node.operand)
             )
         if isinstance(node, Operation):
@@ -212,12 +216,12 @@ class _Folding:
         if isinstance(node, Assignment):
             value = self.values_of(node.value)
             if node.operator not in {":=", "="}:
-                self.applied(
+                self.apply_operator(
                     operators.BINARY[node.operator.removesuffix("=")], self._failure(node), _ANY, value
                 )
         return _ANY
 
-    def applied(
+    def apply_operator(
         self,
         calculate: Callable[..., ScriptValue],
         error_of: Callable[[RefusedValueError, tuple[Any, ...]], EvaluationError],
@@ -250,12 +254,12 @@ class _Folding:
                 return step_failure(self._text, node, step, error, *sides)
 
             right = self.values_of(step.operand)
-            values = self.applied(operators.BINARY[step.operator], error_of, values, right)
+            values = self.apply_operator(operators.BINARY[step.operator], error_of, values, right)
         return values
 
     def _conditional(self, node: Conditional) -> _Samples:
         condition = self.values_of(node.condition)
-        chosen = self.applied(operators.is_chosen, self._failure(node.condition), condition)
+        chosen = self.apply_operator(operators.is_chosen, self._failure(node.condition), condition)
         if chosen.is_known:
             return self.values_of(node.then if chosen.values[0] else node.otherwise)
         return self._either(node.then, node.otherwise)

@@ -33,9 +33,9 @@ def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield strings that begin or end like a key."""
     for bound, names in context.nodes_with(_texts):
         if bound.values:
-            yield from _unclosed(bound, names)
+            yield from _close_text(bound, names)
     for use in (use for tree in context.trees for use in tree.uses):
-        yield from _unclosed(
+        yield from _close_text(
             use, [name for name in use.remapping.constants if name in use.element.attributes]
         )
 
@@ -46,7 +46,7 @@ def _texts(spec: NodeSpec) -> list[str]:
     return [each.name for each in attributes if each.value_type.python in (str, None)]
 
 
-def _unclosed(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
+def _close_text(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
     element = bound.element
     for name in names:
         written = element.attributes.get(name, "")

@@ -20,7 +20,7 @@ _KeysOf = Callable[[BoundTree], frozenset[str] | None]
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield trees that no other tree uses, and attributes of `SubTree` that the tree does not use, or not as intended."""
-    compared = functools.cache(_compared)
+    compared = functools.cache(_compared_strings)
     for tree in context.trees:
         yield from _keys_as_texts(tree, context, compared)
     if not context.sound:
@@ -99,7 +99,7 @@ def _keys_as_texts(
             yield use.element.finding("key-as-text", message, value=name, **advice)
 
 
-def _compared(tree: BoundTree) -> frozenset[tuple[str, object]]:
+def _compared_strings(tree: BoundTree) -> frozenset[tuple[str, object]]:
     """Return the pairs of key and string that scripts of a tree compare: such a string is a valid argument for the key."""
     scripts = (script for node in tree.scripted for _, script in node.scripts())
     statements = (each for script in scripts for each in script.statements)

@@ -173,14 +173,14 @@ class OlderReading(NamedTuple):
 def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
     """Yield the parts of a script of 4.9 that an older version refuses or evaluates differently."""
     if version < ORDER:
-        yield from _from_the_right(script)
+        yield from _right_associative(script)
     if version < STATEMENTS:
-        yield from _without_semicolon(script)
+        yield from _missing_semicolons(script)
     if version < OPERATORS:
         yield from _operators(script)
 
 
-def _from_the_right(script: Script) -> Iterator[OlderReading]:
+def _right_associative(script: Script) -> Iterator[OlderReading]:
     for each in itertools.chain.from_iterable(map(parts, script.statements)):
         for step, following in itertools.pairwise(each.steps if isinstance(each, Operation) else ()):
             first, second = step.operator, following.operator
@@ -190,7 +190,7 @@ def _from_the_right(script: Script) -> Iterator[OlderReading]:
                 break
 
 
-def _without_semicolon(script: Script) -> Iterator[OlderReading]:
+def _missing_semicolons(script: Script) -> Iterator[OlderReading]:
     for before, statement in itertools.pairwise(script.statements):
         if ";" not in script.text[before.end : statement.start]:
             what = "refuses a statement that follows another without ;"

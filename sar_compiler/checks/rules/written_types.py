@@ -11,7 +11,7 @@ from sar_compiler.checks.rules.entry_accesses import (
     comes_first,
     is_of_root,
 )
-from sar_compiler.checks.rules.scripts import is_condition, raised_always
+from sar_compiler.checks.rules.scripts import find_certain_errors, is_condition
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.key_types import (
     EntryType,
@@ -202,7 +202,7 @@ class KeyTypeRules:
             is_open = is_untyped(first.cpp) or first.cpp == TEXT
             readers = [port for port in ports if is_open or is_loop_queue(port.cpp)]
             yield from self._unreadable(writes, readers)
-            yield from self._replaced([*kinds.values()] if is_untyped(first.cpp) else [])
+            yield from self._check_replaced([*kinds.values()] if is_untyped(first.cpp) else [])
             if scripts and writes and not entry.given:
                 yield from self._late_scripts(writes[0], scripts, first)
             if scripts and entry.given:
@@ -246,7 +246,7 @@ class KeyTypeRules:
                         use.bound.element, access.attribute, access.key, place, (item,), is_item=True
                     )
             if access.place is not None:
-                expression = _assigned(use)
+                expression = _assigned_expression(use)
                 if expression is not None:
                     place = access.attribute, (expression.start, expression.end)
             elif semantics.copies:
@@ -282,7 +282,7 @@ class KeyTypeRules:
             self._constant(place.remapping.constants.get(entry.key, "")) for place in entry.given
         )
         for use in entry.of(*_WRITING):
-            values = self._values_written(use, self._port(use), _assigned(use), depth + 1)
+            values = self._values_written(use, self._port(use), _assigned_expression(use), depth + 1)
             if values is None or len(found) > _MOST_VALUES:
                 found = {}
                 break
@@ -312,7 +312,7 @@ class KeyTypeRules:
         if write.port is not None and not is_untyped(write.port.cpp):
             if first.cpp == TEXT and write.port.cpp != TEXT:
                 what = f"{write.port.cpp} is written to '{write.key}', which is {first.label(element)}"
-                yield self._refused(f"{write.attribute}: {what}", element, write.span, write.port)
+                yield self._refusal(f"{write.attribute}: {what}", element, write.span, write.port)
             return
         if not values:
             return
@@ -321,7 +321,7 @@ class KeyTypeRules:
                 yield _misfit_here(write, values[0], port)
                 return
             if all(_exceeds_children(value, port) for value in values):
-                yield _out_of_reach(write, values[0], port)
+                yield _unreachable_count(write, values[0], port)
                 return
         types = [value.cpp for value in values]
         shown = " or ".join(dict.fromkeys(types))
@@ -332,7 +332,7 @@ class KeyTypeRules:
             for each in values
         ):
             what = f"{shown} is copied with its type to '{write.key}', which is {first.label(element)}"
-            yield self._refused(f"{write.attribute}: {what}", element, write.span, None)
+            yield self._refusal(f"{write.attribute}: {what}", element, write.span, None)
             return
         refused = filter(None, (self._refused_by(port, write, values, first) for port in ports))
         # Only the C++ code decides whether a string can be read as a user's type.
@@ -368,7 +368,7 @@ class KeyTypeRules:
             shown = f"'{values[0].value}'"
         whose = port_label(port.parameter.name, port.bound, write.element)
         what = f"{write.attribute}: '{write.key}' is {shown} here, and {port.shown} for {whose}"
-        return self._refused(what, write.element, write.span, port, is_new=is_new)
+        return self._refusal(what, write.element, write.span, port, is_new=is_new)
 
     def _is_text_lost(self, port: _TypedPort, write: _KeyWrite, types: list[str], first: EntryType) -> bool:
         """Return whether a loop finds an entry empty after `SetBlackboard` copied a string, because that port has no type."""
@@ -400,13 +400,13 @@ class KeyTypeRules:
             if not any(can_be_read(each, port.cpp, self._version) for each in types):
                 line = f"line {writer.element.line}{file_of(writer.element, element)}"
                 what = f"'{port.bound.keys[name]}' is {port.shown} here, but {types[0]} is written to it ({line})"
-                yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
+                yield self._refusal(f"{name}: {what}", element, element.value_span(name), port)
                 return
             if port.is_of_user and set(types) == {TEXT}:
                 yield unknown_conversion(element, name, element.value_span(name), port.cpp)
                 return
 
-    def _replaced(self, uses: list[EntryAccess]) -> Iterator[Diagnostic]:
+    def _check_replaced(self, uses: list[EntryAccess]) -> Iterator[Diagnostic]:
         """Yield the first port that cannot overwrite the value of another one."""
         ports = [(use, port) for use in uses if (port := self._port(use)) is not None and port.writes]
         for (earlier, held), (later, port) in itertools.combinations(ports, 2):
@@ -418,7 +418,7 @@ class KeyTypeRules:
                 what = (
                     f"'{port.bound.keys[name]}' is {port.cpp} here, but {held.cpp} is written to it ({line})"
                 )
-                yield self._refused(f"{name}: {what}", element, element.value_span(name), port)
+                yield self._refusal(f"{name}: {what}", element, element.value_span(name), port)
                 return
 
     def _late_scripts(
@@ -453,7 +453,7 @@ class KeyTypeRules:
             name = port.parameter.name
             span = element.value_span(entry.key if entry.key in element.attributes else "ID")
             what = f"{entry.key}: the script for {port_label(name, port.bound, element)}"
-            for error in raised_always(script, is_condition=is_condition(port.bound, name))[0]:
+            for error in find_certain_errors(script, is_condition=is_condition(port.bound, name))[0]:
                 message = f"{what} raises an error in every tick: {error.message}"
                 yield element.finding("failing-script", message, span, hint=error.hint)
             given = [made for text in constants.values() if (made := _script_in(text, port)) is not None]
@@ -475,7 +475,7 @@ class KeyTypeRules:
         entry = self._entries.get(scope.owner(key))
         return key in self._enums or (entry is not None and (entry.is_made or entry.is_parameter))
 
-    def _refused(
+    def _refusal(
         self, message: str, element: Element, span: Span, port: _TypedPort | None, *, is_new: bool = False
     ) -> Diagnostic:
         """Return the finding about a value for which BehaviorTree.CPP raises an error in a tick."""
@@ -570,7 +570,7 @@ def _exceeds_children(value: _WrittenValue, port: _TypedPort) -> bool:
     return isinstance(number, int) and number > there
 
 
-def _out_of_reach(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:
+def _unreachable_count(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Diagnostic:
     there = len(port.bound.children)
     whose = port_label(port.parameter.name, port.bound, write.element)
     message = f"{write.attribute}: '{write.key}' is {value.value} here, for {whose}, which has only {there} children"
@@ -585,7 +585,7 @@ def _misfit_here(write: _KeyWrite, value: _WrittenValue, port: _TypedPort) -> Di
     return write.element.finding("key-of-two-types", message, write.span, hint=hint)
 
 
-def _assigned(use: EntryAccess) -> Expression | None:
+def _assigned_expression(use: EntryAccess) -> Expression | None:
     """Return the expression that a script assigns to a key unchanged; None for any other use."""
     if use.access.place is None:
         return None

@@ -223,5 +223,5 @@ def test_a_recorded_run_that_depends_on_the_value_is_not_decided():
         Event(("Sequence", name), number, ANSWERED, "SUCCESS") for number, name in ((1, "M"), (3, "A"))
     )
     with pytest.raises(UndecidableError, match="tick 1: ") as caught:
-        runs.found_again(with_end([measured, acted], "Sequence", "SUCCESS", 1, 0.0))
+        runs.locate(with_end([measured, acted], "Sequence", "SUCCESS", 1, 0.0))
     assert HINT in str(caught.value)
