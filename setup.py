@@ -12,7 +12,7 @@ from setuptools import Distribution, Extension, setup
 from setuptools.command.build_ext import build_ext
 
 SHARE = "share/sar_compiler"
-# These stand below share/sar_compiler as they stand here, folder by folder.
+# These are installed below share/sar_compiler, folder by folder.
 SHIPPED = ("config", "docs/findings", "examples", "launch", "maps", "rviz", "schemas", "trees", "worlds")
 
 

@@ -1,1 +1,1 @@
-"""What the project costs where users wait or pay: one table of goals, measured by `make bench`; `benchmarks/README.md` states more."""
+"""The project's cost in time and memory to its users: a table of goals, measured by `make bench`; see `benchmarks/README.md`."""

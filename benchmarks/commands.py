@@ -1,4 +1,4 @@
-"""What a command costs: the seconds that pass, the CPU time of all its processes, and the most memory that one of them has."""
+"""The cost of a command: its time, the CPU time of all its processes, and the peak memory of one of them."""
 
 import json
 import os
@@ -31,7 +31,7 @@ with open(sys.argv[1], "w") as file:
 
 
 class Cost(NamedTuple):
-    """What a command has cost.
+    """The cost of a command.
 
     Attributes:
         passed: The seconds that passed.
@@ -80,7 +80,7 @@ def run(
         try:
             printed, said = process.communicate()
         except BaseException:
-            # The launcher's child would go on where a row is given up.
+            # The launcher's child would continue after a row is abandoned.
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
             raise

@@ -1,4 +1,4 @@
-"""BehaviorTree.CPP in a process of its own: `btcpp_driver.cpp`, built by hand, at the path in `BTCPP_DRIVER`."""
+"""BehaviorTree.CPP in a separate process: `btcpp_driver.cpp`, built by hand, at the path in `BTCPP_DRIVER`."""
 
 import json
 import os
@@ -48,7 +48,7 @@ class Driver:
 
 
 def driver_path() -> Path | None:
-    """Return where the driver is; None if it is not built."""
+    """Return the path of the driver; None if it is not built."""
     path = Path(os.environ.get(VARIABLE, ""))
     return path if path.is_file() else None
 

@@ -26,7 +26,7 @@ from typing import Any
 
 from benchmarks.commands import SCRIPTS
 
-# Each in a process of its own.
+# One for each process.
 _DOMAINS = ("71", "72", "73", "74")
 _FAST, _SLOW = "1000", "20"
 # How long a run, and what a run waits for, may take; seconds.
@@ -121,7 +121,7 @@ def _property(kind: str, named: str, done: str, **more: Any) -> PlantedCause:
 
 
 class _Commander:
-    """A node that calls the services of a run's commands; it is there before the run, so that both find each other at once."""
+    """A node that calls the services of a run's commands; it starts before the run, so that discovery takes no time."""
 
     def __init__(self) -> None:
         import rclpy
@@ -408,14 +408,14 @@ def score(causes: Sequence[PlantedCause]) -> list[tuple[str, bool]]:
             print(f"  {'named' if is_named else 'MISSED'}: {cause.kind}: {text or 'nothing'}", flush=True)
             found.append((text, is_named))
     finally:
-        # Where the score is given up, those that have not begun are not waited for.
+        # After an error, the runs that have not started are cancelled.
         pool.shutdown(cancel_futures=True)
     print(f"  {sum(is_named for _, is_named in found)} of {len(causes)} causes are named first")
     return found
 
 
 def _set_domain(domains: "Queue[str]") -> None:
-    """Give a process a ROS domain of its own, so that its runs and those of others do not see each other."""
+    """Give a process a separate ROS domain, so that its runs do not interact with others."""
     os.environ["ROS_DOMAIN_ID"] = domains.get()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 

@@ -115,7 +115,7 @@ def compared_calls(ours: Calls, theirs: Calls, rounds: int) -> Comparison:
 
 
 def enough_calls(calls: Calls) -> int:
-    """Return the number of calls that take long enough to be timed; the first call does not count.
+    """Return the number of calls that take long enough to be timed; the first call is not timed.
 
     The first call of many things does more than all later ones: it fills caches, or runs every leaf of a tree that remembers.
     """

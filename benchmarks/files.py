@@ -1,4 +1,4 @@
-"""What the commands cost that read files: start-up, one file, a folder, and files of 10,000 nodes."""
+"""The cost of the commands that read files: start-up, one file, a folder, and files of 10,000 nodes."""
 
 import itertools
 import tempfile

@@ -73,7 +73,7 @@ def typos(count: int) -> Iterator[Typo]:
 
 
 def _make_typo(chance: random.Random, root: ET.Element) -> str | None:
-    """Put a typo somewhere into a tree, and return in what; None where there was nothing to choose."""
+    """Put a typo somewhere into a tree, and return the kind of place; None if there is none."""
     element, where = chance.choice([*root.iter()][1:]), chance.choice(("tag", "attribute", "value"))
     if where == "tag":
         element.tag = typo(chance, element.tag)
@@ -94,7 +94,7 @@ def _make_typo(chance: random.Random, root: ET.Element) -> str | None:
 
 
 class Fixed(NamedTuple):
-    """What has become of a tree with a typo.
+    """The result of fixing a tree with a typo.
 
     Attributes:
         is_as_before: Whether it is the tree that it was before the typo.

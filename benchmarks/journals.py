@@ -1,4 +1,4 @@
-"""What it costs to read a journal of a million entries: a run of a patrol, recorded as `sar-run` records one."""
+"""The cost of reading a journal of a million entries: a run of a patrol, recorded as `sar-run` records one."""
 
 import itertools
 import random

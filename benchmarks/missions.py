@@ -1,4 +1,4 @@
-"""What a mission costs, and how long a user waits for it: the first tick, the next goal, a run that drives, a whole simulated mission.
+"""The cost of a mission, and its latencies: the first tick, the next goal, a run that drives, a whole simulated mission.
 
 A robot drives along a corridor so long that it never arrives, in `sar-sim`, whose process does not count. A bare node of rclpy has sent the same goal
 and hears the same topics. Servers and runs have the simulation's time.
@@ -169,7 +169,7 @@ _OPTIONS = (
 
 
 class Drive(NamedTuple):
-    """What a process takes while the robot drives.
+    """The cost of a process while the robot drives.
 
     Attributes:
         share: Of a core, in %.
@@ -306,7 +306,7 @@ def set_up(effort: Effort) -> Iterator[Stage]:
 
 
 def _first_tick(stage: Stage, effort: Effort) -> Measured:
-    """Return the time that passes from the command until the robot is told to drive."""
+    """Return the time from the command to the first goal of the robot."""
 
     def once() -> tuple[float, float]:
         start = time.perf_counter()

@@ -45,7 +45,7 @@ assert len(ordered("expected_find", plan.tour(plan.eligible_zones()))) == count
 
 
 def _patrol() -> str:
-    """Return a patrol that counts its rounds for ever; no node reads the count."""
+    """Return a patrol that counts its rounds forever; no node reads the number."""
     visits = [
         around("ForceSuccess", [sequence([f'<Check name="Free{at}"/>', f'<Try name="Drive{at}"/>'])])
         for at in range(3)

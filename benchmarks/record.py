@@ -1,4 +1,4 @@
-"""What a run has measured, the record that it is compared with, and the table that is made of it."""
+"""The results of a measurement, the record to which they are compared, and their table."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ BEGIN, END = "<!-- made by `make bench` -->\n", "<!-- end -->\n"
 
 
 class Run(NamedTuple):
-    """What has been measured.
+    """The results of a measurement.
 
     Attributes:
         conditions: The machine, the date and the versions, by their names.

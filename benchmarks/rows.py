@@ -1,4 +1,4 @@
-"""The rows of the table: what is measured, its goal, and how a result is written."""
+"""The rows of the table: their measurements, goals, and the format of their results."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -37,7 +37,7 @@ class Limit(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What a row has come to.
+    """The result of a row.
 
     Attributes:
         values: One for each limit of the row.
@@ -100,7 +100,7 @@ class Result(NamedTuple):
 
 
 def write_result(row: Row, result: Result | None) -> str:
-    """Return a result as it stands in the table."""
+    """Return a result in the format of the table."""
     if result is None:
         return "not measured"
     if not result.values:
@@ -125,7 +125,7 @@ def seconds(value: float) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number with three digits that count, without zeros behind its point."""
+    """Return a number with three significant digits, without trailing zeros."""
     digits = next((digits for digits, below in enumerate((100.0, 10.0, 1.0, 0.1, 0.01)) if value >= below), 5)
     text = f"{value:,.{digits}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text

@@ -1,4 +1,4 @@
-"""Running the benchmarks, each in a process of its own; a row that fails does not stop the others."""
+"""Running the benchmarks, each in a separate process; a row that fails does not stop the others."""
 
 import datetime as dt
 import multiprocessing
@@ -37,7 +37,7 @@ _ROW_SEC = 300
 
 
 def measure_benchmarks(names: Sequence[str], effort: Effort) -> tuple[Run, bool]:
-    """Measure each benchmark in a process of its own; return also whether a row has failed.
+    """Measure each benchmark in a separate process; return also whether a row has failed.
 
     What one measurement leaves in memory would slow the next one down.
     """
@@ -116,7 +116,7 @@ def _limited(seconds: int) -> Iterator[None]:
 
 
 def describe_conditions() -> dict[str, str]:
-    """Return what the figures depend on, besides the project."""
+    """Return the conditions of the measurement, apart from the project."""
     cpu = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("model name\t: ")[2].partition("\n")[0]
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     return {

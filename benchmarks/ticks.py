@@ -1,4 +1,4 @@
-"""What a tick costs beside BehaviorTree.CPP in C++: trees of usual sizes, and the slowest constructs.
+"""The cost of a tick compared with BehaviorTree.CPP in C++: trees of usual sizes, and the slowest constructs.
 
 Both engines tick the tree of the same file. `Leaf` succeeds: here its `update` is in Python, as the leaves of users are, and there it is in C++.
 """

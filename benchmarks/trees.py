@@ -80,7 +80,7 @@ def mission(seed: int, tree_id: str = "Main", *, has_scripts: bool = False) -> s
 
 
 def navigation(recoveries: int) -> str:
-    """Return a tree as Nav2's: a path is followed, with recoveries behind it.
+    """Return a tree like Nav2's: it follows a path, with recoveries as fallback.
 
     Nav2's own controls are BehaviorTree.CPP's that come nearest, so that both engines have them.
     """
@@ -137,7 +137,7 @@ def _mixed_leaf(draw: random.Random, number: int) -> str:
 
 
 def one_running(count: int) -> str:
-    """Return a balanced tree whose last leaf keeps running after all before it have succeeded."""
+    """Return a balanced tree whose last leaf keeps running after the others have succeeded."""
     leaves = ["<Leaf/>"] * (count - 1)
     return balanced([*leaves, around("KeepRunningUntilFailure", ["<Leaf/>"])])
 

@@ -111,7 +111,7 @@ class ZoneRecord:
 
 def how_given_up(attempts: int, reason: str) -> str:
     """Describe how and why a zone was abandoned, as a text that follows its name and `was`."""
-    return f"given up: {reason}" if reason else f"abandoned after attempt {attempts}"
+    return f"abandoned: {reason}" if reason else f"abandoned after attempt {attempts}"
 
 
 def _told(zones: Iterable[tuple[str, str]]) -> list[str]:

@@ -236,7 +236,7 @@ class Search(MissionRun):
         if name in likely:
             details["probability now"] = f"{likely[name]:.1%}"
         # The state completes the sentence.
-        reason = known.given_up.removeprefix("given up: ").removeprefix("abandoned ")
+        reason = known.given_up.removeprefix("abandoned: ").removeprefix("abandoned ")
         return Landmark("zone", name, zone["x"], zone["y"], state, level, reason, details=details)
 
     def _base(self) -> Landmark:

@@ -72,12 +72,12 @@ def _finding(bound: BoundNode) -> Diagnostic:
             "exactly when it ticks "
             "its children"
         )
-        hint = f"derive it from sar_compiler.{bound.spec.kind.value}, with begin and resume; or register it with semantics; or {replace}"
+        hint = f"derive it from sar_compiler.{bound.spec.kind.value}, with begin and resume, or register it with semantics, or {replace}"
         return element.finding("only-described", message, hint=hint)
-    message = f"<{tag}> is only described by a model, and when it ticks its children is not known"
+    message = f"<{tag}> is only described by a model, which does not define when it ticks its children"
     palettes = " or ".join(palettes_with(tag))
     known = f", or the palette that describes it (--model {palettes})" if palettes else ""
-    hint = f"load the module that has it (--nodes PKG.MOD){known}; or {replace}"
+    hint = f"load the module that has it (--nodes PKG.MOD){known}, or {replace}"
     return element.finding("only-described", message, hint=hint)
 
 
@@ -449,8 +449,8 @@ class SimulationBuilder(Builder):
         first, other = self._start.setdefault(name, (value, leaf))
         if first != value and name not in self._assumptions.facts:
             self.disputes[name] = (
-                f"the fact '{name}' is {first!r} at the start for '{other}', and {value!r} for '{leaf}'; "
-                f"say which: facts: {{{name}: {first!r}}}"
+                f"the fact '{name}' is {first!r} at the start for '{other}', and {value!r} for '{leaf}'. "
+                f"Write the value: facts: {{{name}: {first!r}}}"
             )
 
 

@@ -191,7 +191,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     if verification.complete:
         return
     how = "it was stopped there" if verification.stopped else "raise the limit with --max-states"
-    yield f"Not proved beyond {count_text(verification.states, 'state')}: there are more; {how}."
+    yield f"Not proved beyond {count_text(verification.states, 'state')}: there are more states ({how})."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
         yield f"Most different values among the last ones had: {listed}."

@@ -103,7 +103,7 @@ def _approve(tree: "ProjectTree", arguments: argparse.Namespace) -> int:
     fingerprint = Fingerprint.of(tree, arguments.tree, arguments.params, arguments.properties)
     if arguments.digest not in (None, fingerprint.digest):
         raise SarError(
-            f"{tree.path} is not approved: it differs from the proposal; its digest is {fingerprint.digest}"
+            f"{tree.path} is not approved: it differs from the proposal. Its digest is {fingerprint.digest}"
         )
     approval = approve(fingerprint, arguments.by or getpass.getuser())
     print_text(str(approval))

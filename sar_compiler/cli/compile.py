@@ -225,7 +225,7 @@ def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[
         raise TreeError([*findings, *error.findings]) from error
     others = [each for each in loaded.forest.trees if each != sketch.name]
     if arguments.tree is None and loaded.forest.main_tree() is None and others:
-        print_error(f"note: this is the tree '{sketch.name}'; show another with --tree: {', '.join(others)}")
+        print_error(f"note: this is the tree '{sketch.name}'. Show another with --tree: {', '.join(others)}")
     if isinstance(sketch, Sketch):
         findings = [*findings, *(each for each in sketch.findings if each not in findings)]
     return findings, _drawing(sketch, arguments.format, folded=arguments.fold)
@@ -244,7 +244,7 @@ def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
         picture: str = getattr(drawing, form)(tree, folded=folded)
         if form == "mermaid" and drawing.too_large(picture):
             print_error(
-                f"{PROG}: this flowchart is too large for GitHub and GitLab; --format svg has no limit"
+                f"{PROG}: this flowchart is too large for GitHub and GitLab. --format svg has no limit"
             )
         return picture
     from sar_compiler.compiler.outline import ascii_tree, unicode_tree, with_tags
@@ -321,10 +321,10 @@ def _nodes(arguments: argparse.Namespace) -> int:
         from sar_compiler.nodes.palettes import palettes_with
         from sar_compiler.tree.guessing import did_you_mean
 
-        others = "; list known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
+        others = ". List known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
         advice = did_you_mean(registry.nearest(arguments.tag)) or others
         if known := palettes_with(arguments.tag):
-            advice = f"; add a palette that describes it: --model {' or '.join(known)}"
+            advice = f". Add a palette that describes it: --model {' or '.join(known)}"
         raise SarError(f"there is no node '{arguments.tag}'{advice}")
     specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)
     if arguments.format == "groot2":
@@ -354,7 +354,7 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
     for path in files:
         tree = loader.load_file(path)
         if tree.is_malformed:
-            print_error(f"{PROG}: {path} is skipped; run `{PROG} validate` for its errors")
+            print_error(f"{PROG}: {path} is skipped. Run `{PROG} validate` for its errors")
         else:
             uses.add(tree.forest.main, tree.palettes, tree.project.registry)
     loader.note_use()

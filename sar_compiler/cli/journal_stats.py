@@ -53,7 +53,7 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
             first = nodes if first is None else first
             if nodes != first:
                 raise JournalError(
-                    f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}; outcomes are counted for "
+                    f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}. Outcomes are counted for "
                     "one tree only"
                 )
             found.add(file.every_run(without=OF_ROBOT, is_condensed=True))

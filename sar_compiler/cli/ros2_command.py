@@ -112,7 +112,7 @@ def _give(name: str, of: str | None, reason: str) -> str:
         ]
         if len(meant) != 1:
             raise OrderError(
-                f"{full} has no command '{name}'; it has {', '.join(orders) or 'none without values'}"
+                f"{full} has no command '{name}' (known: {', '.join(orders) or 'none without values'})"
             )
         author = CommandAuthor(f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}", reason)
         signature = RemoteSignature(node, full)

@@ -136,7 +136,7 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
         status = run_mission(given, makes, signals, ros, staying, output, report).status
     except TreeError as error:
         print(findings_as_text(error.findings, sys.stderr), file=sys.stderr)
-        print_error(f"{PROG}: {options.tree} cannot be run with these options; the robot has not moved")
+        print_error(f"{PROG}: {options.tree} cannot be run with these options. The robot has not moved")
         return USAGE
     if staying:  # without ROS: another program may use the robot meanwhile
         shut_down(status, ros.close)

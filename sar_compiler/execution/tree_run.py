@@ -73,7 +73,7 @@ def end_condition(setup: RunSetup) -> EndCondition:
     ends_itself = setup.mission.shortfalls() is not None
     if not ends_itself and until is Until.COMPLETE:
         raise SarError(
-            "--until complete needs a mission with an end condition; for this tree write end, success, "
+            "--until complete needs a mission with an end condition. For this tree write end, success, "
             "failure or forever"
         )
     if until is None:

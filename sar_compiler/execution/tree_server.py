@@ -256,7 +256,7 @@ class TreeExecutionServer(LifecycleNode):
         if not self._is_active:
             return "this node is not active"
         if tree not in self._trees:
-            return f"there is no tree '{tree}'{did_you_mean(nearest(tree, self._trees))}; the trees are {', '.join(self._trees)}"
+            return f"there is no tree '{tree}' (known: {', '.join(self._trees)}){did_you_mean(nearest(tree, self._trees))}"
         if self._is_taken:
             return "a mission is running"
         try:

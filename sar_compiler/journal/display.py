@@ -40,7 +40,7 @@ class LandmarkKind(NamedTuple):
         name: The singular, in a word: `point`. Markers of a kind have a namespace of their own in RViz.
         plural: The plural: `points`.
         shape: The shape: `circle`, `triangle`, `house` or `square`; one with corners as a polygon.
-        is_found: Whether the robot detects them and a person must go there unless they are given up: `people` in a
+        is_found: Whether the robot detects them and a person must go there unless they are abandoned: `people` in a
             report's forms for emergency services.
         event: The description of such a detection, for those services.
         shaded_by: The meaning of the outlines' shading: `probability now`; empty for no shading.

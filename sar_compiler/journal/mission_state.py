@@ -243,7 +243,7 @@ class MissionState:
         goals: The goals that may be active: their actions, by id.
         tick: The number of the last tick with a change.
         since_phase: The start of the present phase.
-        finished: When each landmark was finished or given up in the last run, by kind and name.
+        finished: When each landmark was finished or abandoned in the last run, by kind and name.
         process: The state of the process that runs it; by default, it exists and reports.
         properties: The monitored properties of the last run, by name; empty if there are none.
         assumption_failed_at: The first time that the last run contradicted an assumption of the verification; None if it did not.

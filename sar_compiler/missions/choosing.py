@@ -80,7 +80,7 @@ def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
         if flaw:
             raise MissionError(f"{source} {flaw}")
         if missions.setdefault(mission.name, mission) is not mission:
-            raise MissionError(f"two missions are installed as '{mission.name}'; {source} is the second")
+            raise MissionError(f"two missions are installed as '{mission.name}', the second by {source}")
     return missions
 
 
@@ -115,7 +115,7 @@ def find_mission(name: str, checkout: Path | None = None) -> "Mission":
         return missions[name]
     hint = did_you_mean(nearest(name, missions))
     for _, place in ignored_entry_points(ENTRY_POINTS, checkout)[:1]:
-        hint += f"; missions of {place} are ignored because it is the checked folder: install them"
+        hint += f". Missions of {place} are ignored because it is the checked folder: install them"
     raise MissionError(f"there is no mission '{name}' (installed: {', '.join(sorted(missions))}){hint}")
 
 

@@ -95,7 +95,7 @@ def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
     if not names or any(_is_for(name, node) for name in names):
         return ""
     whose = "the file's" if len(files) == 1 else "the files'"
-    return f"{whose} sections are for {', '.join(names)}; this node is {node}"
+    return f"{whose} sections are for {', '.join(names)}, but this node is {node}"
 
 
 def read_parameter_file(path: Path | str, node: str) -> dict[str, object]:

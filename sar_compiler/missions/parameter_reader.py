@@ -348,7 +348,7 @@ class ParameterReader:
             text = content.text()
         except OutsideError as error:
             there = f"move it next to {given_in}, or name it on the command line: -p {key}:=PATH"
-            self.report(key, f"{path} cannot be read: {error.reason}; {there}")
+            self.report(key, f"{path} cannot be read: {error.reason}. To fix this, {there}")
             return None
         except UnreadableFileError as error:
             self.report(key, f"{path} cannot be read: {error.reason}")

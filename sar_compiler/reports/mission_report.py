@@ -30,7 +30,7 @@ def georeference(state: MissionState) -> Georeference | None:
 
 
 def to_visit(state: MissionState) -> list[Landmark]:
-    """Return the detections to which a person must go: those that were not given up."""
+    """Return the detections to which a person must go: those that were not abandoned."""
     return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
 
 

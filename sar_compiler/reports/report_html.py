@@ -208,7 +208,7 @@ def _day(instant: EventTime, form: str = "%Y-%m-%d %H:%M:%S %z") -> str:
 
 def _duration(began: EventTime, ended: EventTime | None) -> str:
     if ended is None:
-        return f"{_day(began)}; no end is known"
+        return f"{_day(began)}, end unknown"
     return f"{_day(began)} to {_day(ended)}, {clock_text(ended.time)} of the mission's clock"
 
 

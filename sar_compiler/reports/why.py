@@ -249,7 +249,7 @@ class FailureAnalysis:
     def _may_be_cause(self, failure: FormerFailure, *, only_cost: bool) -> bool:
         """Return whether a handled failure may still be the reason for a missing item of the mission.
 
-        A condition may, if another branch was taken because of it and the present location was given up.
+        A condition may, if another branch was taken because of it and the present location was abandoned.
         """
         if failure.first.node in self._kinds.conditions:
             return failure.has_led_elsewhere and _has_given_up(self.state, failure)
@@ -627,7 +627,7 @@ class _History:
 
 
 def _has_given_up(state: MissionState, failure: FormerFailure) -> bool:
-    """Return whether the location of a failure was given up."""
+    """Return whether the location of a failure was abandoned."""
     landmarks = state.situation.landmarks.values()
     return any(each.name == failure.in_hand and each.level == Level.GIVEN_UP for each in landmarks)
 

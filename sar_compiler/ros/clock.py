@@ -150,8 +150,8 @@ class NodeTime:
         jumped = self._ros > 0.0 and not 0.0 <= step <= _JUMP_SEC + _FASTEST * (steady - self._advanced_at)
         if jumped:
             self._say(
-                f"The clock has jumped {'forward' if step > 0.0 else 'back'} by {abs(step):.1f} s; "
-                f"{passed:.1f} s are used, according to the machine's clock."
+                f"The clock has jumped {'forward' if step > 0.0 else 'back'} by {abs(step):.1f} s. "
+                f"{passed:.1f} s are used instead, according to the machine's clock."
             )
             step = passed
         elif self._ros <= 0.0:

@@ -40,7 +40,7 @@ class PolledService:
         answer: The last answer; None before the first one, and after one was lost.
         is_silent: Whether the last query was not answered in time.
         deadline_sec: How long an answer may take, seconds.
-        known_at: The time for which the answer holds, steady seconds: when the query was sent or given up; minus
+        known_at: The time for which the answer holds, steady seconds: when the query was sent or abandoned; minus
             infinity while nothing is known.
         silent_since: The time of the first of the latest unanswered queries, as `known_at`; None if the last one was answered.
         answered_at: The time of the last answer, as in `AwakeTime.stood_still_at`.

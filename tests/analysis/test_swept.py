@@ -114,7 +114,7 @@ def test_a_run_that_cannot_be_finished_says_why_as_simulate_does():
     play = runs("facts: {zones_left: 0}\nleaves: {ZonesRemaining: SUCCESS}", 0.1)
     (outcome,) = play([0])
     assert outcome.failure == "run: " + failures(play.play(0).run)[0].message
-    assert "'ZonesRemaining?' cannot answer 'SUCCESS' here" in outcome.failure
+    assert "'ZonesRemaining?' cannot return 'SUCCESS' here" in outcome.failure
 
 
 def test_the_events_asked_for_are_counted():

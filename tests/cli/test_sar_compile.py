@@ -370,7 +370,7 @@ def test_a_flowchart_that_github_does_not_draw_is_printed_and_told(capsys, tmp_p
     assert status == 0
     assert out.count(" --> ") == 500
     assert (
-        err == "sar-compile: this flowchart is too large for GitHub and GitLab; --format svg has no limit\n"
+        err == "sar-compile: this flowchart is too large for GitHub and GitLab. --format svg has no limit\n"
     )
 
 

@@ -73,7 +73,9 @@ def test_without_a_scenario_what_leaves_do_not_agree_on_is_wrong_usage(capsys, t
     path.write_text(document("<Sequence><X/><W/></Sequence>"), encoding="utf-8")
     status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.leaves")
     assert (status, out.strip()) == (2, "")
-    assert err.startswith("sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'; say which:")
+    assert err.startswith(
+        "sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'. Write the value:"
+    )
 
 
 def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
@@ -96,7 +98,7 @@ def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):
 def test_an_expectation_that_does_not_hold_has_status_1(capsys, tree, scenario):
     status, out, err = run(capsys, tree, "--scenario", scenario("expect: {root: FAILURE}"))
     assert (status, err) == (1, "")
-    assert ":1: root: the root is SUCCESS in the last tick; expected FAILURE\n" in out
+    assert ":1: root: the root is SUCCESS in the last tick, expected FAILURE\n" in out
 
 
 def test_a_mistake_in_a_scenario_has_status_1_and_the_others_are_played(capsys, tree, scenario):
@@ -222,7 +224,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
     assert "root" not in out
     places = [line for line in err.splitlines() if "error[only-described]" in line]
     assert [line.split(": ")[2] for line in places] == [
-        f"<{tag}> is only described by a model, and when it ticks its children is not known"
+        f"<{tag}> is only described by a model, which does not define when it ticks its children"
         for tag in ("RecoveryNode", "Twice")
     ]
     assert (

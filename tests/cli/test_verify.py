@@ -74,7 +74,7 @@ def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(r
     status, out, err = run(tree, *nodes)
     assert (status, out) == (2, "")
     assert err == (
-        "sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'; say which: facts: {f: 0}\n"
+        "sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'; Write the value: facts: {f: 0}\n"
     )
     assert run(tree, *nodes, "--set", "f=1")[2] == ""
 
@@ -93,7 +93,7 @@ def test_a_control_that_is_only_described_is_nothing_to_prove_anything_with(run)
     status, out, err = run(tree)
     assert (status, out) == (1, "")
     assert (
-        "error[only-described]: <Recover> is only described by a model, and when it ticks its children is not known\n"
+        "error[only-described]: <Recover> is only described by a model, which does not define when it ticks its children\n"
         in err
     )
     assert "controls: {Recover: ...}" in err
@@ -208,7 +208,9 @@ def test_a_tree_without_a_mission_takes_parameters_as_keys(run):
         "params.yaml:1:38: parameter 'tick_rat_hz' is not used: did you mean 'tick_rate_hz'?\n"
     )
     status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params.replace("sar_run", "other"))
-    elsewhere = "the file's sections are for /other; this node is /sar_run. Write '/**:' above the section"
+    elsewhere = (
+        "the file's sections are for /other, but this node is /sar_run. Write '/**:' above the section"
+    )
     assert f"no parameter of the file is used: {elsewhere}\n" in err
 
 
@@ -354,7 +356,7 @@ def test_json_has_both_answers_to_every_question(run):
 def test_the_bounds_of_both_searches_are_told(run):
     status, out, _ = run(reactive(FINE), *AGAINST, "--max-states", "10", before=FINE, p=SEARCHED)
     assert status == 1  # a run that is short is found, and whether the other tree has one is not known
-    assert out.count(".xml: Not proved beyond 10 states: there are more;") == 2
+    assert out.count(".xml: Not proved beyond 10 states: there are more states (") == 2
 
 
 def test_which_of_two_trees_cannot_be_verified_is_said(run):
@@ -416,4 +418,4 @@ def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found
     finally:
         terminal.kill()
     assert "stays at home: does not hold\n  it is violated in the last tick:\n    1  " in output
-    assert "there are more; it was stopped there." in output
+    assert "there are more states (it was stopped there)." in output

@@ -31,7 +31,7 @@ FILES = {
 
 # What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
 TYPED = {
-    "… cannot be run with these options; the robot has not moved": "sar-run {folder}/wrong.xml",
+    "… cannot be run with these options. The robot has not moved": "sar-run {folder}/wrong.xml",
     "there is no journal … to resume. Omit --resume": "sar-run --resume --journal {folder}/none",
     "cannot read …: …": "sar-run nowhere.xml",
     "there is no tree file '…', nor a shipped tree of that name": "sar-run nowhere",
@@ -43,7 +43,7 @@ TYPED = {
     "--nodes examples.drive_to_goal.leaves",
     "parameter …": "sar-run --ros-args -p tick_rate_hz:=0",
     "… errors in the parameters:…": "sar-run --ros-args -p tick_rate_hz:=0 -p zone_order:=[moon]",
-    "sections are for …; this node is …": "sar-run --params {folder}/section.yaml",
+    "sections are for …, but this node is …": "sar-run --params {folder}/section.yaml",
     "did you mean 'ros__parameters' (two underscores)?": "sar-run --params {folder}/misspelt.yaml",
     "not a ROS argument: …": "sar-run --ros-args tick_rate_hz:=2.0",
     "a parameter is given as name:=value, and a list holds values of one type": "sar-run --ros-args -p x=1",
@@ -55,7 +55,7 @@ TYPED = {
     "--sim expects a world, and '…' looks like a tree: write the tree before --sim": "sar-run --sim my.xml",
     "there is no world file '…', nor a shipped world of that name": "sar-run --sim moon",
     "there is no mission '…' (installed: …)": "sar-run --mission serch_and_rescue",
-    "--until complete needs a mission with an end condition; for this tree write end, success, failure or forever": (
+    "--until complete needs a mission with an end condition. For this tree write end, success, failure or forever": (
         "sar-run {folder}/plain.xml --until complete"
     ),
     "… already exists and is not overwritten. Choose another name": "sar-run {folder}/plain.xml "
@@ -89,7 +89,7 @@ BESIDE_A_JOURNAL = {
 # Messages that need no row on the page, because they say what to write instead.
 PLAIN = {
     "there is no journal … to resume. Omit --resume",
-    "… cannot be run with these options; the robot has not moved",
+    "… cannot be run with these options. The robot has not moved",
     "… already exists and is not overwritten. Choose another name",
     "the name of a tree file is empty",
     "there is no tree file '…', nor a shipped tree of that name",

@@ -138,7 +138,7 @@ def test_a_file_for_another_node_says_whose_its_sections_are(start, tmp_path):
     params.write_text("/robot1/search_and_rescue:\n  ros__parameters: {zone_order: [a]}\n", encoding="utf-8")
     for arguments in (["--params", params], ["--ros-args", "--params-file", params]):
         assert (
-            "(the file's sections are for /robot1/search_and_rescue; this node is /search_and_rescue)"
+            "(the file's sections are for /robot1/search_and_rescue, but this node is /search_and_rescue)"
         ) in refused(start, *arguments)
 
 

@@ -371,7 +371,7 @@ class TestConditions:
         record.alarmed("the battery is low")
         assert listening.to(AbandonZones("Abandon", zones, record=record)).update() is Status.SUCCESS
         assert not zones.has_remaining()
-        assert record.shortfalls(zones)[0] == "zone_a and zone_b were given up: the battery is low."
+        assert record.shortfalls(zones)[0] == "zone_a and zone_b were abandoned: the battery is low."
 
 
 @pytest.mark.ros
@@ -484,7 +484,7 @@ class TestOrders:
     ) -> None:
         assert self.call(ros, "skip_zone") == (True, "done")
         assert zones.current_zone()["id"] == "zone_b"
-        assert "zone_a was given up: skipped by the operator." in record.shortfalls(zones)
+        assert "zone_a was abandoned: skipped by the operator." in record.shortfalls(zones)
         assert held.update() is Status.FAILURE
         assert held.answer_label == "zone skipped"
         assert held.update() is Status.SUCCESS
@@ -729,7 +729,7 @@ def test_the_operator_holds_skips_and_calls_home_a_flight(start: Any, ros: Any) 
         "Reached base station.",
     ]
     assert in_order(told, run.log) is None, run.output
-    assert "missing:         zone_b was given up: skipped by a service call." in run.output
+    assert "missing:         zone_b was abandoned: skipped by a service call." in run.output
     assert "  back at base:    yes" in run.output
 
 

@@ -137,7 +137,7 @@ def test_a_rehearsed_server_that_stays_dead_ends_the_mission_as_the_tree_says(st
     ros = ("--ros-args", "-p", "zone_order:=[zone_b]")
     run = start("sar-run", RESILIENT, "--sim", "--speed", 20, "--fault", "navigate_to_pose:die@zone_b", *ros)
     assert run.end() == 1, run.output
-    assert "zone_b was given up: navigation is unavailable (node bt_navigator: not there" in run.output
+    assert "zone_b was abandoned: navigation is unavailable (node bt_navigator: not there" in run.output
     assert "after attempt" not in run.output
     assert "time limit" not in run.output
 
@@ -197,7 +197,7 @@ def test_a_navigation_server_that_stays_dead_ends_the_mission_and_no_zone_is_giv
     run.wait_for("Navigation to zone_a is unavailable:")
     assert run.end() in (1, 4), run.output
     assert "postponed" not in run.output
-    assert "zone_a and zone_b were given up: navigation is unavailable (" in run.output
+    assert "zone_a and zone_b were abandoned: navigation is unavailable (" in run.output
 
 
 def test_a_goal_that_was_sent_to_a_dead_server_is_over_when_another_server_does_not_know_it(fly, serve):

@@ -58,7 +58,7 @@ class Flight:
     def completes_at_no_cost(self):
         assert self.mission.end() == 0, self.mission.output
         assert "postponed" not in self.mission.output
-        assert "given up" not in self.mission.output
+        assert "abandoned" not in self.mission.output
 
     def end(self):
         """End the world, and wait until the shadows of the dead are gone, beside which no other world would begin."""

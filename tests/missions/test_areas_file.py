@@ -107,7 +107,7 @@ def test_no_parameter_file_leads_to_areas_outside_its_folder(tmp_path: Path, pat
     (tmp_path / "secret").write_text("never shown", encoding="utf-8")
     (folder / "link").symlink_to(tmp_path / "secret")
     [problem] = problems_of(folder, path.format(above=tmp_path))
-    assert f"cannot be read: it is outside {folder}; move it next to " in problem
+    assert f"cannot be read: it is outside {folder}. To fix this, move it next to " in problem
     assert problem.endswith("or name it on the command line: -p areas_file:=PATH")
 
 

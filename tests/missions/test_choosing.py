@@ -142,7 +142,7 @@ def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passe
         ),
         (
             ["farm_d:FARM", "farm_d:OTHER"],
-            "two missions are installed as 'farming'; the mission 'farm_d:OTHER'",
+            "two missions are installed as 'farming', the second by the mission 'farm_d:OTHER'",
         ),
     ],
 )

@@ -83,8 +83,8 @@ def test_zones_of_which_the_same_is_missing_share_a_sentence() -> None:
         search.zones.abandon("the battery is low")
     assert search.shortfalls()[:3] == [
         "zone_e and zone_f were not visited.",
-        "zone_a was given up: the operator has skipped it.",
-        "zone_b, zone_c and zone_d were given up: the battery is low.",
+        "zone_a was abandoned: the operator has skipped it.",
+        "zone_b, zone_c and zone_d were abandoned: the battery is low.",
     ]
 
 

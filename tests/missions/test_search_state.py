@@ -165,7 +165,7 @@ def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
         ("zone_searched", {"zone": "a", "survivor": None}, "searched a: no survivor"),
         ("zone_searched", {"zone": "a", "survivor": [1.0, 2.0]}, "searched a: survivor at (1.00, 2.00)"),
         ("zone_abandoned", {"zone": "a", "attempts": 3, "reason": ""}, "a was abandoned after attempt 3"),
-        ("zone_abandoned", {"zone": "a", "attempts": 1, "reason": "low"}, "a was given up: low"),
+        ("zone_abandoned", {"zone": "a", "attempts": 1, "reason": "low"}, "a was abandoned: low"),
         (
             "survivor_named",
             {"survivor": "survivor_1", "x": 1.0, "y": 2.0},

@@ -74,7 +74,9 @@ def test_a_clock_that_goes_on_is_counted_again_and_nothing_twice(bench):
 def test_a_jump_counts_as_the_machines_time_and_is_said(bench, jump, which):
     counted = bench.node_time()
     assert bench.passes(counted, 0.5, 0.5 + jump, steps=1) == pytest.approx(0.5)
-    assert bench.said == [f"The clock has jumped {which}; 0.5 s are used, according to the machine's clock."]
+    assert bench.said == [
+        f"The clock has jumped {which}; 0.5 s are used instead, according to the machine's clock."
+    ]
 
 
 def test_the_first_time_that_comes_is_no_jump(monkeypatch):

@@ -33,7 +33,7 @@ def test_nothing_is_said_of_a_file_with_a_section_for_the_node(tmp_path, name):
 )
 def test_a_file_for_other_nodes_is_told_from_the_nodes_name(tmp_path, name):
     assert sections_elsewhere([file_for(tmp_path, name)], NODE) == (
-        f"the file's sections are for /{name.lstrip('/')}; this node is {NODE}"
+        f"the file's sections are for /{name.lstrip('/')}, but this node is {NODE}"
     )
 
 
@@ -47,7 +47,7 @@ def test_of_several_files_one_for_the_node_is_enough(tmp_path):
     others, own = file_for(tmp_path, "/a", "/b"), file_for(tmp_path, NODE)
     assert sections_elsewhere([others, own], NODE) == ""
     assert sections_elsewhere([others, file_for(tmp_path, "/c")], NODE) == (
-        f"the files' sections are for /a, /b, /c; this node is {NODE}"
+        f"the files' sections are for /a, /b, /c, but this node is {NODE}"
     )
 
 

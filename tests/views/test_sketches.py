@@ -172,7 +172,7 @@ def test_of_several_trees_the_first_that_no_other_uses_is_drawn_and_the_others_a
     path.write_text(f'<root BTCPP_format="4">{trees}</root>', encoding="utf-8")
     status, out, err = run(capsys, "show", path)
     assert (status, out.splitlines()[0]) == (0, "-^- Part  <SubTree>")
-    assert err.startswith("note: this is the tree 'One'; show another with --tree: Part, Two\n")
+    assert err.startswith("note: this is the tree 'One'. Show another with --tree: Part, Two\n")
     assert run(capsys, "show", "--tree", "Two", path) == (0, "--> AlwaysFailure\n", "")
 
 

@@ -195,7 +195,7 @@ class _Plan:
         leaf = self.leaf
         conditions = [a.when for a in leaf.answers if name in (a.label, a.status) and a.when]
         raise ScriptedError(
-            f"'{leaf.name}' cannot answer '{name}' here: that needs {' or '.join(conditions)}; it can answer "
+            f"'{leaf.name}' cannot return '{name}' here, which needs {' or '.join(conditions)}. It can return "
             f"{', '.join(answer.name for answer in options)}"
         )
 
@@ -422,13 +422,13 @@ def _all(run: Run) -> Iterator[tuple[str, str]]:
     expect = run.scenario.expect
     yield from _end_mismatches(run)
     if expect.root is not None and run.root != expect.root:
-        yield "root", f"the root is {run.root} in the last tick; expected {expect.root}"
+        yield "root", f"the root is {run.root} in the last tick, expected {expect.root}"
     values = run.simulated.fact_values()
     for name, fact in expect.facts.items():
         if values.get(name) != fact:
             yield (
                 f"facts {name}",
-                f"the fact '{name}' is {values.get(name)!r} at the end; expected {fact!r}",
+                f"the fact '{name}' is {values.get(name)!r} at the end, expected {fact!r}",
             )
     yield from _order(run)
     for deed in expect.never:
@@ -438,7 +438,7 @@ def _all(run: Run) -> Iterator[tuple[str, str]]:
     for deed, bounds in expect.counts:
         number = sum(map(deed.matches, run.events))
         if number < bounds.least or (bounds.most is not None and number > bounds.most):
-            yield f"count {deed.text}", f"'{deed.text}' {_times(number)}; expected {bounds}"
+            yield f"count {deed.text}", f"'{deed.text}' {_times(number)}, expected {bounds}"
 
 
 def _end_mismatches(run: Run) -> Iterator[tuple[str, str]]:

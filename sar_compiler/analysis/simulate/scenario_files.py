@@ -186,7 +186,7 @@ def _facts(document: Document, value: Value, known: Mapping[str, Fact]) -> dict[
     for key, inner in value.entries or ():
         name = key.text or ""
         if name not in known:
-            message = f"there is no fact '{name}'; there is {', '.join(known) or 'none'}"
+            message = f"there is no fact '{name}' (known: {', '.join(known) or 'none'})"
             document.report("unknown-fact", message, key, suggestion=nearest(name, known))
         else:
             facts[name] = inner.data

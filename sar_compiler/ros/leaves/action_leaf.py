@@ -189,7 +189,7 @@ class ActionLeaf(GoalSender):
     def settled(self) -> bool:
         """Return whether all goals but the present one have ended; repeats the requests for those that have not.
 
-        A goal that was given up because of its server is ignored once that server has disappeared.
+        A goal that was abandoned because of its server is ignored once that server has disappeared.
         """
         for goal in (*self._goals_given_up, *filter(None, [self._exchange])):
             goal.chase()
@@ -255,7 +255,7 @@ class ActionLeaf(GoalSender):
         return not self._turn.passed
 
     def initialise(self) -> None:
-        """Start over; the goal of the last activation is given up."""
+        """Start over; the goal of the last activation is abandoned."""
         self._hold = self._turn = self._lost_until = None
         self.has_not_arrived = False
         super().initialise()
@@ -418,7 +418,7 @@ class ActionLeaf(GoalSender):
             self._pause = Deadline(pause - goal.age_sec, self._clock)
 
     def _progress(self, exchange: ActionGoal) -> Status:
-        # The watch of the robot sends the queries. A query is given up after 2 s.
+        # The watch of the robot sends the queries. A query is abandoned after 2 s.
         navigator = self._robot.lifecycle(NAVIGATOR) if self._robot is not None else None
         if navigator is not None and navigator.is_silent and not navigator.has_heard_nothing:
             exchange.lose_if_quiet(NAVIGATOR)

@@ -51,7 +51,7 @@ class ActionQuestions:
         return alive(self._node) and self._goals.service_is_ready() and self._results.service_is_ready()
 
     def ask(self, goal: Any, on_answer: Callable[[int, Any], None]) -> None:
-        """Send a goal; the previous one is given up.
+        """Send a goal; the previous one is abandoned.
 
         Args:
             goal: The goal, an `interface.Goal`.
@@ -83,7 +83,7 @@ class ActionQuestions:
         future.add_done_callback(partial(self._on_response, take))
 
     def _on_response(self, take: Callable[[Any], None], future: "Future") -> None:
-        # The response may have been on its way to this callback when the request was given up.
+        # The response may have been on its way to this callback when the request was abandoned.
         if self._pending is not None and self._pending[1] is future:
             self._pending = None
             take(future.result())

@@ -149,7 +149,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         self._connect()
 
     def initialise(self) -> None:
-        """Start a new exchange; that of the last activation is given up."""
+        """Start a new exchange; that of the last activation is abandoned."""
         self._drop()
         self._verdict = self._begin()
 
@@ -270,7 +270,7 @@ class ServiceCall(PendingCall):
     """One request, sent at most once, and its answer.
 
     Args:
-        leaf: The leaf that calls; hears the answer when it arrives, unless the call has been given up.
+        leaf: The leaf that calls; hears the answer when it arrives, unless the call has been abandoned.
         client: The service's client.
         request: The request to send.
     """
@@ -298,7 +298,7 @@ class ServiceCall(PendingCall):
             self._client.remove_pending_request(self._future)
 
     def _take(self, future: "Future") -> None:
-        # The answer may have been on its way to this callback when the call was given up.
+        # The answer may have been on its way to this callback when the call was abandoned.
         if not self._abandoned:
             self.answer = future.result()
             self._leaf._hear(self.answer)

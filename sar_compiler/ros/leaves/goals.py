@@ -279,7 +279,7 @@ _LATEST = 4.0
 _QUIET_SEC = 2.0
 # Interval between heartbeat requests to a server, seconds.
 _PULSE_SEC = 1.0
-# Interval between status requests for a goal that was given up, seconds.
+# Interval between status requests for a goal that was abandoned, seconds.
 _CHASE_SEC = 1.0
 
 
@@ -471,7 +471,7 @@ class ActionGoal(PendingCall):
 
     @property
     def in_flight(self) -> bool:
-        """Whether the server has or may have the goal, and it has not been given up."""
+        """Whether the server has or may have the goal, and it has not been abandoned."""
         return self.sent and not self.over and not self._abandoned
 
     @property
@@ -538,7 +538,7 @@ class ActionGoal(PendingCall):
         return self._port.server_is_ready
 
     def chase(self) -> None:
-        """Repeat the status request for a goal that was given up; cancel it if no cancel was granted."""
+        """Repeat the status request for a goal that was abandoned; cancel it if no cancel was granted."""
         if self.has_ended:
             self._drop_questions()
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):

@@ -327,11 +327,11 @@ class Legend {
     const drawn = kinds.filter((kind) => [...run.landmarks.values()].some((each) => each.kind === kind.name && !each.corners.length) || kind.is_found);
     this.place.replaceChildren(
       row(svg("g", { class: "robot" }, svg("path", { class: "arrow", d: ARROW, transform: "scale(.8)" })), "robot", "pose"),
-      row(line("trail"), "way driven"),
+      row(line("trail"), "path driven"),
       row(line("plan"), "plan", "plan"),
       ...(run.map ? [row(svg("path", { class: "wall", d: "M-12 -9 H12 V-3 H-12 Z" }), "wall", "map")] : []),
       ...drawn.map((kind) => row(mark({ level: 0 }, kind), kind.plural)),
-      ...["in hand", "done", "given up"].map((name, level) => row(mark({ level: level + 1 }, {}), name)),
+      ...["in progress", "done", "abandoned"].map((name, level) => row(mark({ level: level + 1 }, {}), name)),
       ...[...meanings].flatMap((meaning) => [2, 5, 10].map((tenths) => row(swatch("cells", opacity(tenths)), `${meaning} to ${10 * tenths} %`))),
       ...kinds.filter(({ name }) => most[name]).flatMap(({ name, shaded_by: by }) => [1 / 3, 1].map((share) => row(swatch("shade", shadeOpacity(share)), `${by} ${(100 * share * most[name]).toFixed(1)} %`))),
     );

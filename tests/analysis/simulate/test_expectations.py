@@ -45,11 +45,11 @@ def test_what_is_so_holds(expected):
 @pytest.mark.parametrize(
     ("expected", "word", "message"),
     [
-        ("root: FAILURE", "root", "the root is SUCCESS in the last tick; expected FAILURE"),
+        ("root: FAILURE", "root", "the root is SUCCESS in the last tick, expected FAILURE"),
         ("within: 5s", "within", "the run ends with tick 14 (6.5 s), not by 5 s"),
         ("within: 13 ticks", "within", "the run ends with tick 14 (6.5 s), not by tick 13"),
         ("within: 1 tick", "within", "the run ends with tick 14 (6.5 s), not by tick 1"),
-        ("facts: {at: zone}", "facts", "the fact 'at' is 'base' at the end; expected 'zone'"),
+        ("facts: {at: zone}", "facts", "the fact 'at' is 'base' at the end, expected 'zone'"),
         (
             "order: [DetectSurvivor found, DetectSurvivor found]",
             "order",
@@ -60,22 +60,22 @@ def test_what_is_so_holds(expected):
         (
             "count: {NavigateToZone arrived: 2}",
             "count",
-            "'NavigateToZone arrived' happens 3 times; expected 2",
+            "'NavigateToZone arrived' happens 3 times, expected 2",
         ),
         (
             "count: {DetectSurvivor found: at least 2}",
             "count",
-            "'DetectSurvivor found' happens once; expected at least 2",
+            "'DetectSurvivor found' happens once, expected at least 2",
         ),
         (
             "count: {NavigateToZone aborted: 1}",
             "count",
-            "'NavigateToZone aborted' never happens; expected 1",
+            "'NavigateToZone aborted' never happens, expected 1",
         ),
         (
             "count: {NavigateToZone arrived: at most 2}",
             "count",
-            "'NavigateToZone arrived' happens 3 times; expected at most 2",
+            "'NavigateToZone arrived' happens 3 times, expected at most 2",
         ),
         (
             "ends: false",
