@@ -228,7 +228,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
         for tag in ("RecoveryNode", "Twice")
     ]
     assert (
-        "or the palette that describes it (--model nav2:jazzy or nav2:kilted or nav2:main); or name its replacement in the scenario"
+        "or the palette that describes it (--model nav2:jazzy or nav2:kilted or nav2:main), or name its replacement in the scenario"
         in err
     )
     partly = scenario("controls: {RecoveryNode: Fallback}", "partly.yaml")

@@ -40,7 +40,7 @@ def test_a_file_for_other_nodes_is_told_from_the_nodes_name(tmp_path, name):
 def test_a_node_below_a_namespace_has_the_name_of_both(tmp_path):
     path = tmp_path / "nested.yaml"
     path.write_text("robot2:\n  search_and_rescue:\n    ros__parameters: {x: 1}\n", encoding="utf-8")
-    assert "sections are for /robot2/search_and_rescue;" in sections_elsewhere([path], NODE)
+    assert "sections are for /robot2/search_and_rescue," in sections_elsewhere([path], NODE)
 
 
 def test_of_several_files_one_for_the_node_is_enough(tmp_path):
@@ -82,7 +82,7 @@ def test_a_file_of_which_nothing_is_read_is_reported_with_what_would_be(tmp_path
     elsewhere = file_for(tmp_path, "/search_and_rescue")
     [note] = unread(elsewhere, "x")
     assert note.startswith(
-        "no parameter of the file is used: the file's sections are for /search_and_rescue;"
+        "no parameter of the file is used: the file's sections are for /search_and_rescue,"
     )
     assert note.endswith(f"this node is {NODE}. Write '/**:' above the section")
     own = file_for(tmp_path, NODE)

@@ -43,7 +43,7 @@ def test_a_run_without_an_end_fails_the_test():
 def test_a_run_that_cannot_go_on_fails_the_test():
     run = simulate(TREE, DetectSurvivor="no zone")
     with pytest.raises(
-        AssertionError, match="run: tick 1 could not be finished: 'DetectSurvivor' cannot answer"
+        AssertionError, match="run: tick 1 could not be finished: 'DetectSurvivor' cannot return"
     ):
         run.until_end()
 
