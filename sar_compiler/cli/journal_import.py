@@ -5,7 +5,7 @@ import shlex
 from pathlib import Path
 
 from sar_compiler.cli.arguments import FILE, ArgumentKind
-from sar_compiler.cli.loading import add_vocabulary_options, workspace
+from sar_compiler.cli.loading import add_project_options, workspace
 from sar_compiler.commands import print_text, tell_note
 
 
@@ -18,8 +18,7 @@ def add_import(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", type=FILE, required=True, metavar="JOURNAL", help=text)
     text = "the file of the tree that ran (default: the tree in RUN, written to JOURNAL.xml)"
     add("--tree", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
-    add("--include-path", action="append", default=[], type=FILE, help=argparse.SUPPRESS)
-    add_vocabulary_options(parser)
+    add_project_options(parser)
     parser.set_defaults(run=_import)
 
 
