@@ -731,7 +731,7 @@ INTERFACES = {
 METHOD_CEILINGS = {
     "advance": 7, "after": 16, "ask": 7, "choose": 7, "count": 8, "end": 24, "facts": 7, "forget": 6, "go_on": 8, "goal": 6,
     "kind": 6, "listen": 7, "look": 8, "missing": 8, "nodes": 6, "now": 10, "of": 29, "place": 16, "report": 9, "settle": 8,
-    "show": 7, "step": 9, "stop_first": 9, "stop_last": 6, "take": 35, "tell": 7, "text": 10, "trees": 8, "value": 6, "watch": 8,
+    "show": 7, "step": 9, "stop_first": 9, "stop_last": 6, "take": 33, "tell": 7, "text": 10, "trees": 8, "value": 6, "watch": 8,
     "ways": 16,
 }  # fmt: skip
 """How many classes have a public method of a name today, where that is more than 5. They only fall."""
@@ -756,7 +756,7 @@ NOUNS = {
     "string",
     "warning",
 }
-BARE_CEILINGS = {"of a public function": 215, "of any function": 439}
+BARE_CEILINGS = {"of a public function": 206, "of any function": 373}
 """How many functions have a participle or a preposition as their whole name today. They only fall."""
 
 

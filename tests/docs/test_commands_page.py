@@ -77,7 +77,7 @@ MORE = {
 }
 HEAD = """# Commands
 
-This page lists all commands and their options, with the texts of `--help`. Every command also has `--version`, which shows whether the
+This page lists all commands and their options, as `--help-all` describes them. Every command also has `--version`, which shows whether the
 kernel is compiled. You cannot abbreviate options, but your shell can [complete them](../start/install.md#completion-in-the-shell).
 You can repeat an argument that is followed by `…`.
 
