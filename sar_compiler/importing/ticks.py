@@ -218,17 +218,18 @@ class TickFinder:
     def _move_ends_of_threads(self) -> None:
         """Move the ends of leaves that their parents have learned of later."""
         recording, count = self._recording, len(self._nodes)
-        uids, statuses = recording.uids, recording.statuses
+        times, uids, statuses = recording.times, recording.uids, recording.statuses
         held: dict[int, int] = {}
-        order: list[int] = []
+        # The index of each change in the new order, with its time.
+        order: list[tuple[int, int]] = []
         was = [IDLE] * (count + 1)
         for index, uid in enumerate(uids):
             if not 0 < uid <= count:
-                order.append(index)
+                order.append((index, times[index]))
                 continue
             for parent in [each for each in held if self._shows_end(index, uids[held[each]])] if held else ():
-                if self._goes_on(index, parent):
-                    order.append(held[parent])
+                if self._was_noticed(index, parent):
+                    order.append((held[parent], times[index]))
                 del held[parent]
             parent, status = self._parents[uid], statuses[index]
             if (
@@ -243,22 +244,19 @@ class TickFinder:
             if (
                 has_ended
                 and not is_last
-                and self._must_go_on(parent, was)
+                and self._must_continue(parent, was)
                 and not self._shows_end(index + 1, uid)
             ):
                 held[parent] = index
                 continue
-            order.append(index)
-        order += held.values()
-        if len(order) == len(uids) and order == [*range(len(order))]:
-            return
-        times = recording.times
-        ends = sorted(times[index] for index in order)
-        recording.times = array("q", ends)
-        recording.uids = array("H", [uids[index] for index in order])
-        recording.statuses = bytearray(statuses[index] for index in order)
+            order.append((index, times[index]))
+        order += [(index, times[-1]) for index in held.values()]
+        if [index for index, _ in order] != [*range(len(uids))]:
+            recording.times = array("q", [time for _, time in order])
+            recording.uids = array("H", [uids[index] for index, _ in order])
+            recording.statuses = bytearray(statuses[index] for index, _ in order)
 
-    def _must_go_on(self, parent: int, statuses: Sequence[int]) -> bool:
+    def _must_continue(self, parent: int, statuses: Sequence[int]) -> bool:
         """Return whether a parent continues, or ends, in the tick in which it learns of the end of a child."""
         if self._rules[parent] in (Wait.FREE, Wait.PARALLEL):
             return False
@@ -276,15 +274,18 @@ class TickFinder:
         )
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
-    def _goes_on(self, index: int, parent: int) -> bool:
-        """Return whether a parent continues from a change on, and was not halted."""
+    def _was_noticed(self, index: int, parent: int) -> bool:
+        """Return whether a parent has learned of the end of a child by a change, and has not halted the child instead."""
         uids, statuses = self._recording.uids, self._recording.statuses
-        for at in range(index, len(uids)):
-            if uids[at] == parent:
-                return statuses[at] != IDLE
-            if not parent < uids[at] < self._ends[parent] or statuses[at] != IDLE:
-                break
-        return True
+        if statuses[index] != IDLE:
+            return True
+        at = index
+        while at < len(uids) and parent < uids[at] < self._ends[parent] and statuses[at] == IDLE:
+            at += 1
+        if at < len(uids) and uids[at] == parent:
+            return statuses[at] != IDLE
+        bound = self._nodes[parent - 1].bound
+        return bound.spec.kind is not Kind.CONTROL or bound.spec.semantics.resumes
 
     def _change(self, index: int, uid: int, was: int, status: int) -> None:
         parent = self._parents[uid]
@@ -336,7 +337,7 @@ class TickFinder:
         if rule is Wait.WAITS:
             return not any(found)
         if rule is Wait.REACTIVE:
-            return running == 1 and found.count(IDLE) == len(found) - 1
+            return running == 1 and found.count(IDLE) == len(found) - 1 and not self._has_decided(uid)
         if rule is Wait.PARALLEL:
             return bool(running) and self._is_below_thresholds(uid, found)
         is_settled = False
@@ -347,6 +348,16 @@ class TickFinder:
             is_settled = bool(ended) and ended[-1] != below[-1] and self._is_quick(ended[-1], uid)
         self._has_turned |= is_settled
         return is_settled
+
+    def _has_decided(self, uid: int) -> bool:
+        """Return whether a child of a control has ended in this tick with the status that ends the control."""
+        goes_on = SUCCESS if self._nodes[uid - 1].bound.spec.semantics.goes_on == S else FAILURE
+        return any(
+            self._ended[each] == self._tick
+            and self._outcomes[each] != goes_on
+            and self._since[each] > self._since[uid]
+            for each in self._children[uid]
+        )
 
     def _is_below_thresholds(self, uid: int, found: list[int]) -> bool:
         """Return whether a Parallel has ticked all children, and these do not end it."""
