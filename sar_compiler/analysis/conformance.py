@@ -227,7 +227,7 @@ class _ReplayedRun:
         ran = {number for number, status in recorded if status == _RUNNING}
         return (
             lost.is_last
-            and len(lost.events) > 1
+            and (len(lost.events) > 1 or bool(recorded))
             and any(
                 way.common(noted, lost.told)[0] == len(noted) and halted <= ran | way.running
                 for state in lost.states

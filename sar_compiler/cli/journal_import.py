@@ -12,7 +12,7 @@ from sar_compiler.commands import print_text, tell_note
 def add_import(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `import`."""
     add = parser.add_argument
-    text = "the recorded run: a log of BehaviorTree.CPP's FileLogger2 (.btlog), or the name of a shipped one"
+    text = "the recorded run: a log of BehaviorTree.CPP's FileLogger2 (.btlog) or SqliteLogger (.db3), or the name of a shipped one"
     add("recording", type=ArgumentKind("file", _recording), metavar="RUN", help=text)
     text = "the journal to write, a new file"
     add("-o", "--output", type=FILE, required=True, metavar="JOURNAL", help=text)

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
+from sar_compiler.importing import sqlite_log
 from sar_compiler.importing.btlog import MAGIC, read_btlog
 from sar_compiler.importing.recorded_tree import (
     ExportedTree,
@@ -78,6 +79,10 @@ def import_run(path: Path, journal: Path, projects: Workspace, tree: Path | None
         SarError: If the tree cannot be read.
     """
     recording = read_recording(path)
+    if not recording.times:
+        raise UnusableRecordingError(
+            f"{path} has no change of status: the program has not ticked the tree, or was killed before the logger wrote"
+        )
     exported = read_exported(recording.tree)
     place, palette = tree or Path(f"{journal}.xml"), exported.palette
     if tree is None:
@@ -129,10 +134,12 @@ def read_recording(path: Path) -> Recording:
     try:
         if content.data.startswith(MAGIC):
             return read_btlog(content.data)
+        if content.data.startswith(sqlite_log.MAGIC):
+            return sqlite_log.read_sqlite_log(path)
     except UnusableRecordingError as error:
         raise UnusableRecordingError(f"{path} cannot be imported: {error}") from error
     raise UnusableRecordingError(
-        f"{path} is no recorded run: a log of FileLogger2 (.btlog) starts with '{MAGIC.decode()}'"
+        f"{path} is no recorded run: a log of FileLogger2 (.btlog) starts with '{MAGIC.decode()}', one of SqliteLogger is an SQLite database"
     )
 
 

@@ -27,7 +27,7 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, F, K, R, S
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 
-_PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 20, 50_000
+_PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 100, 50_000
 """The pause between two ticks if nothing is known of it, and its limits."""
 _TRIED = 20_000
 _ENOUGH = 5
@@ -96,6 +96,17 @@ class TickFinder:
         for uid in range(count - 1, 0, -1):
             skippable[self._parents[uid]] |= skippable[uid]
         self._skippable = skippable
+        # Decorators that wait before their child is first ticked, or may.
+        semantics = [node.bound.spec.semantics for node in nodes]
+        self._waits_first = [
+            False,
+            *(each.possible is None or each.wait_sec is not None for each in semantics),
+        ]
+        # Nodes that a timer, or a condition, may halt at the beginning of a tick.
+        may_halt = [False, *map(_halts, nodes)]
+        for uid in range(1, count):
+            may_halt[uid] |= may_halt[self._parents[uid]]
+        self._may_halt = may_halt
         self._thresholds = [(count, count), *map(_thresholds, nodes)]
         # The tags of leaves that were RUNNING when something else changed.
         self._lasting: set[str] = set()
@@ -203,6 +214,8 @@ class TickFinder:
             if not self._has_turned:
                 self._sure.append(gap)
             return True
+        if status == IDLE and not self._may_halt[uid]:
+            return False
         self.unsure += pause // _NEAR < gap < pause * _NEAR
         return gap >= pause
 
@@ -218,18 +231,18 @@ class TickFinder:
     def _move_ends_of_threads(self) -> None:
         """Move the ends of leaves that their parents have learned of later."""
         recording, count = self._recording, len(self._nodes)
-        times, uids, statuses = recording.times, recording.uids, recording.statuses
+        uids, statuses = recording.uids, recording.statuses
         held: dict[int, int] = {}
-        # The index of each change in the new order, with its time.
-        order: list[tuple[int, int]] = []
+        # By the index of a change, the ends that are moved to before it; and the changes that are left out in their own places.
+        moved: dict[int, list[int]] = {}
+        left_out: set[int] = set()
         was = [IDLE] * (count + 1)
         for index, uid in enumerate(uids):
             if not 0 < uid <= count:
-                order.append((index, times[index]))
                 continue
             for parent in [each for each in held if self._shows_end(index, uids[held[each]])] if held else ():
                 if self._was_noticed(index, parent):
-                    order.append((held[parent], times[index]))
+                    moved.setdefault(index, []).append(held[parent])
                 del held[parent]
             parent, status = self._parents[uid], statuses[index]
             if (
@@ -248,13 +261,21 @@ class TickFinder:
                 and not self._shows_end(index + 1, uid)
             ):
                 held[parent] = index
-                continue
-            order.append((index, times[index]))
-        order += [(index, times[-1]) for index in held.values()]
-        if [index for index, _ in order] != [*range(len(uids))]:
-            recording.times = array("q", [time for _, time in order])
-            recording.uids = array("H", [uids[index] for index, _ in order])
-            recording.statuses = bytearray(statuses[index] for index, _ in order)
+                left_out.add(index)
+        left_out.difference_update(held.values())
+        if left_out:
+            self._reorder(moved, left_out)
+
+    def _reorder(self, moved: Mapping[int, Sequence[int]], left_out: set[int]) -> None:
+        """Move changes to before others, by their indices, and leave them out in their own places."""
+        recording = self._recording
+        ordered = Recording(recording.form, recording.began)
+        for index, uid in enumerate(recording.uids):
+            for end in moved.get(index, ()):
+                ordered.add(recording.times[index], recording.uids[end], recording.statuses[end])
+            if index not in left_out:
+                ordered.add(recording.times[index], uid, recording.statuses[index])
+        recording.times, recording.uids, recording.statuses = ordered.times, ordered.uids, ordered.statuses
 
     def _must_continue(self, parent: int, statuses: Sequence[int]) -> bool:
         """Return whether a parent continues, or ends, in the tick in which it learns of the end of a child."""
@@ -335,7 +356,7 @@ class TickFinder:
         below = self._children[uid]
         found = [self._statuses[each] for each in below]
         if rule is Wait.WAITS:
-            return not any(found)
+            return not any(found) and (self._waits_first[uid] or self._since[below[0]] > self._since[uid])
         if rule is Wait.REACTIVE:
             return running == 1 and found.count(IDLE) == len(found) - 1 and not self._has_decided(uid)
         if rule is Wait.PARALLEL:
@@ -354,6 +375,7 @@ class TickFinder:
         goes_on = SUCCESS if self._nodes[uid - 1].bound.spec.semantics.goes_on == S else FAILURE
         return any(
             self._ended[each] == self._tick
+            and self._statuses[each] != RUNNING
             and self._outcomes[each] != goes_on
             and self._since[each] > self._since[uid]
             for each in self._children[uid]
@@ -406,6 +428,13 @@ def _result(node: RunNode, bit: int) -> int:
 def _may_skip(node: RunNode) -> bool:
     is_by_itself = bool((_result(node, S) | _result(node, F)) & K)
     return is_by_itself or not node.bound.element.attributes.keys().isdisjoint(("_skipIf", "_while"))
+
+
+def _halts(node: RunNode) -> bool:
+    """Return whether a node may halt what is below it before anything else of a tick."""
+    means = node.bound.spec.semantics
+    is_unknown = means.possible is None and bool(node.children)
+    return is_unknown or means.limit_sec is not None or "_while" in node.bound.element.attributes
 
 
 def _thresholds(node: RunNode) -> tuple[int, int]:

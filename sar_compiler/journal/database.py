@@ -279,7 +279,6 @@ class JournalFile:
         with self._reading():
             reserve = SpillFile(self.path)
             self._connection.execute("PRAGMA busy_timeout = 0")
-            self._connection.set_progress_handler(None, 0)
             _sync_folder(self.path.parent)
         return reserve
 
@@ -603,6 +602,8 @@ class JournalFile:
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
         """Add a run, and the mission's description if it is the first one; return the run's number."""
+        # The budget of a read is for the content of others.
+        self._connection.set_progress_handler(None, 0)
         place, text = self._place(), json_text(run_about)
         with self._transaction():
             (number,) = self._connection.execute("SELECT 1 + ifnull(max(number), 0) FROM run").fetchone()

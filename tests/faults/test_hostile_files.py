@@ -283,7 +283,7 @@ SURFACES = {
         ("journal/database.py:JournalFile.read",), lambda path: journal_command(["show", path]), "journal"
     ),
     "a recorded run": Surface(
-        ("importing/import_run.py:read_recording",),
+        ("importing/import_run.py:read_recording", "importing/sqlite_log.py:read_sqlite_log"),
         lambda path: journal_command(["import", path, "-o", "new.journal"]), "btlog",
     ),
     "a journal that is judged": Surface(
@@ -472,7 +472,7 @@ def test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may
 def recorded(body: bytes) -> bytes:
     """Return a log of BehaviorTree.CPP with a tree."""
     tree = b'<root BTCPP_format="4"><BehaviorTree ID="Main" _fullpath="">' + body + b"</BehaviorTree></root>"
-    return MAGIC + b"\x01" + len(tree).to_bytes(4, "little") + tree + bytes(8)
+    return MAGIC + b"\x01" + len(tree).to_bytes(4, "little") + tree + bytes(17)
 
 
 MILLION = 1_000_000

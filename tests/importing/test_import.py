@@ -2,7 +2,9 @@
 
 import json
 import random
+import sqlite3
 import struct
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -180,6 +182,58 @@ def test_a_pause_within_a_tick_does_not_end_it(tmp_path):
         assert [each.data for each in file.watched(STATUS)] == [each.data for each in known.watched(STATUS)]
 
 
+def sqlite_log(log, path):
+    """Write a log as `SqliteLogger` does, with the tree and the changes of another one."""
+    head, changes = parts_of(log)
+    (start,) = struct.unpack("<q", head[-8:])
+    with closing(sqlite3.connect(path)) as file, file:
+        file.execute(
+            "CREATE TABLE Transitions (timestamp INTEGER PRIMARY KEY NOT NULL, session_id INTEGER NOT NULL, "
+            "node_uid INTEGER NOT NULL, duration INTEGER, state INTEGER NOT NULL, extra_data VARCHAR)"
+        )
+        file.execute(
+            "CREATE TABLE Definitions (session_id INTEGER PRIMARY KEY AUTOINCREMENT, date TEXT NOT NULL, xml_tree TEXT NOT NULL)"
+        )
+        tree = head[len(MAGIC) + 5 : -8].decode()
+        file.execute("INSERT INTO Definitions (date, xml_tree) VALUES ('2026-11-29', ?)", (tree,))
+        last = 0
+        for time, uid, status in changes:
+            last = max(last + 1, start + time)
+            file.execute("INSERT INTO Transitions VALUES (?, 1, ?, 0, ?, '')", (last, uid, status))
+    return path
+
+
+def test_a_log_of_the_sqlite_logger_tells_the_same(tmp_path, capsys):
+    log = sqlite_log(FAILED, tmp_path / "run.db3")
+    journal = import_log(log, tmp_path)
+    _, said = answer(journal_command, ["why", journal, "--against", import_log(FAILED, tmp_path)], capsys)
+    assert "grasp the box SUCCESS instead of FAILURE" in said
+    assert "In both runs all nodes had the same statuses, in the same order." in said
+    status, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
+    assert status == 0, said
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ("DROP TABLE Transitions", "it is no log of SqliteLogger: no such table: Transitions"),
+        ("DELETE FROM Definitions", "it has no tree in its table Definitions"),
+        ("UPDATE Definitions SET xml_tree = x'00'", "it has no tree in its table Definitions"),
+        ("DELETE FROM Transitions", "has no change of status"),
+        (
+            "UPDATE Transitions SET state = 'x' WHERE rowid % 50 = 0",
+            "is no change of status. The rest is left out",
+        ),
+    ],
+)
+def test_a_damaged_sqlite_log_is_reported(change, reason, tmp_path, capsys):
+    log = sqlite_log(FAILED, tmp_path / "run.db3")
+    with closing(sqlite3.connect(log)) as file, file:
+        file.execute(change)
+    status, said = answer(journal_command, ["import", log, "-o", tmp_path / "run.journal"], capsys)
+    assert (status, reason in said) == (0 if "rest" in reason else 2, True), said
+
+
 def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, capsys):
     journal = import_log(FAILED, tmp_path)
     status, said = answer(
@@ -200,7 +254,7 @@ def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, 
         (MAGIC + b"\x01\xff\xff\xff\x7f", "its tree of 2147483647 bytes starts at byte 23"),
         (MAGIC + b"\x01\x01\x00\x00\x00\xff" + bytes(8), "byte 23 of its tree is not UTF-8"),
         (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + b"\xff" * 8, "its start at byte 27 is no date"),
-        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(8), "its tree has no numbers"),
+        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(17), "its tree has no numbers"),
     ],
 )
 def test_a_damaged_log_is_refused_with_the_place(data, reason, tmp_path, capsys):
