@@ -178,7 +178,7 @@ class TestNonblockingSequence:
     def test_a_child_that_is_skipped_is_an_error(self):
         stage = Stage()
         root = NonblockingSequence("n", stage.leaves(a="K"))
-        with pytest.raises(Nav2ControlError, match="'a' was skipped, which 'n' takes for"):
+        with pytest.raises(Nav2ControlError, match="'a' was skipped, which 'n' treats as"):
             root.tick_once()
 
 
@@ -207,7 +207,7 @@ class TestPersistentSequence:
 
     def test_a_place_before_the_first_child_is_an_error(self):
         root = self.persistent(Stage(place=-1), a="S")
-        with pytest.raises(Nav2ControlError, match="'p' is to begin with child -1"):
+        with pytest.raises(Nav2ControlError, match="'p' cannot begin with child -1"):
             root.tick_once()
 
 

@@ -1,11 +1,11 @@
 """The kernel: the nodes that tick.
 
-A tree in flat form is a list of nodes over vectors of cells. The cells are all that the tree remembers between two ticks, except for the
-blackboard and for what leaves keep to themselves.
+A tree in flat form is a list of nodes over vectors of cells. Between two ticks, the cells are the whole state of the tree, except for
+the blackboard and the private state of leaves.
 
-mypyc compiles these modules, and those of `sar_compiler.analysis.state_search`, where the package is built with a C compiler. A compiled
-module behaves as its source does, and is used only if it was made of the source beside it. `SAR_KERNEL=python` in the environment uses
-the sources in any case, `SAR_KERNEL=compiled` refuses to.
+mypyc compiles these modules and those of `sar_compiler.analysis.state_search` if a C compiler is available. A compiled module
+behaves like its source, and is used only if it was compiled from the source beside it. `SAR_KERNEL=python` in the environment
+forces the sources, and `SAR_KERNEL=compiled` rejects them.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ _RECORD = _FOLDERS[__name__] / "compiled.json"
 
 
 def digests() -> dict[str, str]:
-    """Return the digest of each source that is here, by its module."""
+    """Return the digest of each existing source, by its module."""
     return {
         f"{package}.{path.stem}": hashlib.sha256(path.read_bytes()).hexdigest()
         for package, folder in _FOLDERS.items()
@@ -44,7 +44,7 @@ def _state() -> str:
     """Return whether the compiled modules can be used; see `STATE`."""
     if not any((_RECORD.parent / f"cells{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
         return "absent"
-    # What they share lies beside the package, and in librt; whoever has only the package cannot import them.
+    # Their shared library is beside the package, and librt is separate; a copy of the package alone lacks both.
     if not all(importlib.util.find_spec(name) for name in ("sar_compiler_kernel__mypyc", "librt")):
         return "apart"
     try:
@@ -60,24 +60,22 @@ def _state() -> str:
 
 
 STATE = _state()
-"""`compiled`, or why not: `stale` (made of other sources), `apart` (from the libraries that they share) or `absent`."""
+"""`compiled`, or the reason why not: `stale` (other sources), `apart` (shared libraries missing) or `absent`."""
 _WANTED = os.environ.get("SAR_KERNEL", "")
 IS_COMPILED = STATE == "compiled" and _WANTED != "python"
 """Whether the compiled modules are in use."""
 
 if _WANTED == "compiled" and not IS_COMPILED:
-    message = (
-        f"SAR_KERNEL=compiled: the compiled kernel is {STATE}; build the package anew, with a C compiler"
-    )
+    message = f"SAR_KERNEL=compiled: the compiled kernel is {STATE}: rebuild the package with a C compiler"
     raise ImportError(message)
 
 
 class _Sources:
-    """Finds the sources, where compiled modules would be found first."""
+    """Finds the sources, although the import system would prefer compiled modules."""
 
     @staticmethod
     def find_spec(name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG004
-        """Return where the source of a module is; None for modules of others."""
+        """Return the location of a module's source; None for other modules."""
         package, _, module = name.rpartition(".")
         if package not in _FOLDERS:
             return None
@@ -90,11 +88,11 @@ if STATE != "absent" and not IS_COMPILED:
 
 
 def describe() -> str:
-    """Return what is in use, for people."""
+    """Return a description of the kernel in use."""
     words: Mapping[str, str] = {
-        "compiled": "Python, although it is compiled (SAR_KERNEL=python)",
-        "stale": "Python (the compiled one was made of other sources, and is not used; build the package anew)",
-        "apart": "Python (the compiled one lacks its library, and is not used; install the package anew)",
+        "compiled": "Python, although a compiled one exists (SAR_KERNEL=python)",
+        "stale": "Python (the compiled one is not used, because its sources have changed: rebuild the package)",
+        "apart": "Python (the compiled one is not used, because its library is missing: reinstall the package)",
         "absent": "Python",
     }
     return "compiled" if IS_COMPILED else words[STATE]

@@ -1,4 +1,4 @@
-"""Branches of BehaviorTree.CPP: which child is ticked depends on another one, or on a value."""
+"""Branches of BehaviorTree.CPP, in which another child or a value selects the child to tick."""
 
 from typing import Any, Final
 
@@ -19,7 +19,7 @@ _NONE: Final = 0
 
 
 class IfThenElseNode(ControlNode):
-    """Ticks its condition until that has ended, then one of the branches.
+    """Ticks its condition until it has ended, then one of the branches.
 
     Attributes:
         chosen: The cell with the index of the branch; 0 while the condition has not ended.
@@ -30,12 +30,12 @@ class IfThenElseNode(ControlNode):
         self.chosen = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the condition, or go on with the branch."""
+        """Tick the condition, or continue with the branch."""
         ticker.cells[self.at] = RUNNING
         return self.tick_child(self.children[ticker.cells[self.chosen]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the condition or the branch."""
+        """Continue after the condition or the branch."""
         cells = ticker.cells
         if cells[self.chosen] == _NONE and outcome in (SUCCESS, FAILURE):
             cells[self.chosen] = 1 if outcome == SUCCESS else 2
@@ -51,7 +51,7 @@ class WhileDoElseNode(ControlNode):
     """Ticks its condition in each tick, then one of the branches.
 
     Attributes:
-        branch: The cell with the index of the branch in hand; 0 for the condition.
+        branch: The cell with the index of the current branch; 0 for the condition.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -59,13 +59,13 @@ class WhileDoElseNode(ControlNode):
         self.branch = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the condition."""
+        """Tick the condition."""
         ticker.cells[self.at] = RUNNING
         ticker.cells[self.branch] = _NONE
         return self.tick_child(self.children[_NONE], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the condition or a branch."""
+        """Continue after the condition or a branch."""
         cells, count = ticker.cells, len(self.children)
         if cells[self.branch] == _NONE and outcome in (SUCCESS, FAILURE):
             branch = 1 if outcome == SUCCESS else 2
@@ -81,11 +81,11 @@ class WhileDoElseNode(ControlNode):
 
 
 class SwitchNode(ControlNode):
-    """Ticks the child whose case is equal to the variable, the last one if none is.
+    """Ticks the child whose case equals the variable, or the last one if none does.
 
     Attributes:
         cases: The cases.
-        running: The cell with the number of the child that runs, or is in hand, counted from 1.
+        running: The cell with the number of the running or current child, counted from 1.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -99,7 +99,7 @@ class SwitchNode(ControlNode):
         self.running = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child that is chosen; halt another one that has been running."""
+        """Tick the selected child, and halt another one that was running."""
         cells = ticker.cells
         selected = self.select()
         before = cells[self.running]
@@ -109,7 +109,7 @@ class SwitchNode(ControlNode):
         return self.tick_child(self.children[selected], ticker)
 
     def select(self) -> int:
-        """Return the index of the child that is to be ticked; neither a variable nor a case without a value is equal to any."""
+        """Return the index of the child to tick; a variable or a case without a value equals nothing."""
         variable = self.variable.get(None)
         if variable is not None:
             for index, case in enumerate(self.cases):
@@ -121,7 +121,7 @@ class SwitchNode(ControlNode):
         return len(self.cases)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Pass on what the child answers."""
+        """Pass on the outcome of the child."""
         cells = ticker.cells
         if outcome != RUNNING:
             cells[self.running] = _NONE
@@ -132,12 +132,12 @@ class SwitchNode(ControlNode):
 
 
 class TryCatchNode(InTurnNode):
-    """Ticks its children in order but for the last one, which is ticked when one of them has failed.
+    """Ticks its children in order, except for the last one, which is ticked when one of them has failed.
 
     Attributes:
         skips: The cell with the number of children that were skipped.
-        catching: The cell with 1 while the last child is in hand.
-        catches: Whether the last child is to be ticked once because the node is stopped.
+        catching: The cell with 1 while the last child is the current one.
+        catches: Whether the last child is ticked once when the node is halted.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -147,21 +147,21 @@ class TryCatchNode(InTurnNode):
         self.skips, self.catching = part.cell(), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Go on with the child in hand."""
+        """Continue with the current child."""
         if ticker.cells[self.at] != RUNNING:
             self.forget(ticker)
             self.behaviour.feedback_message = ""
         return super().begin(ticker)
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the child in hand; -1 if nothing has failed."""
+        """Return the index of the current child; -1 if none has failed."""
         if ticker.cells[self.catching]:
             return self.last
         index = super().next_child(ticker)
         return index if index < self.last else -1
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Go on to the last child after a failure, and to the next one after anything else."""
+        """Continue with the last child after a failure, else with the next one."""
         cells = ticker.cells
         if outcome == RUNNING:
             return RUNNING
@@ -178,7 +178,7 @@ class TryCatchNode(InTurnNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """End because nothing has failed."""
+        """End because no child has failed."""
         all_skipped = ticker.cells[self.skips] == self.last
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
@@ -198,7 +198,7 @@ class TryCatchNode(InTurnNode):
         return running(self.children[: self.last] if self.catches else self.children, ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Tick the last child once, if that is wanted and it was not in hand."""
+        """Tick the last child once, if required and if it was not the current one."""
         if self.catches:
             try:
                 ticker.run_unseen(self.children[self.last])
@@ -208,6 +208,6 @@ class TryCatchNode(InTurnNode):
         super().stop_last(ticker)
 
     def leave(self, ticker: Ticker) -> None:
-        """Forget which child was in hand, and tell py_trees."""
+        """Reset the current child, also for py_trees."""
         self.forget(ticker)
         self.behaviour.current_child = None

@@ -1,4 +1,4 @@
-"""Outcomes and statuses as small whole numbers, as the cells of a tree hold them."""
+"""Outcomes and statuses as small integers, for the cells of a tree."""
 
 from typing import Any, Final
 
@@ -12,29 +12,29 @@ FAILURE: Final = 3
 SKIPPED: Final = 4
 """The outcome of a skipped tick, which is never a status."""
 CALLED: Final = 5
-"""In place of an outcome: another node has to be ticked first."""
+"""A marker in place of an outcome: another node has to be ticked first."""
 
 WORDS: Final[tuple[str, ...]] = ("", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
-"""The word for each outcome; empty for none."""
+"""The name of each outcome; empty for none."""
 
 ENDED: Final = 2
-"""What only SUCCESS and FAILURE have in common: `outcome & ENDED` is not 0 for these two."""
+"""The common bits of SUCCESS and FAILURE: `outcome & ENDED` is not 0 only for these two."""
 
 STATUSES: Final[tuple[Any, ...]] = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
-"""py_trees' status for each number; of any length for the compiler, which would make an object of a table of four at every look."""
+"""py_trees' status for each number; of variable length, because mypyc would box a fixed table at every access."""
 
-# Names of this module: to look up a member of an enumeration is slow.
+# Names of this module, because access to a member of an enumeration is slow.
 _RUNNING: Final[Any] = Status.RUNNING
 _SUCCESS: Final[Any] = Status.SUCCESS
 _FAILURE: Final[Any] = Status.FAILURE
 
 
 IS_2_3: Final = not hasattr(decorators, "ForEach")
-"""Whether this is py_trees 2.3, which does some things differently."""
+"""Whether this is py_trees 2.3, which behaves slightly differently."""
 
 
 def number_of(status: Any) -> int:
-    """Return the number of a status of py_trees; INVALID for what is none."""
+    """Return the number of a py_trees status; INVALID for any other value."""
     if status is _RUNNING:
         return RUNNING
     if status is _SUCCESS:

@@ -1,4 +1,4 @@
-"""Parallels of BehaviorTree.CPP: children side by side, until enough of them have ended."""
+"""Parallels of BehaviorTree.CPP: children are ticked together until enough of them have ended."""
 
 from typing import Final
 
@@ -7,21 +7,21 @@ from sar_compiler.runtime.kernel.cells import CALLED, ENDED, FAILURE, INVALID, R
 from sar_compiler.runtime.kernel.tree_nodes import ControlNode, NodeBuilder, Ticker
 
 _BITS: Final = 30
-"""So many children are bits of one cell, whose numbers have 32."""
+"""The number of children that are bits of one 32-bit cell."""
 
 
 class ThresholdError(NodeError):
-    """A parallel is to wait for more children than it has."""
+    """A parallel is configured to wait for more children than it has."""
 
 
 class CountingNode(ControlNode):
-    """Children side by side; one that has ended is not ticked again until the node has.
+    """Ticks all children; one that has ended is not ticked again until the node has ended.
 
     Attributes:
-        through: The first of the cells with the children that have ended, as bits.
-        successes: The cell with the number of these that have succeeded.
-        failures: The cell with the number of these that have failed.
-        current: The cell with the index of the child in hand, in a tick.
+        through: The first of the cells with a bit for each child that has ended.
+        successes: The cell with the number of children that have succeeded.
+        failures: The cell with the number of children that have failed.
+        current: The cell with the index of the current child, in a tick.
         skips: The cell with the number of children that were skipped, in a tick.
     """
 
@@ -40,11 +40,11 @@ class CountingNode(ControlNode):
         return self.go_on(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
+        """Continue after the current child."""
         return self.go_on(ticker, self.count(ticker, outcome))
 
     def go_on(self, ticker: Ticker, decision: int) -> int:
-        """Tick the children from the one in hand on that have not ended, unless there is a decision other than INVALID."""
+        """Tick the unfinished children from the current one, unless the decision is not INVALID."""
         cells, children = ticker.cells, self.children
         while decision == INVALID:
             index = cells[self.current]
@@ -61,7 +61,7 @@ class CountingNode(ControlNode):
         return self.leave(ticker, decision)
 
     def count(self, ticker: Ticker, outcome: int) -> int:
-        """Count the child in hand; return the node's outcome if that decides, else INVALID."""
+        """Count the current child; return the node's outcome if it is decided, else INVALID."""
         cells, index = ticker.cells, ticker.cells[self.current]
         if outcome & ENDED:
             place = self.through + int(index // _BITS)
@@ -73,22 +73,22 @@ class CountingNode(ControlNode):
         return self.decide_early(ticker)
 
     def threshold(self, port: str, wanted: int) -> int:
-        """Return how many children an attribute means; counted from the end if it is negative.
+        """Return the number of children that an attribute means; a negative one is counted from the end.
 
         Raises:
-            ThresholdError: If they are more than there are.
+            ThresholdError: If it exceeds the number of children.
         """
         count = len(self.children)
         if wanted > count:
             message = (
-                f"'{self.behaviour.name}' can never count {wanted} children, because it has {count}; "
-                f"{port} is at most {count}, or negative to count from the end (-1: all)"
+                f"'{self.behaviour.name}' can never count {wanted} children, because it has {count}: "
+                f"write {count} at most as {port}, or a negative number to count from the end (-1: all)"
             )
             raise ThresholdError(message, self.behaviour.name)
         return wanted if wanted >= 0 else max(count + wanted + 1, 0)
 
-    def decide_early(self, ticker: Ticker) -> int:  # noqa: ARG002 - for nodes that do
-        """Return the outcome if the children so far decide, else INVALID."""
+    def decide_early(self, ticker: Ticker) -> int:  # noqa: ARG002 - for subclasses
+        """Return the outcome if the children so far decide it, else INVALID."""
         return INVALID
 
     def decide_at_the_end(self, ticker: Ticker) -> int:
@@ -96,7 +96,7 @@ class CountingNode(ControlNode):
         raise NotImplementedError
 
     def leave(self, ticker: Ticker, outcome: int) -> int:
-        """Leave the tick with an outcome; with SUCCESS or FAILURE the node's work is over."""
+        """End the tick with an outcome; after SUCCESS or FAILURE the node has ended."""
         cells = ticker.cells
         if not outcome & ENDED:
             self.break_off(ticker)
@@ -107,12 +107,12 @@ class CountingNode(ControlNode):
 
 
 class ParallelNode(CountingNode):
-    """One that decides after every child.
+    """Decides after every child.
 
     Attributes:
-        enough: The cell with the number of successes that are enough, in a tick.
-        too_many: The cell with the number of failures that are too many, in a tick.
-        counts_skips: The cell with 1 if skipped children count as successes, in a tick.
+        enough: The cell with the required number of successes, in a tick.
+        too_many: The cell with the number of failures after which it fails, in a tick.
+        counts_skips: The cell with 1 if skipped children are counted as successes, in a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -150,10 +150,10 @@ class ParallelNode(CountingNode):
 
 
 class ParallelAllNode(CountingNode):
-    """One that waits for all children before it decides.
+    """Waits for all children before it decides.
 
     Attributes:
-        too_many: The cell with the number of failures that are too many, in a tick.
+        too_many: The cell with the number of failures after which it fails, in a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -166,7 +166,7 @@ class ParallelAllNode(CountingNode):
         return super().begin(ticker)
 
     def decide_at_the_end(self, ticker: Ticker) -> int:
-        """Return how it ends, RUNNING if a child runs, and SKIPPED if all children were skipped."""
+        """Return the final outcome, RUNNING if a child runs, or SKIPPED if all children were skipped."""
         cells, count = ticker.cells, len(self.children)
         skips, ended = cells[self.skips], cells[self.successes] + cells[self.failures]
         if skips == count:

@@ -1,7 +1,7 @@
-"""What entries of the blackboard hold as small numbers, for states that are kept and compared by the million.
+"""Contents of blackboard entries as small numbers, for states that are stored and compared by the million.
 
-An entry has few different contents in all runs of a tree. Each gets a number when it is seen first, so what all entries
-hold is a list of numbers; and what a script makes of some entries is remembered by the numbers of these.
+An entry has few different contents in all runs of a tree. Each gets a number at its first occurrence, so the state of all
+entries is a list of numbers, and the effect of a script on some entries is cached by their numbers.
 """
 
 from collections.abc import Callable, Hashable
@@ -11,18 +11,18 @@ from librt.vecs import append, vec
 from mypy_extensions import i32, i64
 
 NOTHING: Final = 0
-"""The number of an entry that is not there."""
+"""The number of an entry that does not exist."""
 
 
 class EntryCells:
     """The contents of entries.
 
     Attributes:
-        now: The number of what each entry holds now.
+        now: The number of each entry's current content.
         names: The names of the entries.
-        known: How many entries and contents there are.
-        lent: What was read that can be changed in place, by the place of its entry.
-        freeze: Returns the content of an entry, given its place and what was lent.
+        known: The number of known entries and contents.
+        lent: The values that were read and can be changed in place, by the index of the entry.
+        freeze: Function that returns the content of an entry, given its index and the value that was read.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class EntryCells:
         self._numbers: list[dict[Any, int]] = []
 
     def place_of(self, name: str) -> int:
-        """Return the place of an entry, which is made if there is none."""
+        """Return the index of an entry, which is created if there is none."""
         place = self._places.get(name, -1)
         if place < 0:
             place = self._places[name] = len(self.names)
@@ -50,11 +50,11 @@ class EntryCells:
         return place
 
     def content(self, place: int) -> Any:
-        """Return what an entry holds; None if it is not there."""
+        """Return the content of an entry; None if it does not exist."""
         return self._contents[place][self.now[place]]
 
     def put(self, place: int, content: Any) -> None:
-        """Replace what an entry holds; None if it is to be there no more."""
+        """Replace the content of an entry; None removes it."""
         numbers = self._numbers[place]
         number = numbers.get(content, -1)
         if number < 0:
@@ -65,7 +65,7 @@ class EntryCells:
         self.now[place] = number
 
     def restore(self, now: vec[i32]) -> None:
-        """Make all entries what they were; those that were not known then are not there."""
+        """Restore the state of all entries; those that were unknown then are removed."""
         self.lent.clear()
         entries = now[:]
         while len(entries) < len(self._nothing):
@@ -73,15 +73,15 @@ class EntryCells:
         self.now = entries
 
     def clear(self) -> None:
-        """Make no entry be there."""
+        """Remove all entries."""
         self.lent.clear()
         self.now = self._nothing[:]
 
     def settle(self) -> None:
-        """Look at what was lent, which may have been changed in place."""
+        """Update the contents of the entries whose values were read and may have been changed in place."""
         if self.lent:
             freeze = self.freeze
-            assert freeze is not None  # noqa: S101 - whoever lends sets it
+            assert freeze is not None  # noqa: S101 - set together with `lent`
             for place, value in self.lent.items():
                 self.put(place, freeze(place, value))
             self.lent.clear()
@@ -89,17 +89,17 @@ class EntryCells:
 
 _UNKNOWN: Final[Any] = object()
 _FEW: Final = 1 << 10
-"""So many contents of a single entry have a place in a list."""
+"""The number of contents of a single entry that are stored in a list."""
 _BITS: Final = 15
-"""For the number of a content, so that four of them are a number of the machine."""
+"""The bits for the number of a content, so that four of them fit into a machine word."""
 
 
 class Memo:
-    """What a piece of code does, remembered by what is in the entries that it uses.
+    """A cache of the effects of code, by the contents of the entries that it uses.
 
     Args:
         cells: The contents of entries.
-        places: The places of all entries that it can read or write; it depends on nothing else, and changes nothing else.
+        places: The indices of all entries that it can read or write; it must have no other inputs or effects.
     """
 
     def __init__(self, cells: EntryCells, places: list[int]) -> None:
@@ -111,7 +111,7 @@ class Memo:
         self._answers: list[Any] = []
 
     def _key(self, now: vec[i32]) -> Any:
-        """Return what the entries hold as one number; as several where one is large."""
+        """Return the contents of the entries as one number, or as several if one is large."""
         key = 0
         for place in self._places:
             number = now[place]
@@ -121,7 +121,7 @@ class Memo:
         return key
 
     def call(self, run: Callable[[], Any]) -> Any:
-        """Return what the code returns, and change what it changes; what it raises is raised, and not remembered."""
+        """Return the result of the code, and apply its changes; errors are raised, and not cached."""
         only, answers = self._only, self._answers
         number = int(self._cells.now[only]) if only >= 0 else _FEW
         if number >= len(answers) or answers[number] is _UNKNOWN:
@@ -146,7 +146,7 @@ class Memo:
         if answer is _UNKNOWN:
             before = [now[place] for place in self._places]
             answer = self._known[key] = run()
-            # It may have named another entry.
+            # The code may have declared another entry.
             now = self._cells.now
             changes = [
                 (place, now[place]) for index, place in enumerate(self._places) if now[place] != before[index]
@@ -159,13 +159,13 @@ class Memo:
 
 
 class OutcomeMemo:
-    """The outcome of a piece of code that changes nothing, remembered by what is in the only entry that it reads.
+    """A cache of the outcome of code without effects, by the content of the only entry that it reads.
 
-    It takes a byte for each content of the entry: a tree may have a thousand conditions on one with a thousand contents.
+    It needs a byte for each content of the entry: a tree may have a thousand conditions on one with a thousand contents.
 
     Args:
         cells: The contents of entries.
-        place: The place of the entry.
+        place: The index of the entry.
     """
 
     def __init__(self, cells: EntryCells, place: int) -> None:
@@ -174,7 +174,7 @@ class OutcomeMemo:
         self._known = bytearray()
 
     def call(self, run: Callable[[], int]) -> int:
-        """Return what the code returns, a number of `cells` but INVALID."""
+        """Return the result of the code, a number of `cells` other than INVALID."""
         number = self._cells.now[self._place]
         known = self._known
         if number >= len(known):

@@ -1,4 +1,4 @@
-"""Leaves: the behaviours that do the work; their own methods are called, at the same times as by py_trees."""
+"""Leaves: the behaviours that do the work; their own methods are called at the same times as by py_trees."""
 
 from typing import Any, Final
 
@@ -34,8 +34,8 @@ class LeafNode(ChildlessNode):
     """A leaf with py_trees' own `tick` and `stop`.
 
     Attributes:
-        initialises: Whether its class has an `initialise` of its own.
-        terminates: Whether it has a `terminate` of its own.
+        initialises: Whether its class defines `initialise`.
+        terminates: Whether its class defines `terminate`.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -69,18 +69,18 @@ class LeafNode(ChildlessNode):
         return now
 
     def before(self, ticker: Ticker) -> int:
-        """Return the status before the tick, which the tree and the behaviour agree about from now on."""
+        """Return the status before the tick; afterwards the tree and the behaviour have the same status."""
         before, status = ticker.cells[self.at], self.behaviour.status
         if status is STATUSES[before]:
             return before
         if ticker.is_live:
-            # Somebody else has stopped it, or set its status.
+            # Other code has stopped it, or set its status.
             return number_of(status)
         self.behaviour.status = STATUSES[before]
         return before
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """End with an answer that is none of the usual ones; py_trees makes INVALID of it, and logs it."""
+        """End with a result that is not a usual status; py_trees converts it to INVALID and logs it."""
         behaviour = self.behaviour
         ticker.number_of(behaviour, answer)
         if self.terminates:
@@ -100,22 +100,22 @@ class LeafNode(ChildlessNode):
 
 
 class SkippableLeafNode(LeafNode):
-    """A leaf that may be skipped: INVALID means that, and is no end."""
+    """A leaf that may be skipped: INVALID means skipped, and does not end it."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf, and tell whether it was skipped."""
+        """Tick the leaf, and record whether it was skipped."""
         outcome = super().begin(ticker)
         self.behaviour.skipped = outcome == SKIPPED
         return outcome
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """Leave the status as it was."""
+        """Keep the old status."""
         ticker.number_of(self.behaviour, answer)
         return SKIPPED
 
 
 class StrictUpdate:
-    """The `update` of a behaviour that is ticked by its own methods; what is no status is raised, and not only logged.
+    """The `update` of a behaviour that is ticked by its own methods; a result that is no status raises an error.
 
     Args:
         behaviour: The behaviour.
@@ -129,7 +129,7 @@ class StrictUpdate:
         """Return the status.
 
         Raises:
-            NoStatusError: If it is none.
+            NoStatusError: If the result is not a status.
         """
         answer = self._update()
         if number_of(answer) == INVALID and answer is not _INVALID:
@@ -138,28 +138,28 @@ class StrictUpdate:
 
 
 def insist_on_status(behaviour: Any) -> None:
-    """Have a behaviour raise in the tick in which its `update` returns no status, for which py_trees only logs an error, in every tick.
+    """Make a behaviour raise in the tick in which its `update` returns no status; py_trees only logs an error in each tick.
 
-    It keeps its class; only its own method is wrapped. py_trees' constants always return one, and their nodes stand in for their `update`.
+    Its class is kept, and only its own method is wrapped. py_trees' constants always return one, and their nodes replace `update`.
     """
     if type(behaviour) not in _CONSTANTS and not isinstance(behaviour.update, StrictUpdate):
         behaviour.update = StrictUpdate(behaviour)
 
 
 class ForeignNode(ChildlessNode):
-    """A behaviour that is ticked by its own methods, because nothing else is known of its class.
+    """A behaviour that is ticked by its own methods, because its class is unknown.
 
-    The nodes below it, if there are any, are none of this tree.
+    Its descendants, if there are any, are not part of this tree.
     """
 
     def insist(self) -> None:
-        """Have everything that is not ticked by nodes of this tree raise where it answers with no status."""
+        """Make all behaviours that other nodes tick raise an error if they return no status."""
         for each in self.behaviour.iterate():
             if not isinstance(each, EngineBehaviour):
                 insist_on_status(each)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the behaviour; the nodes below it that it shows are visits, too."""
+        """Tick the behaviour; its descendants that it yields are visits, too."""
         cells, behaviour, visits = ticker.cells, self.behaviour, ticker.visits
         self.show(ticker.cells)
         try:
@@ -183,7 +183,7 @@ class ForeignNode(ChildlessNode):
 
 
 class RememberingNode(LeafNode):
-    """A leaf that remembers something between two ticks, which is kept in a cell; a live one may keep it to itself.
+    """A leaf with state between two ticks, which is stored in a cell; a live leaf may keep it privately.
 
     Attributes:
         kept: The cell.
@@ -194,11 +194,11 @@ class RememberingNode(LeafNode):
         self.kept = part.value(self.save(), keeps=True)
 
     def save(self) -> Any:
-        """Return what the leaf remembers, as a value that can be hashed."""
+        """Return the state of the leaf as a hashable value."""
         raise NotImplementedError
 
     def load(self, kept: Any) -> None:
-        """Give the leaf back what it remembered."""
+        """Restore the state of the leaf."""
         raise NotImplementedError
 
     def begin(self, ticker: Ticker) -> int:
@@ -221,14 +221,14 @@ class RememberingNode(LeafNode):
 
 
 class StatusQueueNode(RememberingNode):
-    """A StatusQueue; what is left of its queue is the end of the list that it was given."""
+    """A StatusQueue; the rest of its queue is the end of its list."""
 
     def save(self) -> Any:
-        """Return how much of the queue is left."""
+        """Return the length of the remaining queue."""
         return len(self.behaviour.current_queue)
 
     def load(self, kept: Any) -> None:
-        """Give the queue back."""
+        """Restore the queue."""
         behaviour = self.behaviour
         behaviour.current_queue = behaviour.queue[len(behaviour.queue) - kept :]
 
@@ -237,44 +237,44 @@ class PeriodicNode(RememberingNode):
     """A Periodic."""
 
     def save(self) -> Any:
-        """Return its count and its answer."""
+        """Return its count and its status."""
         return self.behaviour.count, number_of(self.behaviour.response)
 
     def load(self, kept: Any) -> None:
-        """Give them back."""
+        """Restore them."""
         self.behaviour.count, self.behaviour.response = kept[0], STATUSES[kept[1]]
 
 
 class SuccessEveryNNode(RememberingNode):
-    """A SuccessEveryN, which begins again after each success."""
+    """A SuccessEveryN, which restarts after each success."""
 
     def save(self) -> Any:
         """Return its count since the last success."""
         return int(self.behaviour.count % abs(self.behaviour.every_n))
 
     def load(self, kept: Any) -> None:
-        """Give it back."""
+        """Restore it."""
         self.behaviour.count = kept
 
 
 class TickCounterNode(RememberingNode):
-    """A TickCounter, which begins again whenever it is started."""
+    """A TickCounter, which restarts with each start."""
 
     def save(self) -> Any:
         """Return its count."""
         return int(self.behaviour.counter) if self.behaviour.status is _RUNNING else 0
 
     def load(self, kept: Any) -> None:
-        """Give it back."""
+        """Restore it."""
         self.behaviour.counter = kept
 
 
 class ConstantNode(ChildlessNode):
-    """A Success, Failure or Running of py_trees, in place of its `update`, which always answers and tells the same.
+    """A Success, Failure or Running of py_trees, which replaces `update` because its result and message are constant.
 
     Attributes:
-        outcome: What it answers.
-        tells: Whether the behaviour has the message by now.
+        outcome: The outcome that it returns.
+        tells: Whether the behaviour already has the message.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -290,22 +290,22 @@ class ConstantNode(ChildlessNode):
         return self.outcome
 
     def show(self, cells: vec[i32]) -> None:
-        """Give the behaviour the status that the cells say, and its message."""
+        """Set the behaviour's status from the cells, and its message."""
         super().show(cells)
         if self.tells and cells[self.at] == INVALID:
             self.tell(INVALID)
 
     def tell(self, outcome: int) -> None:
-        """Set the feedback message, which is empty at rest."""
+        """Set the feedback message, which is empty when idle."""
         self.behaviour.feedback_message = WORDS[outcome].lower()
         self.tells = outcome != INVALID
 
 
 class UpdateCheckNode(ChildlessNode):
-    """A leaf that succeeds if an entry was written since it last looked, else fails.
+    """A leaf that succeeds if an entry was written since it last checked it, else fails.
 
     Attributes:
-        seen: The cell that says how often the entry had been written then.
+        seen: The cell with the entry's number of writes at that time.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -315,13 +315,13 @@ class UpdateCheckNode(ChildlessNode):
         part.watch(self.entry, self.seen)
 
     def begin(self, ticker: Ticker) -> int:
-        """Look at the entry."""
+        """Check the entry."""
         now = SUCCESS if is_news(self.entry, self.seen, ticker) else FAILURE
         ticker.cells[self.at] = now
         return now
 
 
 def is_own(behaviour: Any, name: str) -> bool:
-    """Return whether a method is not the empty one that every behaviour has."""
+    """Return whether a method is not the empty default of all behaviours."""
     method = getattr(behaviour, name)
     return getattr(method, "__func__", None) is not getattr(Behaviour, name)

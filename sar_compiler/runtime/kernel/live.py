@@ -1,31 +1,32 @@
-"""Trees that are ticked for real: what their behaviours and their cells say of a status is the same between ticks.
+"""Live trees: the statuses in their behaviours and in their cells agree between ticks.
 
-A state of a tree is its cells, and `verify` copies nothing else. A tree that is ticked for real has behaviours as well, and these belong to
-others too: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a neighbour stops a
-single leaf, and a user's class may set its own status. So a status is said twice, and this module keeps both in step.
+The state of a tree is its cells, and `verify` copies nothing else. A live tree also has behaviours, which other code
+uses: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a sibling stops a
+single leaf, and a user's class may set its own status. So a status is stored twice, and this module synchronises both.
 
-Why it is done when a node is reached. Parents read cells, which costs a load, where an attribute of a Python object costs a dictionary. So a
-behaviour is compared with its cell when a tick first begins or stops its node (`LiveTicker.reach`), and gets what the cell says when the tick is over,
-whether it was finished or broken off by an exception. A tick costs what it reaches: of ten thousand nodes under a sequence with memory that is often five.
-A plain leaf is left out of both: its node looks at its behaviour's status itself, since `update` may look at it, and writes it where it changes.
+Why nodes are synchronised when they are reached: parents read cells, which costs a load, whereas an attribute of a Python object costs a
+dictionary lookup. So a behaviour is compared with its cell when a tick first starts or stops its node (`LiveTicker.reach`), and
+gets the status in the cell after the tick, even if an exception aborted it. The cost of a tick depends on the nodes that it
+reaches: under a sequence with memory, often five of ten thousand. Plain leaves are exempt: their nodes read and write the
+behaviour's status directly, since `update` may read it.
 
-Why a changed status makes a node forget. Somebody who stops a running behaviour calls `stop(INVALID)`, as py_trees does from its generators. For a
-node of ours that is a halt: where it was, and what it counted, is no longer so. Only a node that had ended and is INVALID now was not halted: it was
-brought to rest, as its parent does before it starts it again, and what outlasts an end (whose turn it is in a RoundRobin) stays.
-When anything has changed all cells are read again, because a `stop` reaches the behaviours below, too; but for those that this tick has reached
-before, whose cells are newer. Whoever stops the whole tree has all of it compared first, so that nothing is left running.
+Why a changed status resets a node: code that stops a running behaviour calls `stop(INVALID)`, as py_trees does from its generators. For a
+node of this project that is a halt, so its position and its counts are no longer valid. Only a node that had ended and is INVALID now
+was not halted: its parent has reset it before a restart, and state that outlasts an end (the turn of a RoundRobin) stays.
+After any change all cells are read again, because a `stop` reaches the descendants, too, except for those that this tick has
+already reached, whose cells are newer. Before the whole tree is stopped, all of it is compared, so that no node is left running.
 
-Why visits are kept and shown afterwards. py_trees' `tick()` is a generator: a visitor sees each node just after its tick, with the status and the
-message of that moment. A node of ours may be ticked twice in a tick (Repeat), or be halted after it has been ticked. So the end of each node's tick is
-noted as a `Visit`, and when the tick is over each behaviour is shown once more as it was then, and put back.
+Why visits are stored and shown afterwards: py_trees' `tick()` is a generator, so a visitor sees each node just after its tick, with its
+status and message at that time. A node of this project may be ticked twice in a tick (Repeat), or be halted after its tick. So the end
+of each node's tick is stored as a `Visit`. After the tick each behaviour is shown once more as it was then, and restored.
 
-Why a behaviour may be ticked by itself. `py_trees_ros` ticks the root by its generator, and a py_trees composite of somebody's own ticks a control
-of ours below it in the same way. Such a behaviour is the root of a tree of its own (`EngineBehaviour._place`), as deep as the nodes are known; a `ForeignNode`
-stands for what is ticked by methods of its own, with all that is below it. Each place where one way of ticking ends and the other begins is such a node.
+Why a behaviour may be ticked by itself: `py_trees_ros` ticks the root by its generator, and a user's py_trees composite ticks a control
+of this project below it in the same way. Such a behaviour is the root of a separate tree (`EngineBehaviour._place`), down to unknown
+nodes. A `ForeignNode` represents a node that is ticked by its own methods, with all its descendants.
 
-Why a new tree may take over from a former one. Whoever adds or takes away children at run time (py_trees' `insert_subtree`) changes the number
-of the cells. The tree is made anew then; that children have changed at all, the lists say that it gives them (`parents.Children`). A node goes on from where it was if the children that it had are still its first ones, since its cells hold
-indexes of children; any other begins from the start.
+Why a new tree may continue from an old one: adding or removing children at run time (py_trees' `insert_subtree`) changes the number
+of cells, so the tree is rebuilt. The lists of children detect the change (`parents.Children`). A node continues if its old children
+are still its first ones, since its cells hold indices of children; any other node restarts.
 """
 
 from collections.abc import Iterator
@@ -41,7 +42,7 @@ from sar_compiler.runtime.parents import Children, EngineBehaviour
 
 
 class LiveTicker(Ticker):
-    """Ticks a tree whose behaviours are seen, and stopped, by others.
+    """Ticks a tree whose behaviours are also read and stopped by other code.
 
     Args:
         flat: The tree.
@@ -57,20 +58,20 @@ class LiveTicker(Ticker):
         self._reached: list[TreeNode] = []
 
     def enter(self) -> None:
-        """Begin a tick or a stop, perhaps within another one."""
+        """Begin a tick or a stop, possibly within another one."""
         if not self._depth:
             self._number += 1
             self._reached = []
         self._depth += 1
 
     def leave(self) -> None:
-        """Give the behaviours that were reached the statuses that the cells say."""
+        """Set the statuses of the reached behaviours from the cells."""
         self._depth -= 1
         for node in self._reached:
             node.show(self.cells)
 
     def reach(self, node: TreeNode) -> None:
-        """Take a node's status over from its behaviour, where the tick has not reached it before."""
+        """Copy a node's status from its behaviour, unless the tick has already reached it."""
         if node.reached == self._number:
             return
         if not node.shows_itself:
@@ -79,13 +80,13 @@ class LiveTicker(Ticker):
             self._reached.append(node)
         node.reached = self._number
         if node.index != node.at:
-            # They have one cell, and what either makes of it is newer than both behaviours.
+            # They share one cell, and either node's result is newer than both behaviours.
             self.reach(node.children[0])
 
     def take_over(self) -> None:
-        """Take the statuses of all behaviours over, but for those that were reached.
+        """Copy the statuses of all behaviours, except for those that were reached.
 
-        A node whose status has changed forgets where it was, but for one that had ended and was brought to rest.
+        A node whose status has changed is reset, unless it had ended and was reset by its parent.
         """
         cells, changed = self.cells, False
         nodes = [node for node in self._nodes if node.reached != self._number]
@@ -104,16 +105,16 @@ class LiveTicker(Ticker):
 
 
 class LiveTree:
-    """A tree of behaviours and the nodes that tick them.
+    """A tree of behaviours with the nodes that tick them.
 
-    Whoever stops one of the behaviours, or sets its status, between two ticks has done so for the tree as well. A
-    behaviour of a class of its own is ticked by its own methods.
+    Stopping a behaviour or setting its status between two ticks applies to the tree as well. A behaviour of
+    an unknown class is ticked by its own methods.
 
     Args:
         root: The root.
-        is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
-        former: The tree before its nodes got other children. A node goes on from where it was there, unless children that
-            it had are gone.
+        is_strict: Whether a result that is no status raises a `NoStatusError` instead of being logged.
+        former: The tree before its nodes got other children. A node continues from its state there, unless one of its old
+            children is gone.
     """
 
     def __init__(self, root: Any, *, is_strict: bool = False, former: "LiveTree | None" = None) -> None:
@@ -138,7 +139,7 @@ class LiveTree:
 
     @property
     def root(self) -> Any:
-        """The behaviour at the root."""
+        """The root behaviour."""
         return self._flat.nodes[0].behaviour
 
     @property
@@ -147,7 +148,7 @@ class LiveTree:
         return self._flat.nodes
 
     def is_whole(self) -> bool:
-        """Return whether all nodes still have the children that they had."""
+        """Return whether all nodes still have the same children."""
         changes: int = Children.changes
         if changes == self._changes:
             return True
@@ -161,8 +162,8 @@ class LiveTree:
         """Tick once.
 
         Args:
-            visits: Where the nodes below it go that are ticked, in the order of their ends.
-            index: The node that is ticked; by default the root.
+            visits: Receives the ticked descendants, in the order of their ends.
+            index: The node to tick; by default the root.
 
         Returns:
             RUNNING, SUCCESS, FAILURE or SKIPPED, as numbers of `kernel.cells`.
@@ -181,13 +182,13 @@ class LiveTree:
         return outcome
 
     def tick_and_visit(self, visits: list[Visit]) -> int:
-        """Tick the root, and note all nodes that were ticked.
+        """Tick the root, and record all ticked nodes.
 
         Args:
-            visits: Where they go, in the order of their ends, the root last.
+            visits: Receives them, in the order of their ends, the root last.
 
         Returns:
-            The outcome, as `tick`.
+            The outcome, as for `tick`.
         """
         outcome = self.tick(visits)
         root = self._flat.nodes[0]
@@ -195,7 +196,7 @@ class LiveTree:
         return outcome
 
     def stop(self, index: int = 0) -> None:
-        """Stop a node as `Behaviour.stop(Status.INVALID)` does; by default the root."""
+        """Stop a node like `Behaviour.stop(Status.INVALID)`; by default the root."""
         ticker = self.ticker
         ticker.enter()
         try:
@@ -205,7 +206,7 @@ class LiveTree:
             ticker.leave()
 
     def _go_on_from(self, former: "LiveTree") -> None:
-        """Take over what nodes remember that were part of another tree."""
+        """Copy the state of nodes that were part of another tree."""
         there, here = former.ticker, self.ticker
         known = {id(node.behaviour): node for node in former._flat.nodes}
         for node in self._flat.nodes:
@@ -222,12 +223,12 @@ class LiveTree:
 
 
 def _node_of(part: NodeBuilder) -> TreeNode:
-    """Build the node of a behaviour; one of a class that is not known is ticked by its own methods."""
+    """Build the node of a behaviour; one of an unknown class is ticked by its own methods."""
     known = node_class_of(part.behaviour)
     if known is not None:
         return known(part)
     if type(part.behaviour).tick is EngineBehaviour.tick:
-        # It has nothing but what its node says.
+        # It has no methods other than those of its node.
         raise NotFlatError(part.behaviour)
     return ForeignNode(part)
 
@@ -238,7 +239,7 @@ def _below(behaviour: Any) -> list[Any]:
 
 
 def show_visits(visits: list[Visit]) -> Iterator[Any]:
-    """Yield the behaviours that were ticked, each with the status and the message that it had at the end of its tick."""
+    """Yield the ticked behaviours, each with its status and message at the end of its tick."""
     for visit in visits:
         behaviour, status = visit.behaviour, STATUSES[visit.status]
         now = behaviour.status, behaviour.feedback_message
@@ -249,7 +250,7 @@ def show_visits(visits: list[Visit]) -> Iterator[Any]:
         try:
             yield behaviour
         finally:
-            # Whoever was shown it may have stopped it.
+            # The consumer may have stopped it.
             if behaviour.status is status:
                 behaviour.status, behaviour.feedback_message = now
             if label != visit.label:

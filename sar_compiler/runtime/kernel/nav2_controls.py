@@ -14,20 +14,20 @@ from sar_compiler.runtime.kernel.tree_nodes import (
 )
 
 _USUAL_RETRIES: Final = 1
-"""How often to recover where the number is less than 0."""
+"""The number of recoveries if the given number is negative."""
 
 
 class Nav2ControlError(NodeError):
-    """A control cannot go on with what a child has answered, or a port holds."""
+    """A control cannot continue with a child's outcome or a port's value."""
 
 
 class RecoveringNode(ControlNode):
-    """Ticks its first child; after a failure the second one, and after that one's success the first one again.
+    """Ticks its first child; after a failure the second one, and after the second one's success the first one again.
 
     Attributes:
-        current: The cell with the index of the child in hand.
-        retries: The cell with the number of recoveries. It outlasts a recovery that was skipped.
-        wanted: The cell with the number of recoveries that are allowed, in a tick.
+        current: The cell with the index of the current child.
+        retries: The cell with the number of recoveries, which is kept when a recovery is skipped.
+        wanted: The cell with the allowed number of recoveries, in a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -35,7 +35,7 @@ class RecoveringNode(ControlNode):
         self.current, self.retries, self.wanted = part.cell(), part.cell(), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Read how many recoveries are allowed, and go on with the child in hand."""
+        """Read the allowed number of recoveries, and continue with the current child."""
         cells = ticker.cells
         number: int = self.behaviour.number_of_retries.get()
         cells[self.wanted] = number if number >= 0 else _USUAL_RETRIES
@@ -45,7 +45,7 @@ class RecoveringNode(ControlNode):
         return self.tick_child(self.children[cells[self.current]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand."""
+        """Continue after the current child."""
         if outcome == RUNNING:
             ticker.cells[self.wanted] = 0
             return RUNNING
@@ -53,7 +53,7 @@ class RecoveringNode(ControlNode):
         return after(ticker, outcome)
 
     def after_main(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the first child has ended or was skipped."""
+        """Continue after the first child has ended or was skipped."""
         cells = ticker.cells
         if outcome != FAILURE or cells[self.retries] == cells[self.wanted]:
             return self.end(ticker, outcome)
@@ -62,7 +62,7 @@ class RecoveringNode(ControlNode):
         return self.tick_child(self.children[1], ticker)
 
     def after_recovery(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the second child has ended or was skipped."""
+        """Continue after the second child has ended or was skipped."""
         cells = ticker.cells
         if outcome == FAILURE:
             return self.end(ticker, FAILURE)
@@ -77,13 +77,13 @@ class RecoveringNode(ControlNode):
         return self.tick_child(self.children[0], ticker)
 
     def end(self, ticker: Ticker, outcome: int) -> int:
-        """End, or be skipped, with all forgotten."""
+        """End, or be skipped, and reset all cells."""
         ticker.cells[self.at] = INVALID
         return self.finish(ticker, outcome)
 
 
 class PipelineNode(InTurnNode):
-    """Ticks every child again in each tick, up to the furthest one that was reached, whether those before it run or not.
+    """Ticks all children again in each tick, up to the furthest one reached, whether earlier ones run or not.
 
     Attributes:
         furthest: The cell with the index of the furthest child that has run.
@@ -100,7 +100,7 @@ class PipelineNode(InTurnNode):
         return self.resume(ticker, INVALID)
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Fail with the child in hand, or run with the furthest one; else go on to the next one."""
+        """Fail if the current child failed, run if the furthest child runs, else continue with the next one."""
         cells, index = ticker.cells, ticker.cells[self.position]
         if outcome == FAILURE:
             return self.finish(ticker, FAILURE)
@@ -113,16 +113,16 @@ class PipelineNode(InTurnNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Succeed, or be skipped if all children were; children that still run are halted."""
+        """Succeed, or be skipped if all children were; running children are halted."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
 
 class RoundRobinNode(InTurnNode):
-    """Ticks one child after another until one succeeds, and continues with the next one when it is started again.
+    """Ticks one child after another until one succeeds; the next start continues with the following child.
 
-    Where it does not wrap around, any end of the last child ends it without a success. After a success it remembers whose turn
-    it is.
+    Without wrapping around, any end of the last child ends it without success. After a success it keeps the index of the next
+    child.
 
     Attributes:
         failures: The cell with the number of children that have failed.
@@ -134,18 +134,18 @@ class RoundRobinNode(InTurnNode):
         self.failures, self.skips = part.cell(), part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Go on with the child in hand."""
+        """Continue with the current child."""
         ticker.cells[self.skips] = 0
         return super().begin(ticker)
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the child in hand; -1 if all have had their turn."""
+        """Return the index of the current child; -1 if all have been ticked."""
         cells = ticker.cells
         is_over = cells[self.failures] + cells[self.skips] >= len(self.children)
         return -1 if is_over else cells[self.position]
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Succeed with the child in hand, or run with it; else go on to the next one, if there is one."""
+        """Succeed or run with the current child, else continue with the next one, if there is one."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.skips] = 0
@@ -162,14 +162,14 @@ class RoundRobinNode(InTurnNode):
         return SUCCESS if outcome == SUCCESS else INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """End without a success; be skipped if all children were."""
+        """End without success; be skipped if all children were."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
         ticker.cells[self.at] = INVALID
         return self.finish(ticker, SKIPPED if all_skipped else FAILURE)
 
 
 class NonblockingNode(InTurnNode):
-    """Ticks all children in every tick, also those that have succeeded, until none of them runs or one fails.
+    """Ticks all children in every tick, including those that have succeeded, until none runs or one fails.
 
     Attributes:
         runs: The cell with 1 if a child runs, in a tick.
@@ -185,7 +185,7 @@ class NonblockingNode(InTurnNode):
         return self.resume(ticker, INVALID)
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Fail with the child in hand; else go on to the next one.
+        """Fail with the current child, else continue with the next one.
 
         Raises:
             Nav2ControlError: If the child was skipped.
@@ -195,7 +195,7 @@ class NonblockingNode(InTurnNode):
             return self.finish(ticker, FAILURE)
         if outcome == SKIPPED:
             name = self.children[index].behaviour.name
-            message = f"'{name}' was skipped, which '{self.behaviour.name}' takes for an error"
+            message = f"'{name}' was skipped, which '{self.behaviour.name}' treats as an error"
             raise Nav2ControlError(message, self.behaviour.name)
         cells[self.runs] |= int(outcome == RUNNING)
         cells[self.position] = index + 1
@@ -210,26 +210,26 @@ class NonblockingNode(InTurnNode):
 
 
 class PersistentNode(InTurnNode):
-    """A sequence whose place is a key of the blackboard, which outlasts a halt."""
+    """A sequence whose index is a key of the blackboard, which is kept after a halt."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Read the place, and go on there.
+        """Read the index, and continue there.
 
         Raises:
-            Nav2ControlError: If it is below 0.
+            Nav2ControlError: If it is negative.
         """
         place: int = self.behaviour.current_child_idx.get()
         if place < 0:
-            message = f"'{self.behaviour.name}' is to begin with child {place}; they are counted from 0"
+            message = f"'{self.behaviour.name}' cannot begin with child {place}: children are counted from 0"
             raise Nav2ControlError(message, self.behaviour.name)
         ticker.cells[self.position] = place
         return super().begin(ticker)
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Fail with the child in hand, or run with it; else go on to the next one."""
+        """Fail or run with the current child, else continue with the next one."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.position] = 0
@@ -245,7 +245,7 @@ class PersistentNode(InTurnNode):
         return self.start_over(ticker, SUCCESS)
 
     def start_over(self, ticker: Ticker, outcome: int) -> int:
-        """End with an outcome; the next start is with the first child."""
+        """End with an outcome; the next start begins with the first child."""
         self.finish(ticker, outcome)
         self.behaviour.current_child_idx.set(0)
         return outcome
@@ -259,13 +259,13 @@ _NEXT: Final = (_RESUMED, _PAUSED, _PAUSED, _RESUMED)
 
 
 class PauseResumeNode(ControlNode):
-    """Ticks the child of its mode: to work, to be paused, and the changes between these two.
+    """Ticks the child of its mode: working, paused, and the transitions between them.
 
-    The first of its nodes is asked in every tick what was requested. A request to pause is heard unless it is paused, one to
-    resume only if it is; the skipped answer is both, the second one after the first.
+    A leaf, its first node, returns the request in every tick. A request to pause is accepted unless it is paused, one to
+    resume only if it is; SKIPPED means both, the second one after the first.
 
     Attributes:
-        asking: The cell with 1 while it is asked what was requested.
+        asking: The cell with 1 while the leaf with the request is ticked.
         mode: The cell with the mode, which is the index of its child.
     """
 
@@ -277,7 +277,7 @@ class PauseResumeNode(ControlNode):
         self.asking, self.mode = part.cell(of_tick=True), part.cell(_RESUMED)
 
     def begin(self, ticker: Ticker) -> int:
-        """Ask what was requested."""
+        """Tick the leaf with the request."""
         cells = ticker.cells
         if self.starts(ticker):
             cells[self.mode] = _RESUMED
@@ -287,7 +287,7 @@ class PauseResumeNode(ControlNode):
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after what was asked, or the child of the mode."""
+        """Continue after the leaf, or the child of the mode."""
         cells = ticker.cells
         if cells[self.asking]:
             cells[self.asking] = 0
@@ -300,7 +300,7 @@ class PauseResumeNode(ControlNode):
         return self.next_mode(ticker)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:
-        """Change the mode as was requested, and tick its child."""
+        """Change the mode as requested, and tick its child."""
         cells = ticker.cells
         is_paused = cells[self.mode] == _PAUSED
         pauses = (outcome == SKIPPED) if is_paused else (outcome in (FAILURE, SKIPPED))
@@ -312,6 +312,6 @@ class PauseResumeNode(ControlNode):
         return self.tick_child(self.branches[cells[self.mode]], ticker)
 
     def next_mode(self, ticker: Ticker) -> int:
-        """Go on to the mode after this one, if there is one, and run."""
+        """Switch to the mode after this one, if there is one, and run."""
         ticker.cells[self.mode] = _NEXT[ticker.cells[self.mode]]
         return RUNNING

@@ -1,4 +1,4 @@
-"""Decorators of Nav2: they tick their child now and then, by the clock or by what happens in the world."""
+"""Decorators of Nav2 that tick their child repeatedly, by the clock or by events in the world."""
 
 import math
 from typing import Final
@@ -11,10 +11,10 @@ NO_PERIOD: Final = 0.0
 
 
 class RateNode(DecoratorNode):
-    """Ticks its child when it starts, while that runs, and when a period is over since it last succeeded.
+    """Ticks its child at the start, while the child runs, and a period after the last success.
 
     Attributes:
-        period: The cell with the period, in seconds, that the last start has read.
+        period: The cell with the period, in seconds, as read at the last start.
     """
 
     asks_whether_it_starts = True
@@ -25,7 +25,7 @@ class RateNode(DecoratorNode):
         self.period = part.value(NO_PERIOD)
 
     def ways(self, ticker: Ticker) -> int:
-        """Return whether the time may be over, or not."""
+        """Return the number of possible results of the timer check."""
         waits = not self.starts(ticker) and ticker.cells[self.child.at] != RUNNING
         return self.timer.ways(ticker) if waits else 1
 
@@ -45,13 +45,13 @@ class RateNode(DecoratorNode):
         return super().begin(ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Pass the outcome on; a success begins the next period."""
+        """Pass on the outcome; a success begins the next period."""
         if outcome == SUCCESS:
             self.wait(ticker)
         return self.come_to(ticker, outcome)
 
     def wait(self, ticker: Ticker) -> None:
-        """Begin a period; one without an end is never over."""
+        """Begin a period; an infinite one never ends."""
         period: float = ticker.values[self.period]
         if period == math.inf:
             self.timer.stop(ticker)
@@ -59,16 +59,16 @@ class RateNode(DecoratorNode):
             self.timer.start(period, ticker)
 
     def rest(self, ticker: Ticker) -> None:
-        """Forget how the node has ended, and the period."""
+        """Reset the node's outcome, and the period."""
         super().rest(ticker)
         self.forget(ticker)
 
 
 class SingleTriggerNode(DecoratorNode):
-    """Lets its child end once; ticked again before its parent has reset it, it fails.
+    """Lets its child end once; if it is ticked again before its parent has reset it, it fails.
 
     Attributes:
-        done: The cell with 1 when the child has ended.
+        done: The cell with 1 once the child has ended.
     """
 
     asks_whether_it_starts = True
@@ -84,25 +84,25 @@ class SingleTriggerNode(DecoratorNode):
         return self.come_to(ticker, FAILURE) if ticker.cells[self.done] else super().begin(ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Pass the outcome on."""
+        """Pass on the outcome."""
         if outcome & ENDED:
             ticker.cells[self.done] = 1
         return self.come_to(ticker, outcome)
 
     def rest(self, ticker: Ticker) -> None:
-        """Forget how the node has ended."""
+        """Reset the node's outcome."""
         super().rest(ticker)
         self.forget(ticker)
 
 
 class AskingNode(OwnNode):
-    """A decorator that asks, before it ticks its child, a leaf that represents the world.
+    """A decorator that queries a leaf that represents the world before it ticks its child.
 
     Attributes:
         asked: The leaf.
         child: The child.
-        asking: The cell with 1 while the leaf is in hand.
-        waits: Whether the leaf runs on while it answers RUNNING, as somebody who waits for what comes one day.
+        asking: The cell with 1 while the leaf is ticked.
+        waits: Whether the leaf stays running when it returns RUNNING, because it waits for an event.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -117,7 +117,7 @@ class AskingNode(OwnNode):
         return self.tick_child(self.asked, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the leaf or the child, which are left at rest if they have ended."""
+        """Continue after the leaf or the child, which are reset if they have ended."""
         if ticker.cells[self.asking]:
             ticker.cells[self.asking] = 0
             if outcome != RUNNING or not self.waits:
@@ -128,17 +128,17 @@ class AskingNode(OwnNode):
         return self.come_to(ticker, outcome)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:
-        """Return the outcome, given the answer of the leaf."""
+        """Return the outcome, given the result of the leaf."""
         raise NotImplementedError
 
     def forget(self, ticker: Ticker) -> None:
-        """Ask no more."""
+        """Stop querying."""
         super().forget(ticker)
         self.asked.rest(ticker)
 
 
 class WhenDueNode(AskingNode):
-    """Ticks its child when it starts, while that runs, and when it is due; asks only where that decides."""
+    """Ticks its child at the start, while the child runs, and when it is due; queries the leaf only if that decides."""
 
     asks_whether_it_starts = True
 
@@ -147,7 +147,7 @@ class WhenDueNode(AskingNode):
         self.waits = True
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, or ask whether it is due."""
+        """Tick the child, or query whether it is due."""
         cells, starts = ticker.cells, self.starts(ticker)
         cells[self.at] = RUNNING
         if starts or cells[self.child.at] == RUNNING:
@@ -160,12 +160,12 @@ class WhenDueNode(AskingNode):
 
 
 class DistanceNode(AskingNode):
-    """Ticks its child when it starts, while that runs, and when the robot has driven far enough.
+    """Ticks its child at the start, while the child runs, and when the robot has driven far enough.
 
-    It asks in every tick, and fails if the robot does not know where it is; a child that runs stays as it is then.
+    It queries in every tick, and fails if the robot's position is unknown; a running child is then left unchanged.
 
     Attributes:
-        is_first: The cell with 1 in the first tick of an activation, while it asks.
+        is_first: The cell with 1 in the first tick of an activation, during the query.
     """
 
     asks_whether_it_starts = True
@@ -175,13 +175,13 @@ class DistanceNode(AskingNode):
         self.is_first = part.cell(of_tick=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Ask where the robot is."""
+        """Query the robot's position."""
         ticker.cells[self.is_first] = int(self.starts(ticker))
         ticker.cells[self.at] = RUNNING
         return self.ask(ticker)
 
     def take_answer(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the child if that is due."""
+        """Tick the child if it is due."""
         cells = ticker.cells
         starts, cells[self.is_first] = cells[self.is_first], 0
         if outcome == FAILURE:
@@ -194,10 +194,10 @@ class DistanceNode(AskingNode):
 class LongerPathNode(AskingNode):
     """Succeeds without its child until the path becomes longer close to the goal; then it ticks the child.
 
-    Nothing halts a child that runs when the path is no longer such a one.
+    A running child is not halted when that is no longer the case.
 
     Attributes:
-        seen: The cell with 1 once it has seen a path; it outlasts every end and halt.
+        seen: The cell with 1 once it has seen a path; it is kept after every end and halt.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -205,7 +205,7 @@ class LongerPathNode(AskingNode):
         self.seen = part.cell(keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Ask how long the path is, if there is another one to compare it with."""
+        """Query the length of the path, if there is an earlier path to compare it with."""
         cells = ticker.cells
         cells[self.at] = RUNNING
         if cells[self.seen]:

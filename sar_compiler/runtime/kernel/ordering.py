@@ -5,7 +5,7 @@ from sar_compiler.runtime.kernel.tree_nodes import InTurnNode, NodeBuilder, Tick
 
 
 class OrderedNode(InTurnNode):
-    """Ticks children in order: one with the outcome that hands over is followed by the next, the other end decides.
+    """Ticks children in order: after `hands_over` the next child is ticked; the other result ends the node.
 
     Attributes:
         hands_over: The outcome after which the next child is ticked.
@@ -24,7 +24,7 @@ class OrderedNode(InTurnNode):
 
 
 class ResumingNode(OrderedNode):
-    """One that resumes with the child that was running.
+    """Resumes with the running child.
 
     Attributes:
         skips: The cell with the number of children that were skipped.
@@ -37,7 +37,7 @@ class ResumingNode(OrderedNode):
         self.goes_back: bool = not part.behaviour.keeps_place
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the child in hand."""
+        """Begin with the current child."""
         cells = ticker.cells
         if cells[self.at] != RUNNING:
             cells[self.skips] = 0
@@ -45,7 +45,7 @@ class ResumingNode(OrderedNode):
         return super().begin(ticker)
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after a child that hands over, or is skipped; any other decides."""
+        """Continue after a child that hands over or is skipped; any other outcome decides."""
         if outcome == RUNNING:
             return RUNNING
         cells = ticker.cells
@@ -57,7 +57,7 @@ class ResumingNode(OrderedNode):
         return INVALID
 
     def decide(self, ticker: Ticker, outcome: int) -> int:
-        """End because of the child in hand."""
+        """End because of the current child."""
         cells, index = ticker.cells, ticker.cells[self.position]
         self.tell(ticker, index, outcome)
         cells[self.skips] = 0
@@ -75,10 +75,10 @@ class ResumingNode(OrderedNode):
 
 
 class PausingNode(ResumingNode):
-    """One that also pauses after each child that hands over in its first tick, unless that is the last child.
+    """Also pauses after each child that hands over in its first tick, unless that is the last child.
 
     Attributes:
-        before: The cell with the status of the child in hand before it was ticked.
+        before: The cell with the status of the current child before its tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -86,7 +86,7 @@ class PausingNode(ResumingNode):
         self.before = part.cell()
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the child in hand, whose status is noted."""
+        """Return the index of the current child, whose status is stored."""
         index = super().next_child(ticker)
         if index >= 0:
             ticker.cells[self.before] = ticker.cells[self.children[index].at]
@@ -105,10 +105,10 @@ class PausingNode(ResumingNode):
 
 
 class ReactiveNode(OrderedNode):
-    """One that ticks every child again in each tick.
+    """Ticks every child again in each tick.
 
     Attributes:
-        so_far: The cell with the outcome so far, of this tick.
+        so_far: The cell with the outcome of this tick so far.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -125,7 +125,7 @@ class ReactiveNode(OrderedNode):
         return super().begin(ticker)
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Stop the other children beside one that runs; go on after one that hands over, or is skipped."""
+        """Halt the other children if one runs; continue after one that hands over, or is skipped."""
         cells, children = ticker.cells, self.children
         index = cells[self.position]
         if outcome == RUNNING:
@@ -144,5 +144,5 @@ class ReactiveNode(OrderedNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """End as the last child that was not skipped has."""
+        """End with the outcome of the last child that was not skipped."""
         return self.finish(ticker, ticker.cells[self.so_far])

@@ -13,20 +13,20 @@ _ENDLESS: Final = -1
 
 
 class AgainNode(DecoratorNode):
-    """Ticks its child again after one end, up to a number of times; the other end ends it.
+    """Ticks its child again after one result, up to a maximum number; the other result ends it.
 
     Args:
-        part: What it is built of.
-        times: The port with the number of times; -1 for no end.
+        part: The builder of the node.
+        times: The port with the maximum number; -1 for no limit.
         goes_on: The outcome of the child after which it is ticked again.
-        noun: What a time is called.
+        noun: The noun for a repetition.
 
     Attributes:
-        done: The cell with the number of times so far.
-        wanted: The cell with the number of times that are wanted, and 2 more, in a tick.
+        done: The cell with the number of repetitions so far.
+        wanted: The cell with the maximum number plus 2, in a tick.
         before: The cell with the status of the child before it was ticked, in a tick.
-        fixed: How often it is to be ticked, where that is a constant; else `times` is read in each tick.
-        told: How often one without an end has ticked its child. It makes no difference, so it is in no cell.
+        fixed: The maximum number if it is a constant; else `times` is read in each tick.
+        told: The number of repetitions of a node without a limit. It has no effect, so it is not in a cell.
     """
 
     def __init__(self, part: NodeBuilder, times: Any, goes_on: int, noun: str) -> None:
@@ -41,13 +41,13 @@ class AgainNode(DecoratorNode):
         self.told = 0
 
     def begin(self, ticker: Ticker) -> int:
-        """Read how often the child is to be ticked, and tick it."""
+        """Read the maximum number, and tick the child."""
         wanted: int = self.fixed if self.is_fixed else self.times.get()
         ticker.cells[self.at] = RUNNING
         return self.go_on(ticker, wanted)
 
     def go_on(self, ticker: Ticker, wanted: int) -> int:
-        """Tick the child, if not as often as is wanted yet."""
+        """Tick the child if the maximum number is not reached yet."""
         cells = ticker.cells
         if not self.is_short(ticker, wanted):
             return self.end(ticker, self.goes_on)
@@ -57,7 +57,7 @@ class AgainNode(DecoratorNode):
         return self.tick_child(self.child, ticker)
 
     def is_short(self, ticker: Ticker, wanted: int) -> bool:
-        """Return whether the child is to be ticked once more."""
+        """Return whether the child has to be ticked once more."""
         return wanted == _ENDLESS or ticker.cells[self.done] < wanted
 
     def after(self, ticker: Ticker, outcome: int) -> int:
@@ -80,11 +80,11 @@ class AgainNode(DecoratorNode):
         return self.go_on(ticker, wanted)
 
     def read_again(self, wanted: int) -> int:
-        """Return how often the child is to be ticked, after it has been once more."""
+        """Return the maximum number after another repetition."""
         return wanted
 
     def tell(self, ticker: Ticker, wanted: int) -> None:
-        """Report how often the child has been ticked, as the feedback message."""
+        """Report the number of repetitions as the feedback message."""
         if not ticker.tells:
             return
         number = (self.told if self.endless else ticker.cells[self.done]) + 1
@@ -92,7 +92,7 @@ class AgainNode(DecoratorNode):
         self.behaviour.feedback_message = f"{self.noun} {number}{limit}"
 
     def count(self, ticker: Ticker) -> None:
-        """Count one more time."""
+        """Count one more repetition."""
         if self.endless:
             self.told += 1
         else:
@@ -104,7 +104,7 @@ class AgainNode(DecoratorNode):
         return self.come_to(ticker, outcome)
 
     def forget(self, ticker: Ticker) -> None:
-        """Forget how often the child was ticked."""
+        """Reset the number of repetitions."""
         super().forget(ticker)
         self.told = 0
 
@@ -123,20 +123,20 @@ class RetryNode(AgainNode):
         super().__init__(part, part.behaviour.num_attempts, FAILURE, "attempt")
 
     def read_again(self, wanted: int) -> int:
-        """Return how often the child is to be ticked, after it has been once more."""
+        """Return the maximum number after another repetition."""
         again: int = wanted if self.is_fixed else self.times.get(wanted)
         return again
 
 
 _UNSEEN: Final = 0
-"""In place of a queue that was not read yet."""
+"""A marker in place of a queue that was not read yet."""
 
 
 class LoopNode(DecoratorNode):
-    """Ticks its child once for each item of a queue, of a type that its tag says.
+    """Ticks its child once for each item of a queue, whose type its tag determines.
 
     Attributes:
-        left: The cell with what is left of the queue.
+        left: The cell with the rest of the queue.
         child_runs: The cell with 1 while the child runs.
     """
 
@@ -159,12 +159,12 @@ class LoopNode(DecoratorNode):
         return super().begin(ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Fail if the child did, else run."""
+        """Fail if the child failed, else run."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
         return self.come_to(ticker, FAILURE if outcome == FAILURE else RUNNING)
 
     def end(self, ticker: Ticker) -> int:
-        """Answer what is wanted when no item is left."""
+        """Return the configured outcome when no item is left."""
         behaviour = self.behaviour
         behaviour.feedback_message = "no item left"
         return self.come_to(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
@@ -188,7 +188,7 @@ class LoopNode(DecoratorNode):
         """Return the items of a queue.
 
         Raises:
-            QueueError: If it is none, or one of them has the wrong type.
+            QueueError: If it is not a queue, or an item has the wrong type.
         """
         try:
             return queue_items(held, self.behaviour.kind)
@@ -197,7 +197,7 @@ class LoopNode(DecoratorNode):
             raise QueueError(message, self.behaviour.name) from None
 
     def write(self, raw: object, left: int) -> None:
-        """Write an item to the output, and tell how many are left."""
+        """Write an item to the output, and report the number of remaining ones."""
         behaviour = self.behaviour
         (item,) = self.read([raw])
         if behaviour.value is not None:
@@ -205,7 +205,7 @@ class LoopNode(DecoratorNode):
         behaviour.feedback_message = f"item {excerpt(str(item))}, {left} left"
 
     def shared_queue(self, ticker: Ticker) -> Any:
-        """Look at the queue; return it if others take from it, too, else note what is left of it."""
+        """Return the queue if other nodes take items from it, too, else store the rest of it and return None."""
         if self.literal != _UNSEEN:
             return None
         held = self.behaviour.queue.get()

@@ -11,12 +11,12 @@ _NOWHERE: Final = -2
 
 
 class StockNode(TreeNode):
-    """A composite of py_trees: its children keep their statuses until they are started again or stopped.
+    """A composite of py_trees: its children keep their statuses until they are restarted or stopped.
 
-    It looks at the statuses of its children, not at their outcomes.
+    It uses the statuses of its children, not their outcomes.
 
     Attributes:
-        pointed: The index of the child that is the current one for py_trees, as far as that is known to be so still.
+        pointed: The index of py_trees' current child, if it is still known.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -24,18 +24,18 @@ class StockNode(TreeNode):
         self.pointed = _NOWHERE
 
     def forget(self, ticker: Ticker) -> None:
-        """Forget where the node was; somebody may have stopped the behaviour."""
+        """Reset the node's position, because other code may have stopped the behaviour."""
         super().forget(ticker)
         self.pointed = _NOWHERE
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the children that are not at rest."""
+        """Return the children that are not idle."""
         self.behaviour.current_child = None
         cells = ticker.cells
         return [child for child in reversed(self.children) if cells[child.at] != INVALID]
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Forget which child was in hand, and how the node has ended."""
+        """Reset the current child, and the node's outcome."""
         self.forget(ticker)
         ticker.cells[self.at] = INVALID
 
@@ -50,7 +50,7 @@ class StockSequenceNode(StockNode):
     """A Sequence, with memory or without.
 
     Attributes:
-        position: The cell with the index of the child in hand.
+        position: The cell with the index of the current child.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -59,7 +59,7 @@ class StockSequenceNode(StockNode):
         self.position = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the child that was running, or with the first one."""
+        """Begin with the running child, or with the first one."""
         cells = ticker.cells
         if cells[self.at] != RUNNING:
             stop_all(self.children, ticker)
@@ -70,7 +70,7 @@ class StockSequenceNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand, as long as children succeed; INVALID in place of its outcome if it is to be ticked."""
+        """Continue after the current child while children succeed; the outcome INVALID means that it has to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.position], len(children)
         status = SUCCESS
@@ -86,7 +86,7 @@ class StockSequenceNode(StockNode):
         return self.end(ticker, status)
 
     def end(self, ticker: Ticker, status: int) -> int:
-        """Leave the tick with a status."""
+        """End the tick with a status."""
         cells, index = ticker.cells, ticker.cells[self.position]
         self.point_at(ticker, index)
         if status != SUCCESS and not self.memory:
@@ -100,7 +100,7 @@ class StockSequenceNode(StockNode):
         return SKIPPED if status == INVALID else status
 
     def break_off(self, ticker: Ticker) -> None:
-        """Make the child in hand the current one."""
+        """Make the child at the current index py_trees' current one."""
         self.point_at(ticker, ticker.cells[self.position])
 
 
@@ -108,8 +108,8 @@ class StockSelectorNode(StockNode):
     """A Selector, with memory or without.
 
     Attributes:
-        position: The cell with the index of the child that was running.
-        current: The cell with the index of the child in hand, in a tick.
+        position: The cell with the index of the running child.
+        current: The cell with the index of the current child, in a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -118,7 +118,7 @@ class StockSelectorNode(StockNode):
         self.position, self.current = part.cell(), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the child that was running, or with the first one."""
+        """Begin with the running child, or with the first one."""
         cells = ticker.cells
         if cells[self.at] != RUNNING:
             self.pointed = _NOWHERE
@@ -132,7 +132,7 @@ class StockSelectorNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand, until one does not fail; INVALID in place of its outcome if it is to be ticked."""
+        """Continue after the current child until one does not fail; the outcome INVALID means that it has to be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.current], len(children)
         while index < count:
@@ -150,7 +150,7 @@ class StockSelectorNode(StockNode):
         return FAILURE
 
     def decide(self, ticker: Ticker, status: int) -> int:
-        """Leave the tick because of the child in hand."""
+        """End the tick because of the current child."""
         cells, index = ticker.cells, ticker.cells[self.current]
         self.point_at(ticker, index)
         if index != cells[self.position]:
@@ -165,7 +165,7 @@ class StockParallelNode(StockNode):
     """A Parallel, with any of py_trees' policies.
 
     Attributes:
-        current: The cell with the index of the child in hand, in a tick.
+        current: The cell with the index of the current child, in a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -175,7 +175,7 @@ class StockParallelNode(StockNode):
         policy = behaviour.policy
         self.synchronise: bool = policy.synchronise
         if self.synchronise:
-            # One that has succeeded is not ticked again.
+            # A child that has succeeded is not ticked again.
             for child in part.children:
                 child.heeds_end = True
         self.one_is_enough: bool = isinstance(policy, ParallelPolicy.SuccessOnOne)
@@ -192,19 +192,19 @@ class StockParallelNode(StockNode):
             stop_all(self.children, ticker)
             self.pointed, self.behaviour.current_child = _NOWHERE, None
         if self.synchronise:
-            # One that has succeeded is passed over, unless somebody has stopped it meanwhile.
+            # A child that has succeeded is skipped, unless other code has stopped it.
             for child in self.children:
                 ticker.reach(child)
         cells[self.current] = 0
         return self.go_on(ticker)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
-        """Go on after the child in hand."""
+    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status is used
+        """Continue after the current child."""
         ticker.cells[self.current] += 1
         return self.go_on(ticker)
 
     def go_on(self, ticker: Ticker) -> int:
-        """Tick the children from the one in hand on, then decide."""
+        """Tick the children from the current one on, then decide."""
         cells = ticker.cells
         index = cells[self.current]
         for child in self.children[index:]:
@@ -223,7 +223,7 @@ class StockParallelNode(StockNode):
         return status
 
     def decide(self, ticker: Ticker) -> int:
-        """Return the status after all children were ticked; the child that decides is the current one."""
+        """Return the status after all children were ticked; the decisive child is the current one."""
         cells, children = ticker.cells, self.children
         for index, child in enumerate(children):
             if cells[child.at] == FAILURE:
@@ -245,7 +245,7 @@ class StockParallelNode(StockNode):
         return SUCCESS
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the children that are not at rest; those that run come before the others."""
+        """Return the children that are not idle, the running ones first."""
         cells = ticker.cells
         children = super().stop_first(ticker)
         ended = [child for child in children if cells[child.at] != RUNNING]
@@ -253,7 +253,7 @@ class StockParallelNode(StockNode):
 
 
 def stop_all(children: list[TreeNode], ticker: Ticker) -> None:
-    """Stop the children that are not at rest."""
+    """Stop the children that are not idle."""
     cells = ticker.cells
     for child in children:
         if cells[child.at] != INVALID:

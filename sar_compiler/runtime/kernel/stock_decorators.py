@@ -1,6 +1,6 @@
-"""py_trees' own decorators: what they make of their child's status is their own `update`, which is called.
+"""py_trees' own decorators, whose own `update` methods convert the status of the child.
 
-What such a decorator remembers between two ticks is moved between its attributes and cells.
+The state of such a decorator between two ticks is moved between its attributes and cells.
 """
 
 from collections.abc import Iterable
@@ -37,18 +37,18 @@ TURNING: tuple[type, ...] = (
     decorators.SuccessIsFailure,
     decorators.SuccessIsRunning,
 )
-"""The classes of py_trees that do nothing but to make another status of their child's."""
+"""The classes of py_trees that only convert the status of their child."""
 
 
 class StockDecoratorNode(TreeNode):
     """A decorator of py_trees.
 
     Attributes:
-        turns: Whether its class does nothing but to make another status of the child's.
-        turned: What it has made of each status; CALLED where that is not known yet.
-        heard_status, heard_message: What the child had come to, and said, when its class was asked last; CALLED where that is not known.
-        made, message: The status and the message that it made of them.
-        terminates: Whether its class has a `terminate` of its own.
+        turns: Whether its class only converts the status of the child.
+        turned: The conversion of each status; CALLED if it is not known yet.
+        heard_status, heard_message: The child's status and message at the last call of `update`; CALLED if unknown.
+        made, message: The resulting status and message.
+        terminates: Whether its class defines `terminate`.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -68,8 +68,8 @@ class StockDecoratorNode(TreeNode):
         outcome = self.child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
-    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status counts
-        """Make a status of the child's."""
+    def resume(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - the status is used
+        """Convert the child's status."""
         cells, child = ticker.cells, self.child
         status = self.update(ticker)
         if status != RUNNING:
@@ -87,14 +87,14 @@ class StockDecoratorNode(TreeNode):
         return [self.child]
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Forget how the node has ended."""
+        """Reset the node's outcome."""
         ticker.cells[self.at] = INVALID
 
     def start(self, ticker: Ticker) -> None:
-        """Do what the `initialise` of its class does."""
+        """Do the work of its class's `initialise`."""
 
     def update(self, ticker: Ticker) -> int:
-        """Return what the `update` of its class makes of the child's status."""
+        """Return the result of its class's `update` for the child's status."""
         status = ticker.cells[self.child.at]
         if not self.turns:
             return self.call_update(ticker, status)
@@ -105,7 +105,7 @@ class StockDecoratorNode(TreeNode):
         return self.turned[status]
 
     def update_and_tell(self, ticker: Ticker, status: int) -> int:
-        """Return what its class makes of the child's status; it is asked again only where the child says something else."""
+        """Return the conversion of the child's status; `update` is called again only for a new status or message."""
         behaviour, said = self.behaviour, self.child.behaviour.feedback_message
         is_known = status == self.heard_status and said is self.heard_message
         if not is_known or behaviour.feedback_message is not self.message:
@@ -120,16 +120,16 @@ class StockDecoratorNode(TreeNode):
         return ticker.number_of(self.behaviour, self.behaviour.update())
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
-        """Do what the `terminate` of its class does."""
+        """Do the work of its class's `terminate`."""
         if self.terminates:
             self.behaviour.terminate(STATUSES[status])
 
 
 class StockCountingNode(StockDecoratorNode):
-    """One that counts ends of its child.
+    """Counts results of its child.
 
     Attributes:
-        count: The cell with the count; one that has no end does not have to remember it.
+        count: The cell with the count; a node without a limit does not need it.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -138,11 +138,11 @@ class StockCountingNode(StockDecoratorNode):
         self.known: dict[int, int] = {}
 
     def attribute(self) -> str:
-        """Return the attribute that holds the count; empty if there is no need to remember it."""
+        """Return the attribute with the count; empty if it is not needed."""
         raise NotImplementedError
 
     def start(self, ticker: Ticker) -> None:
-        """Begin to count."""
+        """Start to count."""
         self.behaviour.initialise()
         ticker.cells[self.count] = 0
 
@@ -163,14 +163,14 @@ class StockCountingNode(StockDecoratorNode):
         return known % len(STATUSES)
 
     def count_on(self, ticker: Ticker, attribute: str) -> int:
-        """Have the behaviour count and decide."""
+        """Let the behaviour count and decide."""
         setattr(self.behaviour, attribute, ticker.cells[self.count])
         status = super().update(ticker)
         ticker.cells[self.count] = getattr(self.behaviour, attribute)
         return status
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
-        """Forget the count."""
+        """Reset the count."""
         self.forget(ticker)
 
 
@@ -178,7 +178,7 @@ class StockRepeatNode(StockCountingNode):
     """A Repeat."""
 
     def attribute(self) -> str:
-        """Return the attribute that holds the count."""
+        """Return the attribute with the count."""
         return "success" if self.behaviour.num_success > 0 else ""
 
 
@@ -186,7 +186,7 @@ class StockRetryNode(StockCountingNode):
     """A Retry."""
 
     def attribute(self) -> str:
-        """Return the attribute that holds the count."""
+        """Return the attribute with the count."""
         return "failures"
 
 
@@ -194,7 +194,7 @@ class StockGuardNode(StockDecoratorNode):
     """An EternalGuard."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child if the condition holds."""
+        """Tick the child if the condition is true."""
         if self.holds():
             return super().begin(ticker)
         if ticker.cells[self.child.at] == RUNNING:
@@ -203,12 +203,12 @@ class StockGuardNode(StockDecoratorNode):
         return FAILURE
 
     def holds(self) -> bool:
-        """Return whether the condition holds."""
+        """Return whether the condition is true."""
         result = self.behaviour.condition()
         if isinstance(result, Status):
             return result is not _FAILURE
         if not isinstance(result, bool):
-            message = f"'{self.behaviour.name}': its condition has to answer with a bool or a status, not with {result!r}"
+            message = f"'{self.behaviour.name}': its condition must return a bool or a status, not {result!r}"
             raise RuntimeError(message)  # noqa: TRY004 - what py_trees raises
         return result
 
@@ -217,7 +217,7 @@ class StockOneShotNode(StockDecoratorNode):
     """A OneShot.
 
     Attributes:
-        final: The cell with the outcome of its child, which is kept for good, whatever is stopped.
+        final: The cell with the final outcome of its child, which is never reset.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -237,11 +237,11 @@ class StockOneShotNode(StockDecoratorNode):
         return final
 
     def update(self, ticker: Ticker) -> int:
-        """Return the child's status, as its class does while it keeps none."""
+        """Return the child's status, as its class does before there is a final outcome."""
         return super().update(ticker) if ticker.tells else ticker.cells[self.child.at]
 
     def terminate(self, ticker: Ticker, status: int) -> None:
-        """Keep an outcome that counts."""
+        """Keep a final outcome."""
         if ticker.cells[self.final] == INVALID and status in self.counts:
             self.behaviour.feedback_message = "oneshot completed"
             ticker.cells[self.final] = status
@@ -250,11 +250,11 @@ class StockOneShotNode(StockDecoratorNode):
 
 
 class StockForEachNode(StockDecoratorNode):
-    """A ForEach; it takes the items of its list when it starts, whatever happens to that list.
+    """A ForEach; it copies the items of its list at its start.
 
     Attributes:
-        waiting: The cell with the items that are left.
-        has_item: The cell with 1 while an item is in hand.
+        waiting: The cell with the remaining items.
+        has_item: The cell with 1 while there is a current item.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -262,11 +262,13 @@ class StockForEachNode(StockDecoratorNode):
         self.waiting, self.has_item = part.value(()), part.cell()
 
     def start(self, ticker: Ticker) -> None:
-        """Take the items."""
+        """Copy the items."""
         behaviour = self.behaviour
         items: Any = behaviour.blackboard.get(behaviour.source_key) or []
         if not isinstance(items, Iterable):
-            message = f"'{behaviour.name}': '{behaviour.source_key}' holds {items!r}, which is no list"
+            message = (
+                f"'{behaviour.name}': '{behaviour.source_key}' has the value {items!r}, which is not a list"
+            )
             raise TypeError(message)
         ticker.values[self.waiting] = tuple(freeze(item) for item in items)
         self.advance(ticker)
@@ -294,12 +296,12 @@ class StockForEachNode(StockDecoratorNode):
         return cells[self.child.at]
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
-        """Forget the items."""
+        """Remove the items."""
         self.forget(ticker)
 
 
 class StockTimeoutNode(StockDecoratorNode):
-    """A Timeout of py_trees', on the mission's clock."""
+    """A Timeout of py_trees, with the mission's clock."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
@@ -311,7 +313,7 @@ class StockTimeoutNode(StockDecoratorNode):
         self.behaviour.feedback_message = ""
 
     def update(self, ticker: Ticker) -> int:
-        """Fail if the child runs and the time is over."""
+        """Fail if the child runs and the time has expired."""
         behaviour, status = self.behaviour, ticker.cells[self.child.at]
         if status != RUNNING:
             behaviour.feedback_message = ""

@@ -1,4 +1,4 @@
-"""Which node ticks a behaviour of which class."""
+"""The node classes for the classes of behaviours."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ STOCK: dict[type[Behaviour], NodeClass] = {
     composites.Sequence: stock_composites.StockSequenceNode,
     composites.Selector: stock_composites.StockSelectorNode,
     composites.Parallel: stock_composites.StockParallelNode,
-    # What Count counts makes no difference to any tick.
+    # The counts of Count affect no tick.
     **dict.fromkeys(
         (*stock_decorators.TURNING, decorators.Count, decorators.StatusToBlackboard),
         stock_decorators.StockDecoratorNode,
@@ -36,14 +36,14 @@ STOCK: dict[type[Behaviour], NodeClass] = {
     behaviours.SuccessEveryN: leaf_nodes.SuccessEveryNNode,
     behaviours.TickCounter: leaf_nodes.TickCounterNode,
 }
-"""The node of each class of py_trees that is known."""
+"""The node class of each known class of py_trees."""
 
 if not IS_2_3:
     STOCK[decorators.ForEach] = stock_decorators.StockForEachNode
 
 
 class NotFlatError(UndecidableError):
-    """A tree has a node whose rules the kernel does not know.
+    """A tree has a node whose ticking rules are unknown to the kernel.
 
     Attributes:
         behaviour: The node.
@@ -53,8 +53,8 @@ class NotFlatError(UndecidableError):
         self.behaviour = behaviour
         cls = type(behaviour)
         message = (
-            f"'{behaviour.name}' is a {cls.__module__}.{cls.__qualname__}, and only its own methods know when it "
-            "ticks and stops its children; put nodes of the library in its place, or make it a leaf"
+            f"'{behaviour.name}' is a {cls.__module__}.{cls.__qualname__}, and only its own methods define when it "
+            "ticks and stops its children: replace it by nodes of the library, or by a leaf"
         )
         super().__init__(message)
 
@@ -63,7 +63,7 @@ def known_node(part: NodeBuilder) -> TreeNode:
     """Build the node of a behaviour.
 
     Raises:
-        NotFlatError: If it is no leaf and its class is not known; a subclass of one of py_trees' is not known.
+        NotFlatError: If it is not a leaf and its class is unknown, such as a subclass of a py_trees class.
     """
     behaviour = part.behaviour
     cls = node_class_of(behaviour)
@@ -73,7 +73,7 @@ def known_node(part: NodeBuilder) -> TreeNode:
 
 
 def node_class_of(behaviour: Behaviour) -> NodeClass | None:
-    """Return what builds the node of a behaviour; None if only its own methods know its rules."""
+    """Return the builder of a behaviour's node; None if only its own methods define its rules."""
     cls = type(behaviour)
     known = STOCK.get(cls)
     if known is not None and "update" not in vars(behaviour):
@@ -91,10 +91,10 @@ def node_class_of(behaviour: Behaviour) -> NodeClass | None:
 
 
 def is_known_class(cls: type[Behaviour]) -> bool:
-    """Return whether it is known when a control or decorator of a class ticks and stops its children."""
+    """Return whether the rules are known by which a control or decorator of a class ticks and stops its children."""
     if not issubclass(cls, EngineBehaviour):
         return cls in STOCK
-    # One derived from a class of ours does as that does, unless it ticks or stops otherwise.
+    # A class derived from one of this project has the same rules, unless it overrides tick or stop.
     does_as_ours = cls.tick is EngineBehaviour.tick and cls.stop is EngineBehaviour.stop
     return does_as_ours and (
         cls.node_class is not None or getattr(cls, "begin", None) is not EngineParent.begin
@@ -102,13 +102,13 @@ def is_known_class(cls: type[Behaviour]) -> bool:
 
 
 def flatten(root: Behaviour, node_of: NodeClass = known_node) -> FlatTree:
-    """Bring a tree into flat form.
+    """Convert a tree to flat form.
 
     Args:
         root: Its root, set up.
-        node_of: Builds the node of a behaviour.
+        node_of: Function that builds the node of a behaviour.
 
     Raises:
-        NotFlatError: If it has a composite or a decorator whose rules are not known.
+        NotFlatError: If it has a composite or a decorator with unknown rules.
     """
     return flat_tree(root, node_of)

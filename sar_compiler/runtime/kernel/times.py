@@ -1,14 +1,14 @@
-"""How a tree measures time."""
+"""Time measurement of a tree."""
 
 from collections.abc import Callable
 from typing import Any
 
 
 class Times:
-    """The timers of a tree's nodes. What is known of a timer is its token, which a cell holds."""
+    """The timers of a tree's nodes; the state of a timer is its token, which a cell holds."""
 
     def ways(self) -> int:
-        """Return in how many ways a look at a timer that counts may end."""
+        """Return the number of possible results of checking a running timer."""
         return 1
 
     def start(self, index: int, seconds: float) -> Any:
@@ -16,7 +16,7 @@ class Times:
 
         Args:
             index: The node's index.
-            seconds: After how many seconds it is up; with 0 or less it is up at once.
+            seconds: The time in seconds after which it expires; with 0 or less, it expires at once.
 
         Returns:
             The token.
@@ -24,16 +24,16 @@ class Times:
         raise NotImplementedError
 
     def is_up(self, index: int, token: Any) -> bool:
-        """Return whether the time of a node's timer is over."""
+        """Return whether a node's timer has expired."""
         raise NotImplementedError
 
     def remaining(self, index: int, token: Any) -> float:
-        """Return how many seconds are left, 0 at the end; asked only where somebody reads what nodes tell of themselves."""
+        """Return the remaining seconds, 0 at the end; called only if the nodes' messages are read."""
         raise NotImplementedError
 
 
 class _SteadyClock:
-    """A clock that stands still while the one that it follows goes back."""
+    """A clock that stops while the underlying clock goes back."""
 
     def __init__(self, clock: Any) -> None:
         self._clock = clock
@@ -49,14 +49,14 @@ class _SteadyClock:
 
 
 class ClockTimes(Times):
-    """Timers on clocks that may stand still, and may go back.
+    """Timers for clocks that may stop, and may go back.
 
-    A clock that goes back counts as one that stood still: what had passed stays passed, and nothing has to be
-    waited for twice. A clock that leaps forward is believed. A token is the end of a timer, in seconds of the clock as
-    it would be if it had never gone back.
+    A clock that goes back is treated as stopped: elapsed time stays elapsed, and nothing has to be waited for twice.
+    A clock that jumps forward is accepted. A token is the end of a timer, in seconds of the clock as it would be without
+    going back.
 
     Args:
-        clock_of: Returns the clock of a node, by its index.
+        clock_of: Function that returns the clock of a node, by its index.
     """
 
     def __init__(self, clock_of: Callable[[int], Any]) -> None:
@@ -69,11 +69,11 @@ class ClockTimes(Times):
         return self._now(index) + seconds
 
     def is_up(self, index: int, token: Any) -> bool:
-        """Return whether the time of a node's timer is over."""
+        """Return whether a node's timer has expired."""
         return bool(self._now(index) >= token)
 
     def remaining(self, index: int, token: Any) -> float:
-        """Return how many seconds are left, 0 at the end."""
+        """Return the remaining seconds, 0 at the end."""
         return max(float(token) - self._now(index), 0.0)
 
     def _now(self, index: int) -> float:

@@ -17,26 +17,26 @@ _CLOSE: Final = 1e-6
 
 
 class DurationError(NodeError):
-    """A node is to wait for less than no time."""
+    """A node has a negative waiting time."""
 
 
 def seconds_of(behaviour: Any, port: str) -> float:
-    """Return how long a node is to wait, in seconds.
+    """Return the waiting time of a node, in seconds.
 
     Raises:
-        DurationError: If that is less than no time.
+        DurationError: If it is negative.
     """
     milliseconds: int = getattr(behaviour, port).get()
     if milliseconds < 0:
-        message = f"'{behaviour.name}' is to wait {milliseconds} milliseconds; {port} is 0 or more"
+        message = f"'{behaviour.name}' cannot wait {milliseconds} milliseconds: write 0 or more as {port}"
         raise DurationError(message, behaviour.name)
     return milliseconds / _MILLISECONDS
 
 
 class Countdown:
-    """A node's timer: a cell with what it does, and one with its token while it counts.
+    """A node's timer: a cell with its state, and one with its token while it runs.
 
-    It is not asked again once it was up.
+    It is not checked again after it has expired.
 
     Args:
         part: The node.
@@ -46,52 +46,52 @@ class Countdown:
         self.index = part.index
         self.state = part.cell(OFF)
         self.token = part.value(0)
-        # What was told last, and of how many tenths of a second: a tree may tick thousands of times in one.
+        # The last message, and its tenths of a second: a tree may tick thousands of times in one.
         self.tenths = -1
         self.told = ""
 
     def start(self, seconds: float, ticker: Ticker) -> None:
-        """Begin to count from a number of seconds."""
+        """Start the timer with a number of seconds."""
         ticker.cells[self.state] = COUNTING
         ticker.values[self.token] = ticker.times.start(self.index, seconds)
 
     def is_up(self, ticker: Ticker) -> bool:
-        """Return whether the time is over."""
+        """Return whether the time has expired."""
         counts = ticker.cells[self.state] == COUNTING
         if counts and ticker.times.is_up(self.index, ticker.values[self.token]):
             self.stop(ticker, UP)
         return ticker.cells[self.state] == UP
 
     def ways(self, ticker: Ticker) -> int:
-        """Return in how many ways it may go on to count."""
+        """Return the number of possible results of the next check."""
         return ticker.times.ways() if ticker.cells[self.state] == COUNTING else 1
 
     def left(self, ticker: Ticker) -> str:
-        """Return the feedback message about the time that is left."""
+        """Return the feedback message about the remaining time."""
         if not ticker.tells:
             return ""
         seconds = ticker.times.remaining(self.index, ticker.values[self.token])
         tenths = int(seconds * _TENTHS + _HALF)
-        # Halfway between two tenths, the digits that are printed depend on more than this sum.
+        # Halfway between two tenths, the printed digits depend on more than this sum.
         if tenths != self.tenths or abs(seconds * _TENTHS + _HALF - tenths) < _CLOSE:
             self.tenths, self.told = tenths, f"remaining: {seconds:.1f}s"
         return self.told
 
     def stop(self, ticker: Ticker, state: int = OFF) -> None:
-        """Count no more."""
+        """Stop the timer."""
         ticker.cells[self.state] = state
         ticker.values[self.token] = 0
 
 
 class TimedNode(DecoratorNode):
-    """A decorator with a timer, which counts while the node runs."""
+    """A decorator with a timer, which runs while the node runs."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
 
     def ways(self, ticker: Ticker) -> int:
-        """Return whether the time may be over, or not."""
+        """Return the number of possible results of the timer check."""
         return self.timer.ways(ticker)
 
 
@@ -99,7 +99,7 @@ class DelayNode(TimedNode):
     """Waits before it ticks its child for the first time."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child if the time is over."""
+        """Tick the child if the time has expired."""
         behaviour, timer = self.behaviour, self.timer
         if ticker.cells[timer.state] == OFF:
             seconds = seconds_of(behaviour, "delay_msec")
@@ -113,17 +113,17 @@ class DelayNode(TimedNode):
         return self.come_to(ticker, RUNNING)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Pass the outcome on; after an end, the next start waits again."""
+        """Pass on the outcome; after an end, the next start waits again."""
         if outcome & ENDED:
             self.timer.stop(ticker)
         return self.come_to(ticker, outcome)
 
 
 class TimeoutNode(TimedNode):
-    """Fails if its child is still running after a time; the child is halted without another tick."""
+    """Fails if its child is still running after a time limit; the child is halted without another tick."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless it runs and its time is over."""
+        """Tick the child, unless it runs and its time has expired."""
         cells, timer = ticker.cells, self.timer
         if cells[timer.state] == OFF:
             self.start(ticker)
@@ -136,7 +136,7 @@ class TimeoutNode(TimedNode):
         return self.tick_child(self.child, ticker)
 
     def start(self, ticker: Ticker) -> None:
-        """Start the timer; with no seconds at all there is no limit."""
+        """Start the timer; zero seconds mean no limit."""
         seconds = seconds_of(self.behaviour, "msec")
         if seconds:
             self.timer.start(seconds, ticker)
@@ -152,7 +152,7 @@ class TimeoutNode(TimedNode):
         return self.come_to(ticker, FAILURE)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Pass the outcome on."""
+        """Pass on the outcome."""
         if outcome & ENDED:
             self.timer.stop(ticker)
             self.behaviour.feedback_message = ""
@@ -160,18 +160,18 @@ class TimeoutNode(TimedNode):
 
 
 class SleepNode(ChildlessNode):
-    """A leaf that waits, then succeeds; it tells nothing any more when it is stopped."""
+    """A leaf that waits, then succeeds; its message is cleared when it is stopped."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
 
     def ways(self, ticker: Ticker) -> int:
-        """Return whether the time may be over, or not; it may be as soon as it has started."""
+        """Return the number of possible results of the timer check; the time may expire at the start."""
         return ticker.times.ways()
 
     def begin(self, ticker: Ticker) -> int:
-        """Look at the time."""
+        """Check the time."""
         cells, timer = ticker.cells, self.timer
         if cells[self.at] != RUNNING:
             timer.start(self.seconds(), ticker)
@@ -190,24 +190,24 @@ class SleepNode(ChildlessNode):
         self.silence()
 
     def seconds(self) -> float:
-        """Return how long to wait, in seconds."""
+        """Return the waiting time, in seconds."""
         return seconds_of(self.behaviour, "msec")
 
     def tell(self, ticker: Ticker, left: str) -> None:
-        """Set the feedback message to the time that is left; empty at the end."""
+        """Set the feedback message to the remaining time; empty at the end."""
         if ticker.tells:
             self.behaviour.feedback_message = left
 
     def silence(self) -> None:
-        """Tell nothing any more, because the node is stopped."""
+        """Clear the message, because the node is stopped."""
         self.behaviour.feedback_message = ""
 
 
 class TimerNode(SleepNode):
-    """A Timer, which tells what py_trees' own does, and goes on telling it when it is stopped."""
+    """A Timer with the messages of py_trees' own, which it keeps when it is stopped."""
 
     def seconds(self) -> float:
-        """Return how long to run, in seconds."""
+        """Return the time to run, in seconds."""
         return float(self.behaviour.duration)
 
     def tell(self, ticker: Ticker, left: str) -> None:
@@ -218,4 +218,4 @@ class TimerNode(SleepNode):
         behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 
     def silence(self) -> None:
-        """Go on telling it."""
+        """Keep the message."""

@@ -1,4 +1,4 @@
-"""A compiled tree in flat form: nodes, and the cells that hold all that they remember."""
+"""A compiled tree in flat form: nodes, and the cells with their state."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -10,16 +10,16 @@ from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import CellLayout, NodeBuilder, Ticker, TreeNode
 
 _MANY: Final = 2
-"""A count of writes that represents all larger ones. After 1 an entry may be removed, and written once more."""
+"""A number of writes that represents all larger ones. After 1, an entry may be removed and written once more."""
 _LONG_AGO: Final = -1
-"""A count of writes that does not come again."""
+"""A number of writes that does not occur again."""
 
 
 class FlatTree:
     """A tree whose whole state is in cells that can be copied.
 
-    It calls the leaves as the tree of py_trees that it is made of does, in the same order. That tree and its
-    leaves are the same objects.
+    It calls the leaves in the same order as the py_trees tree that it was made from. That tree and its leaves are the
+    same objects.
 
     Attributes:
         nodes: The nodes, in pre-order.
@@ -28,7 +28,7 @@ class FlatTree:
     def __init__(self, nodes: list[TreeNode], layout: CellLayout) -> None:
         self.nodes = nodes
         self._layout = layout
-        # The nodes whose status is another node's.
+        # The nodes that share the status of another node.
         self._shared: list[TreeNode] = [node for node in nodes if node.index != node.at]
         watched: dict[tuple[Any, str], list[int]] = {}
         for entry, cell in layout.watched:
@@ -37,17 +37,17 @@ class FlatTree:
         self._watched = watched
 
     def ticker(self, times: Times) -> Ticker:
-        """Return what ticks the tree, which was never ticked."""
+        """Return a ticker for the tree, which must not have been ticked."""
         return Ticker(vec[i32](self._layout.cells), list(self._layout.values), times)
 
     def renumber(self, ticker: Ticker) -> None:
-        """Keep the counts of writes to entries small, so that equal states compare equal.
+        """Keep the numbers of writes to entries small, so that equal states compare equal.
 
-        A node that waits for news of an entry compares how often it was written. Both numbers grow for ever, and
-        only whether they differ counts.
+        A node that waits for a write compares the entry's number of writes with a stored one. Both grow without limit, and
+        only their equality is used.
 
         Args:
-            ticker: What ticks the tree, after a tick; its cells are changed, and so are the counts on the board.
+            ticker: The ticker of the tree, after a tick; its cells and the numbers on the board are changed.
         """
         cells = ticker.cells
         for (board, name), numbers in self._watched.items():
@@ -62,7 +62,7 @@ class FlatTree:
             board.restamp(name, stamp)
 
     def share(self, ticker: Ticker) -> None:
-        """Copy the statuses of nodes that are one with another."""
+        """Copy the statuses of nodes that share one with another."""
         cells = ticker.cells
         for node in self._shared:
             cells[node.index] = cells[node.at]
@@ -77,12 +77,12 @@ def children_of(behaviour: Any) -> list[Any]:
 def flat_tree(
     root: Any, node_of: Callable[[NodeBuilder], TreeNode], below: Callable[[Any], list[Any]] = children_of
 ) -> FlatTree:
-    """Bring a tree into flat form.
+    """Convert a tree to flat form.
 
     Args:
         root: Its root, set up.
-        node_of: Builds the node of a behaviour.
-        below: Returns the children of a behaviour that are part of the tree.
+        node_of: Function that builds the node of a behaviour.
+        below: Function that returns the children of a behaviour that are part of the tree.
     """
     behaviours: list[Any] = []
     parents: list[int] = []

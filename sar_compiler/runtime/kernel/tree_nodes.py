@@ -1,7 +1,7 @@
-"""Nodes: what each behaviour does in a tick, and what ticks them.
+"""Nodes, which define the behaviour of each tree node in a tick, and the ticker that runs them.
 
-A node is ticked without generators and without recursion. One without children is ticked by `tick` alone. One with
-children says in `begin` and `resume` which child it needs next, and the `Ticker` keeps those that wait on a stack.
+A node is ticked without generators and without recursion. A node without children is ticked by `tick` alone. A node with
+children returns the next child in `begin` and `resume`, and the `Ticker` keeps the waiting nodes on a stack.
 """
 
 from collections.abc import Hashable
@@ -22,9 +22,9 @@ class CellLayout:
     """The cells of a tree while its nodes are built.
 
     Attributes:
-        cells: The first content of each cell with a number; the first cells are the statuses of the nodes.
-        values: The first content of each cell with another value.
-        watched: The entries of which nodes compare how often they were written, with the cells that hold a count.
+        cells: The initial value of each numeric cell; the first cells are the statuses of the nodes.
+        values: The initial value of each other cell.
+        watched: The entries whose numbers of writes nodes compare, with the cells that hold such a number.
     """
 
     def __init__(self, count: int) -> None:
@@ -34,13 +34,13 @@ class CellLayout:
 
 
 class NodeBuilder:
-    """A node that is to be built.
+    """The builder of a node.
 
     Args:
         index: Its index in the tree.
         at: The cell of its status.
         behaviour: The behaviour.
-        children: Its children, which are built already.
+        children: Its children, which are already built.
         layout: The cells of the tree.
     """
 
@@ -57,12 +57,12 @@ class NodeBuilder:
         self.of_tick: list[int] = []
 
     def cell(self, first: int = 0, *, keeps: bool = False, of_tick: bool = False) -> int:
-        """Add a cell with a number that is 0 or more; return its index.
+        """Add a cell with a non-negative number, and return its index.
 
         Args:
-            first: What it holds at first.
-            keeps: Whether it goes on holding what it does when the node ends or is halted; else it is 0 from then on.
-            of_tick: Whether it is 0 as well after a tick that is broken off.
+            first: The initial value.
+            keeps: Whether it is kept when the node ends or is halted; else it becomes 0.
+            of_tick: Whether it also becomes 0 after an aborted tick.
         """
         cells = self.layout.cells
         cells.append(first)
@@ -74,11 +74,11 @@ class NodeBuilder:
         return index
 
     def value(self, first: Hashable, *, keeps: bool = False) -> int:
-        """Add a cell with any other value that can be hashed; return its index.
+        """Add a cell with any other hashable value, and return its index.
 
         Args:
-            first: What it holds at first.
-            keeps: As that of `cell`; else it is the first value from then on.
+            first: The initial value.
+            keeps: As for `cell`; else it becomes the initial value.
         """
         values = self.layout.values
         values.append(first)
@@ -87,28 +87,28 @@ class NodeBuilder:
         return len(values) - 1
 
     def watch(self, entry: Any, cell: int) -> None:
-        """Register a cell that holds how often an entry had been written when the node looked at it last."""
+        """Register a cell with the entry's number of writes at the node's last check."""
         self.layout.watched.append((entry, cell))
 
 
 class TreeNode:
-    """What a behaviour does in a tick, and how it is stopped.
+    """Define how a behaviour is ticked and stopped.
 
     Args:
-        part: What it is built of.
+        part: The builder.
 
     Attributes:
         index: Its index in the tree.
         at: The cell of its status.
         behaviour: The behaviour.
         children: Its children.
-        around: The node whose child it is; None for the root.
-        is_skippable: Whether the behaviour tells that it was skipped.
-        heeds_end: Whether it matters, while the node does not run, if and how it has ended. It does not where each start is
-            as the first.
-        shows_itself: Whether the node gives its behaviour its status whenever that changes.
+        around: Its parent; None for the root.
+        is_skippable: Whether the behaviour records that it was skipped.
+        heeds_end: Whether its last outcome matters while it does not run. It does not matter if each start is like
+            the first.
+        shows_itself: Whether the node updates its behaviour's status on every change.
         reached: The number of the tick in which the node was reached last, see `Ticker.reach`.
-        first_cell, last_cell, first_value, last_value: Where the cells of its own begin, and the first behind them.
+        first_cell, last_cell, first_value, last_value: The start of its own cells, and the first one after them.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -127,12 +127,12 @@ class TreeNode:
         self._of_tick = part.of_tick
 
     def tick(self, ticker: "Ticker") -> int:
-        """Return the outcome of a tick; CALLED, and itself in `ticker.called`, if that takes more than this call."""
+        """Return the outcome of a tick; CALLED, and itself in `ticker.called`, if it needs more than this call."""
         ticker.called = self
         return CALLED
 
     def ways(self, ticker: "Ticker") -> int:  # noqa: ARG002
-        """Return in how many ways the node may begin a tick, as far as that is known before: it saves time, no more."""
+        """Return the number of ways in which the node may begin a tick, if known in advance; only an optimisation."""
         return 1
 
     def begin(self, ticker: "Ticker") -> int:
@@ -140,37 +140,37 @@ class TreeNode:
         raise NotImplementedError
 
     def resume(self, ticker: "Ticker", outcome: int) -> int:
-        """Go on with a tick.
+        """Continue a tick.
 
         Args:
-            ticker: What ticks the node.
+            ticker: The ticker.
             outcome: The outcome of the child that was called.
 
         Returns:
-            As `begin`.
+            As for `begin`.
         """
         raise NotImplementedError
 
     def break_off(self, ticker: "Ticker") -> None:
-        """Do what is left to do when a tick is broken off because a node below has raised: forget what is of the tick."""
+        """Clean up when a tick is aborted because a descendant has raised an error: reset the cells of the tick."""
         cells = ticker.cells
         for cell in self._of_tick:
             cells[cell] = 0
 
     def stop(self, ticker: "Ticker") -> None:
-        """Stop the node as `Behaviour.stop(Status.INVALID)` does, whatever its status is."""
+        """Stop the node like `Behaviour.stop(Status.INVALID)`, whatever its status is."""
         ticker.stop(self)
 
     def stop_first(self, ticker: "Ticker") -> "list[TreeNode]":
-        """Begin to stop a node with children; return those that are to be stopped, the last one first."""
+        """Begin to stop a node with children; return the children to stop, the last one first."""
         raise NotImplementedError
 
     def stop_last(self, ticker: "Ticker") -> None:
-        """Stop a node with children, after these."""
+        """Stop a node with children, after its children."""
         raise NotImplementedError
 
     def forget(self, ticker: "Ticker") -> None:
-        """Forget where the node was: all that its cells hold, but for those that keep it."""
+        """Reset the node's own cells, except for those that keep their values."""
         cells = ticker.cells
         for cell in self._forgotten:
             cells[cell] = 0
@@ -178,20 +178,20 @@ class TreeNode:
             ticker.values[place] = first
 
     def rest(self, ticker: "Ticker") -> None:
-        """Forget how the node has ended."""
+        """Reset the node's outcome."""
         ticker.cells[self.at] = INVALID
         if ticker.is_live:
             self.behaviour.status = _INVALID
 
     def show(self, cells: vec[i32]) -> None:
-        """Give the behaviour the status that the cells say."""
+        """Set the behaviour's status from the cells."""
         status: Any = STATUSES[cells[self.at]]
         if self.behaviour.status is not status:
             self.behaviour.status = status
 
 
 class ChildlessNode(TreeNode):
-    """A node without children, which is ticked in passing unless all nodes are ticked step by step."""
+    """A node without children, which is ticked directly unless all nodes are ticked step by step."""
 
     def tick(self, ticker: "Ticker") -> int:
         """Tick the node."""
@@ -201,29 +201,29 @@ class ChildlessNode(TreeNode):
         return self.begin(ticker)
 
     def stop(self, ticker: "Ticker") -> None:
-        """Bring the node to rest, whatever its status is."""
+        """Reset the node, whatever its status is."""
         ticker.reach(self)
         self.forget(ticker)
         ticker.cells[self.at] = INVALID
 
 
 class ChoosingNode(TreeNode):
-    """A node without children that may go on in several ways; it is ticked in passing where there is one."""
+    """A node without children with several possible continuations; it is ticked directly if there is one."""
 
     def tick(self, ticker: "Ticker") -> int:
-        """Tick the node, unless it may go on in several ways."""
+        """Tick the node, unless it has several possible continuations."""
         return super().tick(ticker) if self.ways(ticker) > 1 else self.begin(ticker)
 
 
 class Visit:
-    """A node that was ticked, as it was at the end of its tick.
+    """A ticked node, as it was at the end of its tick.
 
     Attributes:
         behaviour: The behaviour.
         outcome: The outcome of its tick.
         status: Its status.
         message: Its feedback message.
-        label: What it has said that it answers (`answer_label`), where it is a leaf that says so.
+        label: The `answer_label` of a leaf that has one.
     """
 
     def __init__(self, behaviour: Any, outcome: int, status: int) -> None:
@@ -243,12 +243,12 @@ class Ticker:
         times: The timers.
 
     Attributes:
-        called: The node that has to be ticked first, after CALLED.
-        is_live: Whether the cells are changed by ticks only, so that the statuses of behaviours agree with them.
-        is_strict: Whether an answer that is no status raises a `NoStatusError`, and is not only logged.
-        by_step: Whether leaves are called like all other nodes, and not in passing.
-        tells: Whether anybody reads what nodes tell of themselves: their messages, and which child is the current one.
-        visits: Where the nodes go that are ticked, in the order of their ends; None where nobody looks.
+        called: The node to tick first, after CALLED.
+        is_live: Whether only ticks change the cells, so that the statuses of behaviours agree with them.
+        is_strict: Whether a result that is no status raises a `NoStatusError` instead of being logged.
+        by_step: Whether leaves are called like all other nodes, and not directly.
+        tells: Whether the nodes' messages and current children are read.
+        visits: Receives the ticked nodes, in the order of their ends; None if they are not needed.
     """
 
     def __init__(self, cells: vec[i32], values: list[Any], times: Times) -> None:
@@ -265,7 +265,7 @@ class Ticker:
     def run(self, node: TreeNode) -> int:
         """Tick a node, and return the outcome: RUNNING, SUCCESS, FAILURE or SKIPPED.
 
-        The nodes below it that are ticked are visits; it is none itself.
+        The ticked descendants are visits; the node itself is not.
         """
         waiting: list[TreeNode] = []
         self.reach(node)
@@ -275,7 +275,7 @@ class Ticker:
                 if outcome == CALLED:
                     waiting.append(node)
                     called = self.called
-                    assert called is not None  # noqa: S101 - CALLED says so
+                    assert called is not None  # noqa: S101 - guaranteed by CALLED
                     node = called
                     self.reach(node)
                     outcome = node.begin(self)
@@ -292,10 +292,10 @@ class Ticker:
             raise
 
     def reach(self, node: TreeNode) -> None:
-        """Be told that a tick is about to begin or stop a node; a tree that is ticked for real keeps its behaviour in step."""
+        """Prepare a node that a tick is about to start or stop; a live tree synchronises its behaviour."""
 
     def stop(self, node: TreeNode) -> None:
-        """Stop a node with children, and the nodes below it."""
+        """Stop a node with children, and its descendants."""
         self.reach(node)
         waiting, left = [node], [node.stop_first(self)]
         while waiting:
@@ -320,10 +320,10 @@ class Ticker:
             self.visits = visits
 
     def number_of(self, behaviour: Any, answer: Any) -> int:
-        """Return the number of what an `update()` has returned; INVALID, and a word in the log, for what is no status.
+        """Return the number of the result of `update()`; INVALID, with a log message, if it is no status.
 
         Raises:
-            NoStatusError: If the ticker is strict, and the answer no status.
+            NoStatusError: If the ticker is strict, and the result is no status.
         """
         number = number_of(answer)
         if number == INVALID and answer is not _INVALID:
@@ -335,7 +335,7 @@ class Ticker:
         return number
 
     def note(self, node: TreeNode, outcome: int) -> None:
-        """Note that a node was ticked."""
+        """Record that a node was ticked."""
         visits, behaviour = self.visits, node.behaviour
         if node.is_skippable:
             behaviour.skipped = outcome == SKIPPED
@@ -344,7 +344,7 @@ class Ticker:
 
 
 def reset(child: TreeNode, ticker: Ticker) -> None:
-    """Bring a child back to rest: halt it if it is running, else only forget how it ended."""
+    """Reset a child: halt it if it is running, else only reset its outcome."""
     status = ticker.cells[child.at]
     if status == RUNNING:
         child.stop(ticker)
@@ -353,13 +353,13 @@ def reset(child: TreeNode, ticker: Ticker) -> None:
 
 
 def reset_all(children: list[TreeNode], ticker: Ticker) -> None:
-    """Bring children back to rest, in order."""
+    """Reset children, in order."""
     for child in children:
         reset(child, ticker)
 
 
 def running(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
-    """Return the children that run, the last one first, and bring the others back to rest."""
+    """Return the running children, the last one first, and reset the others."""
     found: list[TreeNode] = []
     for child in children:
         status = ticker.cells[child.at]
@@ -372,13 +372,13 @@ def running(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
 
 
 class OwnNode(TreeNode):
-    """A node that keeps BehaviorTree.CPP's rules: it resets its children when its own work is over.
+    """A node that follows BehaviorTree.CPP's rules: it resets its children when it has ended.
 
-    Only one that runs can be halted there; one that has ended keeps what outlasts its end, as RoundRobin whose turn it is.
-    py_trees' composites stop what has ended, too, before they start it again: that brings it to rest, and no more.
+    Only a running node can be halted there; one that has ended keeps the state that outlasts its end, such as the turn of a
+    RoundRobin. py_trees' composites stop ended children, too, before a restart, which only resets them.
 
     Attributes:
-        asks_whether_it_starts: Whether it does something else in the first tick of an activation, see `starts`.
+        asks_whether_it_starts: Whether it behaves differently in the first tick of an activation, see `starts`.
     """
 
     asks_whether_it_starts: ClassVar[bool] = False
@@ -394,7 +394,7 @@ class OwnNode(TreeNode):
         return status == INVALID or (status != RUNNING and not self.is_reset)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Forget where the node was; return its running children, and bring the others back to rest."""
+        """Reset the node's position; return its running children, and reset the others."""
         if ticker.cells[self.at] != RUNNING:
             self.rest(ticker)
             return []
@@ -402,53 +402,53 @@ class OwnNode(TreeNode):
         return running(self.children, ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Forget what the node told, and how it has ended."""
+        """Reset the node's message and outcome."""
         self.behaviour.feedback_message = ""
         ticker.cells[self.at] = INVALID
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
-        """Tick a child, and go on after it; return the outcome of the node, or CALLED."""
+        """Tick a child, and continue after it; return the outcome of the node, or CALLED."""
         outcome = child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def come_to(self, ticker: Ticker, outcome: int) -> int:
-        """Return an outcome, which is the node's status from now on unless it is SKIPPED."""
+        """Return an outcome, which becomes the node's status unless it is SKIPPED."""
         if outcome != SKIPPED:
             ticker.cells[self.at] = outcome
         return outcome
 
     def finish(self, ticker: Ticker, outcome: int) -> int:
-        """End the node's work with an outcome: forget where it was, and bring the children to rest."""
+        """End the node with an outcome: reset its position and its children."""
         self.forget(ticker)
         reset_all(self.children, ticker)
         return self.come_to(ticker, outcome)
 
 
 class ControlNode(OwnNode):
-    """A control: it has several children, and tells py_trees which of them is the current one."""
+    """A control: it has several children, and reports the current one to py_trees."""
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
-        """Tick a child, which is the current one, and go on after it; return the outcome of the node, or CALLED."""
+        """Tick a child as the current one, and continue after it; return the outcome of the node, or CALLED."""
         if ticker.tells:
             self.behaviour.current_child = child.behaviour
         return super().tick_child(child, ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Forget where the node was; return its running children, and bring the others back to rest."""
+        """Reset the node's position; return its running children, and reset the others."""
         self.behaviour.current_child = None
         return super().stop_first(ticker)
 
 
 class InTurnNode(ControlNode):
-    """A control that ticks one child after the other: `next_child` says which, and `take` what comes of its outcome.
+    """A control that ticks one child after the other: `next_child` chooses it, and `take` handles its outcome.
 
     Args:
-        part: What it is built of.
-        keeps: Whether it remembers which child was in hand when it ends or is halted.
+        part: The builder.
+        keeps: Whether it keeps the current index when it ends or is halted.
         of_tick: Whether it begins with the first child in each tick.
 
     Attributes:
-        position: The cell with the index of the child in hand.
+        position: The cell with the index of the current child.
     """
 
     def __init__(self, part: NodeBuilder, *, keeps: bool = False, of_tick: bool = False) -> None:
@@ -456,12 +456,12 @@ class InTurnNode(ControlNode):
         self.position = part.cell(keeps=keeps, of_tick=of_tick)
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the child in hand."""
+        """Begin with the current child."""
         ticker.cells[self.at] = RUNNING
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child in hand; INVALID in place of its outcome if it is to be ticked."""
+        """Continue after the current child; the outcome INVALID means that it has to be ticked."""
         behaviour, children = self.behaviour, self.children
         while True:
             if outcome == INVALID:
@@ -479,12 +479,12 @@ class InTurnNode(ControlNode):
                 return outcome
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the child that is to be ticked next; -1 if there is none left."""
+        """Return the index of the next child; -1 if there is none left."""
         index = ticker.cells[self.position]
         return index if index < len(self.children) else -1
 
     def take(self, ticker: Ticker, outcome: int) -> int:
-        """Take the outcome of the child in hand; return that of the node if it decides, else INVALID."""
+        """Handle the outcome of the current child; return the node's outcome if it is decided, else INVALID."""
         raise NotImplementedError
 
     def end(self, ticker: Ticker) -> int:
@@ -493,7 +493,7 @@ class InTurnNode(ControlNode):
 
 
 class DecoratorNode(OwnNode):
-    """A decorator: `begin` decides whether its child is ticked, and `after` what is made of its outcome."""
+    """A decorator: `begin` decides whether its child is ticked, and `after` converts the outcome."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
@@ -505,26 +505,25 @@ class DecoratorNode(OwnNode):
         return self.tick_child(self.child, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the child, which is left at rest if it has ended."""
+        """Continue after the child, which is reset if it has ended."""
         if outcome & ENDED:
             self.child.rest(ticker)
         return self.after(ticker, outcome)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Return the outcome, given that of the child; as it is if the decorator says nothing else."""
+        """Return the node's outcome for that of the child, by default unchanged."""
         return self.come_to(ticker, outcome)
 
 
 def is_reset(behaviour: Any) -> bool:
-    """Return whether a node's parent resets it to INVALID before starting it again; stock parents do not.
+    """Return whether a node's parent resets it to INVALID before a restart; stock parents do not.
 
-    That decides which ticks start a node, rather than go on with it; the status alone cannot tell. BehaviorTree.CPP
-    starts a node that is IDLE, and its controls and decorators reset their children to that (here INVALID) when their own
-    work is over. A child with SUCCESS or FAILURE below such a parent was therefore ticked earlier in the same work and
-    goes on: WhileDoElse ticks its condition again without resetting it. py_trees never resets a child that has ended; it
-    starts any that is not RUNNING. So below a stock parent, SUCCESS and FAILURE mean that the node starts, and so they do
-    at the root, which is ticked again after its end. A parent that is one node with its child (`is_its_child`) resets
-    nothing by itself; the one around it decides.
+    This determines which ticks start a node, which the status alone cannot. BehaviorTree.CPP starts a node that is IDLE,
+    and its controls and decorators reset their children to that (here INVALID) when they have ended. A child with SUCCESS
+    or FAILURE below such a parent was therefore ticked earlier in the same activation and continues: WhileDoElse ticks its
+    condition again without resetting it. py_trees never resets a child that has ended; it starts any that is not RUNNING.
+    So below a stock parent, SUCCESS and FAILURE mean that the node starts, and so they do at the root, which is ticked again
+    after its end. A parent that is one node with its child (`is_its_child`) resets nothing by itself; its own parent decides.
     """
     around = behaviour.parent
     while getattr(around, "is_its_child", False):

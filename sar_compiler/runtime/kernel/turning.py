@@ -1,4 +1,4 @@
-"""Decorators of BehaviorTree.CPP that turn, keep or prevent what their child answers."""
+"""Decorators of BehaviorTree.CPP that convert, keep or prevent the outcome of their child."""
 
 from typing import Any
 
@@ -11,10 +11,10 @@ from sar_compiler.runtime.scripting import NodeScript
 
 
 class TurningNode(DecoratorNode):
-    """Answers something else for each outcome of its child.
+    """Replaces the outcome of its child.
 
     Attributes:
-        turned: The answer for each outcome; the behaviour has the words of those for SUCCESS, FAILURE and SKIPPED.
+        turned: The replacement for each outcome; the behaviour has the names of those for SUCCESS, FAILURE and SKIPPED.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -23,12 +23,12 @@ class TurningNode(DecoratorNode):
         self.turned = [INVALID, RUNNING, *turned]
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Turn the outcome."""
+        """Replace the outcome."""
         return self.come_to(ticker, self.turned[outcome])
 
 
 class SubTreeNode(DecoratorNode):
-    """Passes on what its child answers."""
+    """Passes on the outcome of its child."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the child."""
@@ -41,7 +41,7 @@ class RunOnceNode(DecoratorNode):
     """Lets its child end once.
 
     Attributes:
-        answer: The cell with the outcome of the child, which is kept for good.
+        answer: The cell with the final outcome of the child, which is never reset.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
@@ -64,11 +64,11 @@ class RunOnceNode(DecoratorNode):
 
 
 class GuardedNode(DecoratorNode):
-    """Asks whether its child may start, and not again while the child runs.
+    """Checks whether its child may start, but not while the child runs.
 
     Attributes:
         child_runs: The cell with 1 while the child runs.
-        why_not: What it tells when the child may not start.
+        why_not: The message if the child may not start.
     """
 
     why_not = ""
@@ -90,17 +90,17 @@ class GuardedNode(DecoratorNode):
         raise NotImplementedError
 
     def otherwise(self) -> int:
-        """Return the outcome when it may not."""
+        """Return the outcome if the child may not start."""
         raise NotImplementedError
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Pass the outcome on."""
+        """Pass on the outcome."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
         return self.come_to(ticker, outcome)
 
 
 class PreconditionNode(GuardedNode):
-    """Asks a script whether its child may start."""
+    """Evaluates a script that decides whether its child may start."""
 
     why_not = "the condition is false"
 
@@ -115,16 +115,16 @@ class PreconditionNode(GuardedNode):
         return bool(self.script.holds())
 
     def otherwise(self) -> int:
-        """Return what the node is to answer if it is not."""
+        """Return the configured outcome for a false condition."""
         return number_of(self.behaviour.else_.get().status) or SKIPPED
 
 
 class UpdateGuardNode(GuardedNode):
-    """Asks whether an entry was written since the node last looked.
+    """Checks whether an entry was written since the last check.
 
     Attributes:
-        seen: The cell that says how often the entry had been written then.
-        unless_written: What it answers if it was not.
+        seen: The cell with the entry's number of writes at the last check.
+        unless_written: The outcome if it was not written.
     """
 
     why_not = "no update"
@@ -141,23 +141,23 @@ class UpdateGuardNode(GuardedNode):
         return is_news(self.entry, self.seen, ticker)
 
     def otherwise(self) -> int:
-        """Return what the node answers if it was not written."""
+        """Return the outcome if the entry was not written."""
         return self.unless_written
 
 
 def watched_entry(behaviour: Any) -> Any:
-    """Return the entry that a behaviour looks at: that of its port, or the one whose key the port says."""
+    """Return the entry that a behaviour checks: that of its port, or the one whose key is the port's value."""
     port = behaviour.entry
     return port.entry or behaviour.scope.resolve(str(port.get()))
 
 
 def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
-    """Return whether an entry was written since a node last looked, which is noted.
+    """Return whether an entry was written since the last check, and store its number of writes.
 
     Args:
         entry: The entry.
-        seen: The cell that says how often it had been written then.
-        ticker: What ticks the node.
+        seen: The cell with its number of writes at the last check.
+        ticker: The ticker.
     """
     if not entry.exists:
         return False
@@ -167,10 +167,10 @@ def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
 
 
 class ConditionsNode(DecoratorNode):
-    """The pre- and post-conditions of a node, which is its child; they have one status between them.
+    """The pre- and post-conditions of a node, which is its child; both share one status.
 
     Attributes:
-        runs_after: Whether there is anything to run after an end.
+        runs_after: Whether there are scripts to run after an end.
         has_children: Whether the node has children.
         has_told: Whether the behaviour may have a message.
         was_running: Whether the node was running when it began to be stopped.
@@ -189,7 +189,7 @@ class ConditionsNode(DecoratorNode):
         self.was_running = False
 
     def tick(self, ticker: Ticker) -> int:
-        """Tick the node; in passing where it is a leaf, unless all nodes are ticked step by step."""
+        """Tick the node; directly if it is a leaf, unless all nodes are ticked step by step."""
         if self.has_children or ticker.by_step:
             return super().tick(ticker)
         ticker.reach(self)
@@ -201,7 +201,7 @@ class ConditionsNode(DecoratorNode):
         return self.tick_child(self.child, ticker) if outcome == INVALID else self.after(ticker, outcome)
 
     def decided(self, ticker: Ticker) -> int:
-        """Return what the pre-conditions make of this tick; INVALID if the node is to be ticked."""
+        """Return the result of the pre-conditions in this tick; INVALID if the node has to be ticked."""
         behaviour, status = self.behaviour, ticker.cells[self.at]
         if status == RUNNING:
             if self.goes_on is None or self.goes_on.holds():
@@ -220,27 +220,27 @@ class ConditionsNode(DecoratorNode):
         return INVALID
 
     def tell(self, message: str, outcome: int) -> int:
-        """Tell what has decided; return the outcome."""
+        """Report the decisive condition, and return the outcome."""
         self.behaviour.feedback_message, self.has_told = message, True
         return outcome
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Go on after the node."""
+        """Continue after the node."""
         return self.after(ticker, outcome)
 
     def after(self, ticker: Ticker, outcome: int) -> int:
-        """Run the post-conditions, and pass the outcome on."""
+        """Run the post-conditions, and pass on the outcome."""
         if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
         return self.come_to(ticker, outcome)
 
     def show(self, cells: vec[i32]) -> None:
-        """Give the behaviour the status that a condition has decided; any other is the node's, which shows it."""
+        """Set the behaviour's status if a condition has decided; the node sets any other."""
         if self.has_told:
             super().show(cells)
 
     def rest(self, ticker: Ticker) -> None:
-        """Forget how both have ended, which have one status."""
+        """Reset the shared outcome of both nodes."""
         super().rest(ticker)
         self.child.rest(ticker)
 
@@ -250,7 +250,7 @@ class ConditionsNode(DecoratorNode):
         return super().stop_first(ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """If the node was running, run what is to be run then."""
+        """Run the scripts for a halt, if the node was running."""
         if self.was_running:
             self.behaviour.run_after(INVALID)
         super().stop_last(ticker)

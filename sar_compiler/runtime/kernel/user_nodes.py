@@ -1,4 +1,4 @@
-"""Controls and decorators of a user's classes, whose own `begin` and `resume` say which child comes next."""
+"""Controls and decorators of a user's classes, whose own `begin` and `resume` choose the next child."""
 
 from typing import Any, Final
 
@@ -21,18 +21,18 @@ from sar_compiler.runtime.leaf_protocol import NoStatusError
 
 _INVALID: Final[Any] = Status.INVALID
 _TOLD: Final = (*STATUSES, _INVALID)
-# What a behaviour shows of itself; nobody's tick depends on it.
+# Displayed attributes of a behaviour, on which no tick depends.
 _SHOWN: Final = ("status", "feedback_message", "current_child", "skipped", "place")
 _COLLECTIONS: Final = (list, dict, set)
 
 
 class Claim:
-    """What the record of a class says of its objects, to be held against what they do.
+    """Compares the behaviour of a class's objects with its declaration.
 
     Args:
         outcomes: The outcomes that a tick can have, as bits by their numbers.
-        goes_on: The outcome after which the next child is ticked, where children are ticked in order; 0 for no such.
-        deny: Is told of what the record excludes, in words.
+        goes_on: The outcome after which the next child is ticked, if children are ticked in order; else 0.
+        deny: Function that receives violations of the declaration, in words.
     """
 
     def __init__(self, outcomes: int, goes_on: int, deny: Any) -> None:
@@ -41,38 +41,40 @@ class Claim:
         self._deny = deny
 
     def check_outcome(self, node: TreeNode, outcome: int) -> None:
-        """See whether a node may have an outcome."""
+        """Check whether a node may return an outcome."""
         if not self.outcomes >> outcome & 1:
             listed = ", ".join([word for number, word in enumerate(WORDS) if self.outcomes >> number & 1])
             self._deny(
                 node.behaviour,
-                f"returned {WORDS[outcome]}; by its record it returns {listed or 'nothing'} here",
+                f"returned {WORDS[outcome]}, but its declaration allows only {listed or 'nothing'} here",
             )
 
     def check_order(self, node: TreeNode, place: int, before: int) -> None:
-        """See whether a node may tick a child now, after the one before it has come to an outcome."""
+        """Check whether a node may tick a child now, after the outcome of the previous one."""
         if self.goes_on and before not in (self.goes_on, SKIPPED):
             child, former = node.children[place].behaviour, node.children[place - 1].behaviour
             what = f"ticked '{child.name}' although '{former.name}' had returned {WORDS[before]}"
-            self._deny(node.behaviour, f"{what}; its record has it go on only after {WORDS[self.goes_on]}")
+            self._deny(
+                node.behaviour, f"{what}, but its declaration allows that only after {WORDS[self.goes_on]}"
+            )
 
 
 class UserNode(OwnNode):
     """A control or decorator whose behaviour has `begin` and `resume`.
 
-    What it remembers is in cells: those that it asked for, the index of the child in hand, and a timer. At its end, and when it is
-    halted, its children are brought to rest and its cells hold again what they held at first.
+    Its state is in cells: those that it has added, the index of the current child, and a timer. At its end, and when it is
+    halted, its children are reset and its cells get their initial values again.
 
     Attributes:
         in_hand: The cell with the index of the child that was ticked last.
-        claim: What its record says of it; None where nobody asks.
+        claim: The checks against its declaration; None if they are not required.
     """
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.in_hand = part.cell()
         self.timer = Countdown(part)
-        # The cells that the behaviour has asked for, in their order.
+        # The cells that the behaviour has added, in their order.
         self.own = [part.value(cell.first, keeps=cell.keeps) for cell in part.behaviour.cells]
         self.claim: Claim | None = None
         self._places = {id(child.behaviour): place for place, child in enumerate(part.children)}
@@ -80,16 +82,16 @@ class UserNode(OwnNode):
         self._has_current = hasattr(part.behaviour, "current_child")
 
     def ways(self, ticker: Ticker) -> int:
-        """Return whether the time may be over, or not."""
+        """Return the number of possible results of the timer check."""
         return self.timer.ways(ticker)
 
     def begin(self, ticker: Ticker) -> int:
-        """Ask the behaviour which child it needs first."""
+        """Query the behaviour for the first child."""
         ticker.cells[self.at] = RUNNING
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Tell the behaviour the outcome of the child in hand, and go on as it says; INVALID in place of the outcome if none was ticked yet."""
+        """Pass the outcome of the current child to the behaviour, and follow its decision; INVALID means that none was ticked yet."""
         behaviour, tick = self.behaviour, self._tick
         before = self._attributes(ticker)
         tick.ticker = ticker
@@ -108,7 +110,7 @@ class UserNode(OwnNode):
                 return CALLED
 
     def _child(self, place: int, ticker: Ticker) -> TreeNode:
-        """Return a child that is to be ticked, and that starts anew if it has ended before."""
+        """Return a child to tick, which is restarted if it has ended before."""
         cells, child = ticker.cells, self.children[place]
         cells[self.in_hand] = place
         if self._has_current:
@@ -118,7 +120,7 @@ class UserNode(OwnNode):
         return child
 
     def _come_to(self, ticker: Ticker, answer: Any, method: str) -> int:
-        """Return the outcome that the behaviour has answered; one that is no RUNNING ends its work."""
+        """Return the outcome that the behaviour has chosen; any other than RUNNING ends it."""
         outcome = number_of(answer)
         if outcome == INVALID:
             if answer is not _INVALID:
@@ -132,13 +134,13 @@ class UserNode(OwnNode):
         return self.finish(ticker, outcome)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Forget where the node was; return its running children, and bring the others back to rest."""
+        """Reset the node's position; return its running children, and reset the others."""
         if self._has_current:
             self.behaviour.current_child = None
         return super().stop_first(ticker)
 
     def _attributes(self, ticker: Ticker) -> Any:
-        """Return the attributes of the behaviour where all runs are gone through, which puts back its cells alone."""
+        """Return the attributes of the behaviour if all runs are explored, because only its cells are restored."""
         if ticker.is_live:
             return None
         found: dict[str, Any] = {}
@@ -148,10 +150,10 @@ class UserNode(OwnNode):
         return found
 
     def _compare(self, before: dict[str, Any]) -> None:
-        """Refuse a behaviour that keeps something in its attributes.
+        """Reject a behaviour that stores state in its attributes.
 
         Raises:
-            UnsteadyError: If they are others than before.
+            UnsteadyError: If an attribute has changed.
         """
         behaviour = self.behaviour
         for name, value in vars(behaviour).items():
@@ -160,17 +162,17 @@ class UserNode(OwnNode):
                 continue
             cls = type(behaviour)
             message = (
-                f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) changes its attribute '{name}' in a tick; what it "
-                "remembers must be in a cell (self.cell()), or its runs cannot be gone through"
+                f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) changes its attribute '{name}' in a tick: store its "
+                "state in a cell (self.cell()), so that all runs can be explored"
             )
             raise UnsteadyError(message)
 
 
 class Tick:
-    """What a control or decorator sees of the tick in hand.
+    """The view of the current tick for a control or decorator.
 
     Attributes:
-        ticker: What ticks.
+        ticker: The ticker.
     """
 
     def __init__(self, node: UserNode) -> None:
@@ -178,11 +180,11 @@ class Tick:
         self.ticker: Any = None
 
     def __getitem__(self, cell: Any) -> Any:
-        """Return what a cell holds."""
+        """Return the value of a cell."""
         return self.ticker.values[self._node.own[cell.number]]
 
     def __setitem__(self, cell: Any, value: Any) -> None:
-        """Have a cell hold something, which must have a hash."""
+        """Set the value of a cell, which must be hashable."""
         hash(value)
         self.ticker.values[self._node.own[cell.number]] = value
 
@@ -193,13 +195,13 @@ class Tick:
         return place
 
     def halt(self, child: Any) -> None:
-        """Halt a child that runs; one that has ended only forgets how."""
+        """Halt a running child; one that has ended only loses its outcome."""
         reset(self._node.children[self._node._places[id(child)]], self.ticker)
 
     def start_timer(self, seconds: float) -> None:
-        """Begin to measure a time, in seconds, with the node's `clock`."""
+        """Start a timer, in seconds of the node's `clock`."""
         self._node.timer.start(seconds, self.ticker)
 
     def time_is_up(self) -> bool:
-        """Return whether the time is over that was begun last; False if none was."""
+        """Return whether the last timer has expired; False if there was none."""
         return self._node.timer.is_up(self.ticker)

@@ -229,14 +229,14 @@ def test_a_notebook_has_the_questions_with_their_answers_as_a_table():
         (
             "<OwnLiar><A/><B/></OwnLiar>",
             (
-                "'OwnLiar' (tests.analysis.verify.own_controls.OwnLiar) ticked 'B' although 'A' had returned FAILURE; its record "
-                "has it go on only after SUCCESS: correct its outcomes or semantics"
+                "'OwnLiar' (tests.analysis.verify.own_controls.OwnLiar) ticked 'B' although 'A' had returned FAILURE, but its "
+                "declaration allows that only after SUCCESS: correct its outcomes or semantics"
             ),
             1,
         ),
         (
             "<Sequence><A/><OwnBoast><P/></OwnBoast></Sequence>",
-            "'OwnBoast' (tests.analysis.verify.own_controls.OwnBoast) returned FAILURE; by its record it returns SUCCESS here",
+            "'OwnBoast' (tests.analysis.verify.own_controls.OwnBoast) returned FAILURE, but its declaration allows only SUCCESS here",
             1,
         ),
     ],

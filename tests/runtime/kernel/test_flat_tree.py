@@ -92,7 +92,7 @@ class TestUnknownClasses:
     )
     def test_a_control_or_decorator_that_is_not_the_librarys_is_refused_by_name_and_class(self, node):
         with pytest.raises(
-            NotFlatError, match=f"'mine' is a .*{type(node).__name__}.*; put nodes of the library"
+            NotFlatError, match=f"'mine' is a .*{type(node).__name__}.*: replace it by nodes of the library"
         ) as caught:
             flatten(composites.Sequence("root", memory=True, children=[node]))
         assert caught.value.behaviour is node
