@@ -51,6 +51,7 @@ class FoundSurvivor:
         standing: The operator's review.
         found_at: Time of the detection.
         sent_at: Time of the last report.
+        times_sent: Number of reports that were sent.
         acknowledged_at: Time of the base station's acknowledgement.
     """
 
@@ -64,6 +65,7 @@ class FoundSurvivor:
     standing: DetectionVerdict = DetectionVerdict.CANDIDATE
     found_at: EventTime | None = field(default=None, compare=False)
     sent_at: EventTime | None = field(default=None, compare=False)
+    times_sent: int = field(default=0, compare=False)
     acknowledged_at: EventTime | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
@@ -79,6 +81,11 @@ class FoundSurvivor:
     def counts(self) -> bool:
         """Whether base must receive its report: the operator has not rejected it or merged it with another survivor."""
         return self.standing in (DetectionVerdict.CANDIDATE, DetectionVerdict.CONFIRMED)
+
+    @property
+    def is_unanswered(self) -> bool:
+        """Whether the base station has not acknowledged a report, so that it was sent again."""
+        return self.times_sent > 1 and self.counts and not self.acknowledged
 
     @property
     def report(self) -> str:
@@ -493,7 +500,8 @@ class MissionRecord:
         self._set(survivor, standing=DetectionVerdict(standing), **said)
 
     def _on_report_sent(self, at: EventTime, survivor: str) -> None:
-        self._set(survivor, sent_at=at)
+        sent = next((each.times_sent for each in self._survivors if each.survivor_id == survivor), 0)
+        self._set(survivor, sent_at=at, times_sent=sent + 1)
 
     def _on_report_kept(self, _: EventTime, survivor: str, **_place: object) -> None:
         self._set(survivor, acknowledged=False, kept=True)

@@ -42,14 +42,19 @@ if TYPE_CHECKING:
     from sar_compiler.missions import FaultPlan
 
 KINDS = (
-    LandmarkKind("zone", "zones"),
+    LandmarkKind("zone", "zones", remedy="Send people to search"),
     LandmarkKind(
-        "survivor", "survivors", "triangle", is_found=True, event="survivor found by a search robot"
+        "survivor",
+        "survivors",
+        "triangle",
+        is_found=True,
+        event="survivor found by a search robot",
+        review="judge_survivor",
     ),
-    LandmarkKind("base", "base", "house"),
+    LandmarkKind("base", "base", "house", is_end=True),
     LandmarkKind("geofence", "geofence"),
     LandmarkKind("area", "areas", shaded_by="probability now"),
-    LandmarkKind("gap", "gaps"),
+    LandmarkKind("gap", "gaps", remedy="Send people to search"),
 )
 """Map layers of a search."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
@@ -405,6 +410,9 @@ def _survivor(survivor: FoundSurvivor, number: int) -> Landmark:
         within=survivor.zone_id,
         is_certain=standing is DetectionVerdict.CONFIRMED,
         details=details,
+        task=f"Report {name} yourself: the base station does not acknowledge it"
+        if survivor.is_unanswered
+        else "",
     )
 
 

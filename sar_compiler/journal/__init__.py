@@ -4,6 +4,7 @@ Only the mission's own process writes to the file. All later displays of the mis
 """
 
 PUBLIC_MODULES = (
+    "attention",
     "chain",
     "database",
     "display",

@@ -44,6 +44,9 @@ class LandmarkKind(NamedTuple):
             report's forms for emergency services.
         event: The description of such a detection, for those services.
         shaded_by: The meaning of the outlines' shading: `probability now`; empty for no shading.
+        is_end: Whether the robot must end there; otherwise a person must fetch it.
+        review: The name of the operator's command that reviews such a detection; empty for none.
+        remedy: The task of a person where the robot has given up, as an imperative that its name follows: `Send people to`.
     """
 
     name: str
@@ -52,6 +55,9 @@ class LandmarkKind(NamedTuple):
     is_found: bool = False
     event: str = ""
     shaded_by: str = ""
+    is_end: bool = False
+    review: str = ""
+    remedy: str = ""
 
 
 class EventTime(NamedTuple):
@@ -92,6 +98,7 @@ class Landmark(NamedTuple):
         details: Further data, by a name in words: numbers, texts, times.
         corners: Its outline, as positions in the frame `map`, metres; empty for a point.
         shade: The shading of the outline, 0 to 1, with the meaning in its kind; None for none.
+        task: What a person has to do about it, as a sentence without a full stop; empty for nothing.
     """
 
     kind: str
@@ -106,6 +113,7 @@ class Landmark(NamedTuple):
     details: Mapping[str, Any] = {}
     corners: Sequence[tuple[float, float]] = ()
     shade: float | None = None
+    task: str = ""
 
 
 class RasterLayer(NamedTuple):

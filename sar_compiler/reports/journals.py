@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.database import VERSION, JournalFile
 from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
 from sar_compiler.journal.mission_state import MissionState, tree_nodes
 from sar_compiler.journal.status_line import COMPLETE, condition, condition_text
-from sar_compiler.reports.mission_report import not_done
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.tree.plain import as_json
 from sar_compiler.tree.showing import in_one_line, shortened
@@ -67,7 +67,7 @@ def journal_lines(
     mission = about.get("mission") or "a tree of no mission"
     nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
     yield in_one_line(f"{mission}, {condition_text(state)}")
-    yield from (in_one_line(f"{word}: {', '.join(places)}") for word, places in not_done(state).items())
+    yield from (in_one_line(f"to do: {task.text}") for task in open_tasks(state))
     if why and condition(state).word != COMPLETE:
         yield in_one_line(why)
     for run in runs:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sar_compiler.errors import SarError
+from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import EventTime, Landmark, Level
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, STATUS, JournalEntry
@@ -86,6 +87,7 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
             for name, course in state.figure_history.items()
         },
         "gauges": [each._asdict() for each in state.gauges],
+        "tasks": [task._asdict() for task in open_tasks(state)],
         "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
         "properties": [
             {

@@ -12,6 +12,7 @@ from datetime import datetime
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import EventTime, Landmark, Level
 from sar_compiler.journal.mission_state import MissionState, RobotPose
 from sar_compiler.journal.status_line import GOOD, condition
@@ -158,14 +159,8 @@ def next_steps(state: MissionState) -> Iterator[str]:
     finds = to_visit(state)
     for find in finds:
         known = "confirmed" if find.is_certain else "not confirmed"
-        late = (
-            ""
-            if find.level == Level.DONE
-            else ". The mission did not finish reporting it: pass it on yourself"
-        )
-        yield f"Go to {find.name} at {_position(state, find.x, find.y)[-1]} ({known}){late}"
-    for word, places in not_done(state).items():
-        yield f"Search again: {', '.join(places)}: {word}"
+        yield f"Go to {find.name} at {_position(state, find.x, find.y)[-1]} ({known})"
+    yield from (task.text for task in open_tasks(state) if not task.is_alarm)
     if finds and georeference(state) is None:
         yield (
             "These are map coordinates. For latitude and longitude, run: sar-journal report … --georeference "

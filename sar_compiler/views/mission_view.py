@@ -5,6 +5,7 @@ import itertools
 from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
+from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import Landmark, fact_words, with_author
 from sar_compiler.journal.journal_entries import (
     BREAKPOINT,
@@ -109,14 +110,14 @@ def screen(state: MissionState, now: float, height: int) -> list[Line]:
         now: Seconds of the mission's clock since the run's start.
         height: The number of lines at most; 3 or more.
     """
-    head = [_headline(state, now), *_figures(state, now), *_found(state)]
+    head = [_headline(state, now), *_tasks(state), *_figures(state, now), *_found(state)]
     return [*head, *_tree(state, now, height - len(head))]
 
 
 def full_height(state: MissionState) -> int:
     """Return the number of lines of a screen on which nothing is folded."""
     found = sum(kind.is_found for kind in state.situation.kinds.values())
-    return 1 + len([*_figures(state, 0.0)]) + max(1, found) + len(state.nodes)
+    return 1 + len([*_tasks(state)]) + len([*_figures(state, 0.0)]) + max(1, found) + len(state.nodes)
 
 
 def _headline(state: MissionState, now: float) -> Line:
@@ -130,6 +131,13 @@ def _drive_left(state: MissionState) -> str:
         return ""
     left = "" if drive.time_left is None else f", {clock_text(drive.time_left)} left"
     return f"{drive.distance:.1f} m{left}"
+
+
+def _tasks(state: MissionState) -> Iterator[Line]:
+    """Yield a line with the open tasks other than alarms, which have their own, if there are any."""
+    tasks = [task for task in open_tasks(state) if not task.is_alarm]
+    if tasks:
+        yield [Piece(in_one_line(f"TO DO: {'; '.join(task.text for task in tasks)}"), "alarm")]
 
 
 def _figures(state: MissionState, now: float) -> Iterator[Line]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
+from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import EventTime, Landmark, with_author
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
@@ -123,7 +124,7 @@ class GrowingList:
 class PageState:
     """The page's view of a robot after some entries.
 
-    Its parts, as a page has them: `run`, `condition`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
+    Its parts, as a page has them: `run`, `condition`, `tasks`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
     `drive`, `map`, `times` of these, `kinds` by name, `landmarks` by kind and name (null for one that has disappeared),
     `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log` and `trail`, from an index on. `begin` drops earlier values.
 
@@ -200,7 +201,7 @@ class PageState:
         before = condition(self._mission)
         self._mission.process = process
         if condition(self._mission) != before:
-            self._touched.add("condition")
+            self._touched.update(("condition", "tasks"))
 
     def change(self) -> PageChange | None:
         """Return the changes since the last call; None without changes."""
@@ -414,22 +415,23 @@ class PageState:
             "drive",
             "why",
             "condition",
+            "tasks",
             "place",
             "estimate",
             "times",
             "north",
             "properties",
         ),
-        events.RUN_ENDED: ("run", "drive", "condition", "place", "estimate", "properties"),
-        events.GOAL_SENT: ("condition",),
-        events.GOAL_ENDED: ("drive", "plan", "condition", "estimate"),
-        events.CHANGED: ("condition", "place", "estimate"),
+        events.RUN_ENDED: ("run", "drive", "condition", "tasks", "place", "estimate", "properties"),
+        events.GOAL_SENT: ("condition", "tasks"),
+        events.GOAL_ENDED: ("drive", "plan", "condition", "tasks", "estimate"),
+        events.CHANGED: ("condition", "tasks", "place", "estimate"),
         events.POSE: ("pose",),
         events.PLAN: ("plan",),
         events.PROGRESS: ("drive", "condition", "estimate"),
-        events.LACKS: ("condition",),
-        events.BREAKPOINT: ("condition",),
-        events.BATTERY: ("gauges",),
+        events.LACKS: ("condition", "tasks"),
+        events.BREAKPOINT: ("condition", "tasks"),
+        events.BATTERY: ("gauges", "tasks"),
         events.MAP: ("map",),
         events.PROPERTIES_WATCHED: ("properties",),
         events.PROPERTIES_OWED: ("properties",),
@@ -447,6 +449,7 @@ class PageState:
         "plan": lambda self: self._mission.plan,
         "drive": lambda self: self._mission.drive and self._mission.drive._asdict(),
         "condition": lambda self: condition(self._mission)._asdict(),
+        "tasks": lambda self: [task._asdict() for task in open_tasks(self._mission)],
         "place": lambda self: self._mission.situation.phase.place,
         "estimate": lambda self: {"end": self._mission.likely_end, "limit": self._mission.time_limit_sec},
         "times": lambda self: self._times,

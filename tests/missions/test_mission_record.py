@@ -191,3 +191,23 @@ def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept_and_what_
     with_outline, without = Search(ZoneManager(plan, base), sweeps=sweeps), Search(ZoneManager(plan, base))
     shown = [[each.text for each in search.display().figures] for search in (with_outline, without)]
     assert shown[0] == [*shown[1], "swept 3 m", "seen 21 of 31 m²"]
+
+
+def test_a_report_that_had_to_be_sent_again_is_a_task_of_a_person_until_it_is_acknowledged() -> None:
+    search = Search(
+        ZoneManager([{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
+    )
+    search.keep_in(Journal())
+
+    def task() -> str:
+        [survivor] = [each for each in search.display().landmarks if each.kind == "survivor"]
+        return survivor.task
+
+    search.record.zone_searched("zone_a", (1.0, 2.0))
+    search.record.survivor_named("survivor_1", 1.0, 2.0)
+    search.record.report_sent("survivor_1")
+    assert task() == ""
+    search.record.report_sent("survivor_1")
+    assert task() == "Report survivor_1 yourself: the base station does not acknowledge it"
+    search.record.survivor_acknowledged("survivor_1")
+    assert task() == ""

@@ -207,7 +207,7 @@ class Robot(Watcher):
         """Say how full the battery is, between 0 and 1, beside the simulator that says so once a second."""
         self._battery.publish(BatteryState(percentage=left, present=True))
 
-    def is_home(self):
+    def is_end(self):
         """Whether the robot is localised, and at its start."""
         with self._news:
             return (
@@ -358,7 +358,7 @@ class Nav2:
         runs = self.is_whole and all(each.poll() is None for each in self._processes.values())
         if runs and not self.robot.goals and self.robot.pose is None:
             return
-        if not (runs and (self.robot.is_home() or self.robot.drive_home())):
+        if not (runs and (self.robot.is_end() or self.robot.drive_home())):
             self.stop()
             self.start()
 

@@ -550,8 +550,9 @@ class TestThePage:
     def test_what_there_is_to_do_next_is_who_to_go_to_and_where_nobody_has_looked(self):
         assert self.steps() == [
             "Go to survivor_1 at 48.2000000, 16.3713452 (not confirmed)",
-            "Search again: zone_b (after attempt 2): abandoned",
-            "Search again: zone_c: open",
+            "Fetch the robot: it has not reached base station",
+            "Send people to search zone_b (after attempt 2): abandoned",
+            "Send people to search zone_c: open",
         ]
 
     def test_who_was_confirmed_is_gone_to_as_such_and_who_was_rejected_is_not(self):
@@ -559,8 +560,8 @@ class TestThePage:
         assert not any("survivor_1" in step for step in self.steps(REJECTED))
 
     def test_whom_the_mission_was_not_done_with_must_be_passed_on(self):
-        step = self.steps(shown(name="survivor_2", level=1))[1]
-        assert step.endswith("The mission did not finish reporting it: pass it on yourself")
+        steps = self.steps(shown(name="survivor_2", level=1))
+        assert "Report survivor_2 yourself: the mission did not finish reporting it" in steps
 
     def test_metres_of_the_map_are_no_coordinates_to_go_by(self):
         first, *_, last = self.steps(parameters={})

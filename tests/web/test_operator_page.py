@@ -122,6 +122,21 @@ def test_who_watches_journals_reads_reports_at_any_time(live, browser):
     assert not browser.js("return document.getElementById('report').hidden")
 
 
+def test_what_a_person_has_to_do_stands_below_the_state_with_its_command_and_colours_it(
+    patrol, crew, browser
+):
+    browser.wait_for("#tasks", "Nothing to do")
+    assert browser.js("return document.body.dataset.level") == "good"
+    patrol.journal.note("point_reached", point="north", level="GIVEN_UP")
+    browser.wait_for("#tasks", "See to north: ")
+    assert browser.js("return document.body.dataset.level") == "warning"
+    assert browser.js("return document.title").startswith("(1) ")
+    patrol.journal.note("held", is_held=True)
+    browser.wait_for("#tasks button", "Resume")
+    browser.click("#tasks button")
+    browser.wait(lambda: crew.given == [("resume", "")], "the order to resume")
+
+
 def alarms(browser):
     """Return the alarms that are shown, the one that is not seen yet with its button."""
     return browser.js("return [...document.querySelectorAll('#alarms li')].map((each) => each.textContent)")

@@ -3,9 +3,10 @@
 import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
+const SEVERITY = ["quiet", "good", "warning", "error"];
 const COUNTED = ["paused", "waiting", "lost"];
 
-/** The condition of a run as a page shows it: word, level, reason, and how many seconds it has lasted (null where nobody asks). */
+/** The condition of a run as a page shows it: word, level (the worst of it and its open tasks), reason, and how many seconds it has lasted (null where nobody asks). */
 export function conditionOf(stream, run) {
   const { silent, isReplay, isTold, trouble } = stream;
   if (isReplay && silent) return { word: "not connected", level: "error", reason: "no other time can be shown", lasts: null };
@@ -13,7 +14,11 @@ export function conditionOf(stream, run) {
   if (!isTold) return { word: silent > 4 ? "not connected" : "connecting", level: silent > 4 ? "error" : "quiet", reason: "", lasts: null };
   const { word, level, reason, since } = run.condition;
   if (silent && !run.run.ended) return { word: "lost", level: "error", reason: `No word for ${clock(silent)}. The robot may still be driving.`, lasts: null };
-  return { word, level, reason, lasts: COUNTED.includes(word) ? run.time - since : null };
+  return { word, level: worst([level, ...run.tasks.map((task) => task.level)]), reason, lasts: COUNTED.includes(word) ? run.time - since : null };
+}
+
+function worst(levels) {
+  return levels.reduce((one, other) => (SEVERITY.indexOf(other) > SEVERITY.indexOf(one) ? other : one));
 }
 
 /** Show a condition in an element: its sign, its word, how long it lasts, and the reason. */

@@ -145,10 +145,19 @@ export class Orders {
     if (await this.question(first[1], {}, before, "all robots")) this.giveEach(this.able("stop"));
   }
 
-  /** Give an order, after the question that it needs; *before* stands ahead of that, and says that the robot stays paused. */
-  async begin(verb, before = "") {
+  /** The verb of a name or a role that the chosen robot heeds just now. */
+  find(wanted) {
+    return wanted && this.verbs?.find(({ name, role }) => (name === wanted || role === wanted) && this.now.has(name));
+  }
+
+  /**
+   * Give an order, after the question that it needs; *before* stands ahead of that, and says that the robot stays paused. *found* is the
+   * detection that it is about.
+   */
+  async begin(verb, before = "", found = "") {
     const robot = this.stream.chosen;
-    const values = verb.fields.length || verb.confirm ? await this.question(verb, {}, before) : {};
+    const given = Object.fromEntries(verb.fields.filter(({ kind }) => found && kind === "found").map(({ name }) => [name, found]));
+    const values = verb.fields.length || verb.confirm ? await this.question(verb, given, before) : {};
     if (values) this.give(verb, values, robot);
   }
 

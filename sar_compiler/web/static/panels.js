@@ -1,4 +1,4 @@
-// Parts of the operator's page beside the map: gauges and figures, alarms, and a card for each robot.
+// Parts of the operator's page beside the map: gauges and figures, open tasks, alarms, and a card for each robot.
 
 import { conditionOf, showCondition } from "./condition_view.js";
 import { clock, html, say, set } from "./shapes.js";
@@ -65,6 +65,35 @@ export function driveLeft(run) {
   if (!run.drive || run.run.ended) return "";
   const { distance, time_left: left } = run.drive;
   return `${distance.toFixed(1)} m${left == null ? "" : `, about ${clock(left)}`}`;
+}
+
+const STOP_BUTTON = "Press the stop button on the robot: it may still be driving";
+
+/** What a person has to do now, the most urgent first, each with its command where it can be given; alarms have a place of their own. */
+export class TasksView {
+  constructor(place, orders) {
+    Object.assign(this, { place, orders });
+  }
+
+  show(stream) {
+    const { run, silent, isReplay } = stream;
+    const all = stream.runs.flatMap((each, robot) => each.tasks.filter((task) => !task.is_alarm).map((task) => ({ ...task, robot, who: stream.isTeam ? `${stream.names[robot]}: ` : "" })));
+    if (silent && !isReplay && !run.run.ended) all.unshift({ level: "error", text: STOP_BUTTON, name: "", command: "", robot: stream.chosen, who: "" });
+    const told = all.map((task) => ({ ...task, verb: task.robot === stream.chosen ? this.orders.find(task.command) : undefined }));
+    const key = JSON.stringify(told);
+    if (key === this.key) return;
+    this.key = key;
+    this.place.hidden = !run.run.number;
+    const items = told.map(({ level, who, text, name, verb }) => {
+      const item = html("li", { class: level }, html("b", { "aria-hidden": "true" }, CONDITIONS[level]), html("span", {}, who + text));
+      if (!verb) return item;
+      const button = html("button", { type: "button", "aria-label": `${verb.label}: ${text}` }, verb.label);
+      button.addEventListener("click", () => this.orders.begin(verb, "", name));
+      item.append(button);
+      return item;
+    });
+    this.place.querySelector("ul").replaceChildren(...(items.length ? items : [html("li", { class: "nothing" }, "Nothing to do")]));
+  }
 }
 
 /** Alarms, which stay until somebody has seen them. */

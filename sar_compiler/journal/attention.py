@@ -1,0 +1,146 @@
+"""The open tasks of a mission: what a person has to do now, the most urgent first.
+
+They are computed once, beside the status line, so that page, terminal and reports never disagree. Green means that there are none.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from sar_compiler.journal.display import Landmark, Level
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.status_line import (
+    BROKEN_OFF,
+    ERROR,
+    GOOD,
+    LOST,
+    PAUSED,
+    QUIET,
+    WAITING,
+    WARNING,
+    condition,
+)
+
+_SEVERITY = (QUIET, GOOD, WARNING, ERROR)
+_ALARM_IS_ERROR = 40
+_STOP_BUTTON = "Press the stop button on the robot: it may still be driving"
+# A longer list of names is cut, and its length is given.
+_MOST_NAMES = 5
+
+
+class OpenTask(NamedTuple):
+    """Something that a person has to do.
+
+    Attributes:
+        level: Its severity: `warning` or `error`.
+        text: The task, in a sentence without a full stop.
+        kind: The kind of the landmark that it is about; empty for none.
+        name: The name of that landmark; empty for none.
+        command: The name or the role of the operator's command that does it; empty for none.
+        is_alarm: Whether it is an alarm of the mission, in the mission's words.
+    """
+
+    level: str
+    text: str
+    kind: str = ""
+    name: str = ""
+    command: str = ""
+    is_alarm: bool = False
+
+
+def open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
+    """Return the open tasks of a mission, errors first, otherwise in the order of urgency."""
+    if not state.runs:
+        return ()
+    landmarks = state.situation.landmarks.values()
+    found = [
+        *_of_robot(state),
+        *(OpenTask(ERROR, each.task, *_place(each)) for each in landmarks if each.task),
+        *_of_alarms(state),
+        *_of_gauges(state),
+        *_of_detections(state),
+        *_of_places(state),
+    ]
+    return tuple(sorted(found, key=lambda task: -_SEVERITY.index(task.level)))
+
+
+def severity(state: MissionState) -> str:
+    """Return the severity of a mission: the worst of its status line and its open tasks."""
+    return max((condition(state).level, *(task.level for task in open_tasks(state))), key=_SEVERITY.index)
+
+
+def _of_robot(state: MissionState) -> Iterator[OpenTask]:
+    """Yield what the robot and its process need."""
+    now, run = condition(state), state.runs[-1]
+    if now.word == LOST or (now.word == BROKEN_OFF and state.goals) or (run.ending and state.goals):
+        yield OpenTask(ERROR, _STOP_BUTTON)
+    elif now.word == BROKEN_OFF:
+        yield OpenTask(ERROR, "Have the mission resumed, or fetch the robot: its program has crashed")
+    elif run.ending and run.status and (end := _missed_end(state)):
+        yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_place(end))
+    elif now.word == PAUSED:
+        yield OpenTask(WARNING, "Resume the mission, or call the robot back", command="release")
+    elif now.word == WAITING:
+        yield OpenTask(WARNING, f"Restore what the mission waits for: {now.reason}")
+
+
+def _is_over(state: MissionState) -> bool:
+    """Return whether the last run has ended, or its process has crashed."""
+    return bool(state.runs[-1].ending) or state.process.is_gone
+
+
+def _missed_end(state: MissionState) -> Landmark | None:
+    """Return the place where the robot must end and is not; None if it is there, or none is known."""
+    ends = [each for each in state.situation.landmarks.values() if state.situation.kind_of(each).is_end]
+    return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
+
+
+def _of_alarms(state: MissionState) -> Iterator[OpenTask]:
+    for alarm in state.situation.alarms.values():
+        if not alarm.is_over:
+            level = ERROR if alarm.level >= _ALARM_IS_ERROR else WARNING
+            yield OpenTask(level, alarm.text, is_alarm=True)
+
+
+def _of_gauges(state: MissionState) -> Iterator[OpenTask]:
+    if _is_over(state):
+        return
+    for gauge in state.gauges:
+        if gauge.least is not None and gauge.value < gauge.least:
+            limit = f"{gauge.least:g} {gauge.unit}".strip()
+            yield OpenTask(WARNING, f"Call the robot back: {gauge.text}, below the limit of {limit}")
+
+
+def _of_detections(state: MissionState) -> Iterator[OpenTask]:
+    """Yield the detections that nobody has reviewed, and those whose report the mission did not finish."""
+    is_over = _is_over(state)
+    for each in state.situation.found():
+        kind = state.situation.kind_of(each)
+        if each.level == Level.GIVEN_UP:
+            continue
+        if kind.review and not each.is_certain and not is_over:
+            yield OpenTask(WARNING, f"Review {each.name}: is it a {kind.name}?", *_place(each), kind.review)
+        if is_over and each.level != Level.DONE and not each.task:
+            text = f"Report {each.name} yourself: the mission did not finish reporting it"
+            yield OpenTask(ERROR, text, *_place(each))
+
+
+def _of_places(state: MissionState) -> Iterator[OpenTask]:
+    """Yield the places that the robot has given up, and after the run all that it has not finished, by kind and state."""
+    is_over, groups = _is_over(state), dict[tuple[str, str], list[Landmark]]()
+    for each in state.situation.landmarks.values():
+        kind = state.situation.kind_of(each)
+        is_left = each.level == Level.GIVEN_UP or (is_over and each.level != Level.DONE and each.state)
+        # An outline repeats the state of the place that it belongs to, unless a person has to act on it.
+        is_task = kind.remedy or not (each.corners or kind.is_found or kind.is_end)
+        if is_left and is_task:
+            groups.setdefault((kind.name, each.state), []).append(each)
+    for (_, word), places in groups.items():
+        kind = state.situation.kind_of(places[0])
+        names = [f"{each.name}{f' ({each.reason})' if each.reason else ''}" for each in places[:_MOST_NAMES]]
+        more = f" and {len(places) - _MOST_NAMES} more" if len(places) > _MOST_NAMES else ""
+        text = f"{kind.remedy or 'See to'} {', '.join(names)}{more}: {word or 'not done'}"
+        yield OpenTask(WARNING, text, *(_place(places[0]) if len(places) == 1 else ()))
+
+
+def _place(landmark: Landmark) -> tuple[str, str]:
+    return landmark.kind, landmark.name
