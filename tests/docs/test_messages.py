@@ -20,7 +20,7 @@ TREES = Path("docs/reference/tree-files.md")
 LEAVES = Path("docs/reference/leaf-classes.md")
 # The section of troubleshooting whose messages come from other programs, and those whose mistakes are made
 # in test_mistakes_typed.
-NOT_HERE = ("What other programs say", "Installing", "Wrong usage, status 2")
+NOT_HERE = ("Messages of other programs", "Installing", "Wrong usage, status 2")
 # Beside Python, what else speaks to a user.
 ELSEWHERE = (Path("Makefile"),)
 
