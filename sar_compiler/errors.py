@@ -6,7 +6,7 @@ traceback.
 
 
 class SarError(Exception):
-    """An error caused by the user's input or environment, with a text that names the error and its remedy.
+    """An error caused by the user's input or environment, whose message names the problem and the remedy.
 
     Attributes:
         exit_status: The exit status of a command for this error.

@@ -253,7 +253,7 @@ class MissionRun:
         return []
 
     def nothing_left(self) -> str:
-        """Return a text once nothing is left to do ("No zone is left"); empty before.
+        """Return the reason if no work is left, such as "No zone is left", else an empty string.
 
         If the tree is then idle, the run ends, complete or not.
         """

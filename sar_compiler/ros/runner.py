@@ -356,7 +356,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._trigger()
 
     def stop(self) -> None:
-        """Stop ticking, and stop the tree from its root, so that goals in flight are cancelled.
+        """Stop ticking, and stop the tree from its root, so that active goals are cancelled.
 
         A call during a tick (by a handler or a leaf) takes effect after the tick.
         """

@@ -175,7 +175,7 @@ class ActionLeaf(GoalSender):
         return nav2_log(self.node).quote(since=goal.ended_at - _REASON_BEFORE_SEC)
 
     def shutdown(self) -> None:
-        """Cancel a goal in flight, and release the clients.
+        """Cancel an active goal, and release the clients.
 
         While a goal may be active, the clients are left to the node: one that is accepted only now must still be
         cancelled.

@@ -414,7 +414,7 @@ class RosAction(ActionLeaf):
         super().initialise()
 
     def shutdown(self) -> None:
-        """Cancel a goal in flight, and release the clients of all servers."""
+        """Cancel an active goal, and release the clients of all servers."""
         self._drop()
         if self.settled():
             for port in self._former_ports.values():
