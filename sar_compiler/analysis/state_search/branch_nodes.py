@@ -1,10 +1,11 @@
-"""Branches that stand for themselves: of which nothing is known but what can come of their ticks.
+"""Branches of parallel nodes that are replaced by automata, which describe only the results of their ticks.
 
-A branch below a parallel node that shares nothing with the rest of the tree is ticked on its own first (`AloneNode`). What its parent sees of it
-is an `Automaton`, and a `BranchNode` does what that says, in place of the branch.
+A branch below a parallel node that shares nothing with the rest of the tree is first ticked on its own (`AloneNode`).
+Its behaviour as its parent observes it is an `Automaton`, and a `BranchNode` replays the automaton in place of the
+branch.
 
-What is waited for. Nothing is composed that can run for ever without an end in a fair run. So whatever goes on in such a branch, a fair run comes
-to its end or halts it: the branch is waited for from its start to there, as one leaf is.
+Fairness: a branch is replaced only if every fair run of it ends. So a fair run of the tree ends the branch or halts
+it, and the branch is waited for from its start to that tick, as a single leaf is.
 """
 
 from collections.abc import Mapping
@@ -20,15 +21,15 @@ from sar_compiler.runtime.kernel.tree import FlatTree, children_of, flat_tree
 from sar_compiler.runtime.kernel.tree_nodes import ChoosingNode, DecoratorNode, NodeBuilder, Ticker, TreeNode
 
 BranchResult = tuple[int, int]
-"""An outcome of a tick, INVALID where the branch was halted, and the state that it is in then."""
+"""The outcome of a tick, INVALID if the branch was halted, and the state after it."""
 
 
 class Automaton(NamedTuple):
-    """What can come of the ticks of a branch.
+    """The possible results of a branch's ticks.
 
     Attributes:
-        ticks: The results that a tick can have in each state.
-        halts: The results of halting it in each state, without any where it does not run.
+        ticks: The possible results of a tick in each state.
+        halts: The possible results of halting it in each state; none if it does not run.
         start: The state before the first tick.
     """
 
@@ -38,13 +39,13 @@ class Automaton(NamedTuple):
 
 
 class BranchDeed(NamedTuple):
-    """What a branch that stands for itself has done in a tick.
+    """The result of a replaced branch in a tick.
 
     Attributes:
         number: Its index in the tree.
-        first: How many choices there were before.
-        behind: How many choices there were then.
-        result: What has come of it.
+        first: The number of choices before it.
+        behind: The number of choices after it.
+        result: The result.
     """
 
     number: int
@@ -54,13 +55,13 @@ class BranchDeed(NamedTuple):
 
 
 class BranchNode(ChoosingNode):
-    """A branch that stands for itself.
+    """A branch that is replaced by an automaton.
 
     Args:
-        part: What it is built of.
-        leaves: What decides, and is told what is waited for.
-        automaton: What can come of its ticks.
-        told: Where it is noted what it does, where events are kept.
+        part: Its builder.
+        leaves: Makes the choices, and records the waits.
+        automaton: The possible results of its ticks.
+        told: The list that receives its results, if events are kept.
 
     Attributes:
         place: The cell with the state of the automaton.
@@ -76,11 +77,11 @@ class BranchNode(ChoosingNode):
         self._ticks, self._halts = automaton.ticks, automaton.halts
 
     def ways(self, ticker: Ticker) -> int:
-        """Return how many results a tick can have now."""
+        """Return the number of possible results of a tick now."""
         return len(self._ticks[ticker.cells[self.place]])
 
     def begin(self, ticker: Ticker) -> int:
-        """Come to one of the results that a tick can have."""
+        """Return one of the possible outcomes of a tick."""
         cells, trail = ticker.cells, self._trail
         if cells[self.at] != RUNNING:
             trail.start(self._bit)
@@ -110,10 +111,10 @@ class BranchNode(ChoosingNode):
 
 
 class AloneNode(DecoratorNode):
-    """Ticks a branch again and again, or halts it between two ticks, as a parallel node around it does.
+    """Ticks a branch repeatedly, or halts it between two ticks, like a parallel node around it.
 
     Args:
-        part: What it is built of.
+        part: Its builder.
         choices: Decide whether it is halted.
     """
 
@@ -133,7 +134,7 @@ class AloneNode(DecoratorNode):
         return self.tick_child(self.child, ticker)
 
     def after(self, ticker: Ticker, outcome: int) -> int:  # noqa: ARG002 - it has no status of its own
-        """Pass the outcome on."""
+        """Pass on the outcome."""
         return outcome
 
 
@@ -141,19 +142,19 @@ class AllNode(ParallelNode):
     """A Parallel that needs all of its children, of which it has fewer than its behaviour."""
 
     def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it is that of more children
-        """Return that all have to succeed, and none may fail."""
+        """Return that all must succeed, and none may fail."""
         return len(self.children) if port == "success_count" else 1
 
 
 class FlatComposition:
-    """A tree, or a branch that is ticked on its own, in which some branches stand for themselves.
+    """A tree, or a branch that is ticked on its own, with some branches replaced by automata.
 
     Args:
         root: Its root.
-        automata: What can come of the ticks of these, by their roots.
-        joined: The children of parallel nodes that need all of them, where there are fewer than in the tree.
-        around: A behaviour for what ticks a branch on its own; None for a tree.
-        told: Where it is noted what the branches do.
+        automata: The automata of these branches, by their roots.
+        joined: The children of parallel nodes that need all of them, if there are fewer than in the tree.
+        around: The behaviour that ticks a branch on its own; None for a tree.
+        told: The list that receives the results of the branches.
     """
 
     def __init__(
@@ -168,7 +169,7 @@ class FlatComposition:
         self._automata, self._joined = automata, joined
 
     def flat(self, leaves: LeafNodes) -> FlatTree:
-        """Bring it into flat form, given what builds the other nodes."""
+        """Convert it to flat form, given a builder of the other nodes."""
         root = self._root if self._around is None else self._around
         return flat_tree(root, lambda part: self._node_of(part, leaves), self._below)
 

@@ -4,11 +4,11 @@ from sar_compiler.errors import UnsteadyError
 
 
 class Choices:
-    """Goes through the combinations of a tick in order, like the digits of a number.
+    """Enumerates the combinations of choices in a tick in order, like the digits of a number.
 
-    Each time the tick, or the rest of it, is played again, it asks `pick` as it goes; the first answers are those of the
-    combination in hand, and where that ends the first option is taken. That is right only if the same choices lead to
-    the same questions, which `pick` checks.
+    Each time the tick, or the rest of it, is played again, it calls `pick` on its way. The first results are those of
+    the current combination, and after its end the first option is taken. That is right only if the same choices lead
+    to the same questions, which `pick` checks.
     """
 
     def __init__(self) -> None:
@@ -18,16 +18,16 @@ class Choices:
 
     @property
     def path(self) -> tuple[int, ...]:
-        """The options picked so far in this tick; questions with one option are left out."""
+        """The options picked so far in this tick, without those of questions with one option."""
         return tuple(self._path[: self._asked])
 
     @property
     def asked(self) -> int:
-        """How many choices there were so far in this tick."""
+        """The number of choices so far in this tick."""
         return self._asked
 
     def begin(self, path: tuple[int, ...] = ()) -> None:
-        """Begin with the first combination; with *path* the first one that begins with these options."""
+        """Start with the first combination; with *path* the first one that begins with these options."""
         self._path = list(path)
         self._counts = [0 for _ in path]
         self._asked = 0
@@ -36,7 +36,7 @@ class Choices:
         """Return the option to take, from 0 to *count* - 1.
 
         Raises:
-            UnsteadyError: If another number of options was there when the same choices were made before.
+            UnsteadyError: If there was another number of options after the same choices.
         """
         if count == 1:
             return 0
@@ -49,16 +49,16 @@ class Choices:
         known = self._counts[asked]
         if known and known != count:
             message = (
-                "the tree does not do the same in the same state: something in it keeps a state of its own, "
-                "or is left to chance, so its runs cannot be gone through"
+                "the tree behaves differently in equal states. A node keeps a hidden state, "
+                "or is random, so the runs cannot be searched"
             )
             raise UnsteadyError(message)
         return self._path[asked]
 
     def advance(self) -> int:
-        """Go to the next combination; return the index of the choice that is another one, -1 if there is none left."""
+        """Advance to the next combination; return the index of the changed choice, -1 after the last combination."""
         path, counts = self._path, self._counts
-        # What is left of a longer combination was not asked for this time.
+        # The rest of a longer combination was not requested this time.
         while len(path) > self._asked:
             path.pop()
             counts.pop()
@@ -72,5 +72,5 @@ class Choices:
         return len(path) - 1
 
     def go_back(self, asked: int) -> None:
-        """Go back to where so many choices had been asked for; the next one is one of those that follow."""
+        """Return to an earlier number of choices; the next choice is one of those that follow."""
         self._asked = asked

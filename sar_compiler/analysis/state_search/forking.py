@@ -1,35 +1,41 @@
-"""Ticks that go on in every possible way.
+"""Ticks that continue in every possible way.
 
-A leaf that is ticked may answer several things, and a timer be up or not. A tick in which k nodes choose among n ways each is n^k ticks;
-played from their beginnings, each of them would tick the nodes before the last choice once more. So a tick is put aside just before a
-node that may go on in several ways (a `Fork`), and the next one begins there: nothing but what is different is played.
+A ticked leaf may have several outcomes, and a timer may have expired or not. A tick in which k nodes choose among n
+ways each is n^k ticks. Played from their beginnings, each of them would tick the nodes before the last choice again.
+So a tick is saved just before a node that may continue in several ways (a `Fork`), and the next tick starts there:
+only the difference is played.
 
-Why before the node. It has done nothing yet, so there is nothing to undo: a fork is a copy of the lists that a tree consists of (cells, values,
-entries, the nodes that wait) and of what the tick has noted, and to go back is to copy them again. A node is never in the middle of its own
-`begin` or `resume`, because those return between two children; that is why nodes are no functions that call each other.
+Why before the node: it has done nothing yet, so there is nothing to undo. A fork is a copy of the lists that make up
+a tree (cells, values, entries, the waiting nodes) and of the records of the tick, and restoring is copying them back.
+A node is never in the middle of its own `begin` or `resume`, because these return between two children. That is why
+nodes are not functions that call each other.
 
-Why ticks may meet. Two ticks that come to the same node with the same cells, values and entries go on alike, whatever led there, and from whatever
-state; so only the first is played on. Such a place is a *middle*, and what is played from there on belongs to it, not to the state in which the tick has
-begun: k branches that each go on in n ways are k times n steps and not n^k ticks. These belong to what must be the same:
+Why ticks may merge: two ticks that reach the same node with the same cells, values and entries continue alike,
+whatever led there, and from whatever state. So only the first one is continued. Such a place is an *intermediate
+state* (`middle` in the code), and the rest of the tick belongs to it, not to the state in which the tick has started:
+k branches that each continue in n ways are k times n steps and not n^k ticks. The following must be equal:
 
-- the node, and with it the nodes that wait, since a node has one parent;
-- what the children of these have come to, even where a *state* forgets it: between two ticks nobody looks at how a child has ended, but in the
-  middle of one its parent may be about to;
-- what the properties remember and whether one is broken, for the events before the meeting are behind it.
+- the node, and with it the waiting nodes, since a node has one parent;
+- the statuses of the children of these nodes, even if a *state* forgets them: between two ticks no node reads how a
+  child has ended, but in the middle of a tick its parent may be about to read it;
+- the state of the properties and whether one is violated, because the events before the merge are not seen again.
 
-Which leaves and timers go on being waited for does not: what a part of a tick does to that is noted with the part (`Trail.waits`), and fairness is asked of
-whole ticks, which are put together of parts (`liveness`).
+The leaves and timers that are still waited for may differ. The effect of a part of a tick on them is stored with the
+part (`Trail.waits`), and fairness is decided for whole ticks, which are composed of parts (`liveness`).
 
-What has *happened* does not belong to it either. Two ticks that meet may have had different events, and only those of the first are seen to the end. The graph
-keeps none, so the search loses nothing. Where a tick is played again to be told, those of its state meet as well, but only where they also wait for the same;
-whoever asks for all events, as a counterfactual does, has them never meet.
+The *events* may differ as well. Two ticks that merge may have had different events, and only those of the first are
+continued to the end. The graph stores no events, so the search loses nothing. When a tick is played again for a
+report, ticks of its state merge as well, but only if they also wait for the same leaves and timers. A caller that
+needs all events, such as the counterfactual search, switches merging off.
 
-Why a middle is known when it is left, and not when it is come to. A tick never comes to the same place twice, or it would not end; so nobody asks in between.
-But the next tick may ask at once: so what was left has its number before that is played (`searching.LEFT`), or it would be played, and numbered, twice.
+Why an intermediate state is registered when it is left, and not when it is reached: a tick never reaches the same
+place twice, or it would not end, so no tick looks it up in between. But the next tick may look it up at once. So it
+has its number before that tick is played (`searching.LEFT`); otherwise it would be played and numbered twice.
 
-Why a choice that nobody foresaw is no mistake. `ways` may say 1, and the node asks `Choices` all the same. Then there is no fork at that choice, and the next
-combination is played from the last fork before it: slower, and as right, provided that the same choices lead to the same questions. `Choices.pick` sees
-to that, since a node that keeps a state of its own would break it.
+Why an unforeseen choice is no error: `ways` may return 1 although the node calls `Choices`. Then there is no fork at
+that choice, and the next combination is played from the last fork before it. That is slower but equally right,
+provided that the same choices lead to the same questions. `Choices.pick` checks that, since a node with a hidden
+state would violate it.
 """
 
 from typing import Final
@@ -43,18 +49,18 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode
 
 KNOWN: Final = 6
-"""In place of an outcome: the tick has come to where another one was before, and everything behind that is known."""
+"""In place of an outcome: the tick has reached a place where another one was before, and everything after it is known."""
 ENTERED: Final = 7
-"""In place of an outcome: the tick has come to a middle where none was before, and goes on there."""
+"""In place of an outcome: the tick has reached a new intermediate state, and continues there."""
 
 
 class Fork:
-    """A tick just before a node may go on in several ways.
+    """A tick just before a node that may continue in several ways.
 
     Args:
-        ticker: What ticks the nodes.
-        node: The node that is next; those around it wait.
-        is_middle: Whether it is a middle of ticks.
+        ticker: Ticks the nodes.
+        node: The next node; its ancestors wait.
+        is_middle: Whether it is an intermediate state of ticks.
     """
 
     def __init__(self, ticker: "ForkingTicker", node: TreeNode, *, is_middle: bool) -> None:
@@ -70,7 +76,7 @@ class Fork:
         self.watched, self.broken = trail.watched, trail.broken
 
     def restore(self, ticker: "ForkingTicker") -> None:
-        """Make the tick what it was."""
+        """Restore the tick."""
         trail = ticker.trail
         ticker.cells = self.cells[:]
         ticker.values = self.values[:]
@@ -82,21 +88,21 @@ class Fork:
 
 
 class ForkingTicker(Ticker):
-    """Plays every possible tick of a state: each one begins where the one before it has chosen last.
+    """Plays every possible tick of a state: each one starts at the last choice of the previous one.
 
-    What ticks without a fork, because it chooses where that was not to be expected, is played again from the fork before.
+    A node without a fork, because its choice was unforeseen, is played again from the fork before it.
 
     Args:
-        first: What ticks the same tree, and has not yet; its cells and timers are taken.
-        entries: What the entries of the blackboard hold.
-        choices: What is chosen.
-        trail: What happens.
-        meets: Whether ticks that come to the same place are one from there on.
+        first: A ticker of the same tree that has not ticked yet; its cells and timers are used.
+        entries: The contents of the blackboard's entries.
+        choices: The choices.
+        trail: Records the events.
+        meets: Whether ticks that reach the same place are merged from there on.
 
     Attributes:
-        middles: The middles that ticks have been to, by what they are; None where those of a state are played on their own.
-        middle: The middle that a tick has come to last.
-        waits: What the part of the tick up to there, or to its end, does to what is waited for.
+        middles: The intermediate states that ticks have reached; None if those of a state are played separately.
+        middle: The intermediate state that a tick has reached last.
+        waits: The effect of the part of the tick up to there, or to its end, on the waits.
     """
 
     def __init__(
@@ -111,30 +117,32 @@ class ForkingTicker(Ticker):
         self.middle = b""
         self.waits: Waits = (0, 0, 0)
         self._meets = meets
-        # In the middle of a tick how a node has ended counts: its parent may be about to look.
+        # In the middle of a tick the last status of a node matters, because its parent may be about to read it.
         self._code = StateCode(self.cells, self.values, [])
         self._forks: list[Fork] = []
         self._seen: set[tuple[bytes, Waits]] = set()
         self._forgotten: list[bool] = []
         self._none: list[int] = []
-        # By the node around the next one: whose ends may be looked at in the middle of a tick, although they are forgotten.
+        # By the parent of the next node: the nodes whose statuses may be read in the middle of a tick, although
+        # states forget them.
         self._shown: dict[int, list[int]] = {}
 
     def forget(self, forgotten: list[bool]) -> None:
-        """Take for each node whether it makes no difference, while it does not run, if and how it has ended.
+        """Set for each node whether its last status makes no difference while it does not run.
 
-        In the middle of a tick it makes one for the children of the nodes that are ticked: those may be about to look.
+        In the middle of a tick the statuses of the children of ticked nodes matter, because their parents may be
+        about to read them.
         """
         self._code = StateCode(self.cells, self.values, forgotten)
         self._forgotten = forgotten
 
     def begin(self, root: TreeNode, watched: int, path: tuple[int, ...] = ()) -> None:
-        """Begin with the first tick of the state that the cells and entries have.
+        """Start with the first tick of the state in the cells and entries.
 
         Args:
-            root: What is ticked.
-            watched: What the properties remember.
-            path: The choices with which the tick begins.
+            root: The node to tick.
+            watched: The state of the properties.
+            path: The first choices of the tick.
         """
         self.choices.begin(path)
         self.trail.begin(watched)
@@ -161,11 +169,11 @@ class ForkingTicker(Ticker):
                 node = around
                 outcome = node.resume(self, outcome)
             called = self.called
-            assert called is not None  # noqa: S101 - CALLED says so
+            assert called is not None  # noqa: S101 - true for CALLED
             node = called
 
     def advance(self) -> int:
-        """Go back to the last fork with another way to go on; return how many middles are left by that, -1 if there is no such fork."""
+        """Return to the last fork with a remaining way; return the number of intermediate states left, -1 without a fork."""
         choice = self.choices.advance()
         if choice < 0:
             return -1
@@ -176,7 +184,7 @@ class ForkingTicker(Ticker):
         return left
 
     def _meet(self, node: TreeNode) -> int:
-        """Return KNOWN if a tick was here before, with nothing behind it that makes a difference; else ENTERED in a middle, or CALLED."""
+        """Return KNOWN if a tick was here with no difference since; else ENTERED in an intermediate state, or CALLED."""
         trail, entries = self.trail, self.entries
         entries.settle()
         shown = self._shown_at(node) if self._forgotten else self._none
@@ -197,7 +205,7 @@ class ForkingTicker(Ticker):
         return CALLED
 
     def _shown_at(self, node: TreeNode) -> list[int]:
-        """Return the forgotten nodes of which it makes a difference how they have ended while a node is next."""
+        """Return the forgotten nodes whose last statuses matter while a node is next."""
         around = node.around
         if around is None:
             return []

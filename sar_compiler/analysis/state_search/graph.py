@@ -1,4 +1,4 @@
-"""The states of a tree and the ticks between them, in arrays: a million of them has to fit."""
+"""The states of a tree and the ticks between them, in arrays, so that a million states fit into memory."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -10,17 +10,17 @@ from sar_compiler.analysis.state_search.numbering import StateStore
 from sar_compiler.analysis.state_search.trail import Waits
 
 Edge = tuple[int, int]
-"""A tick: the number of the state that it leads to, and the leaves and timers that it goes on waiting for, as bits."""
+"""A tick: the number of the state to which it leads, and the leaves and timers for which it continues to wait, as bits."""
 
 
 @dataclass(frozen=True)
 class Breach:
-    """The first tick in which something went wrong, at the least distance from the start.
+    """The first tick with a violation, at the least distance from the start.
 
     Attributes:
-        source: The state in which the tick begins.
-        path: The choices of the tick; None if it is the state itself that is wrong.
-        error: What it raised, where it did.
+        source: The state in which the tick starts.
+        path: The choices of the tick; None if the state itself is the violation.
+        error: The error that it raised, if any.
     """
 
     source: int
@@ -29,7 +29,7 @@ class Breach:
 
 
 class Numbers:
-    """Numbers, of which each takes two bytes as long as none is larger, then four, and then eight."""
+    """Numbers that take two bytes each as long as none is larger, then four, and then eight."""
 
     def __init__(self) -> None:
         self._short = vec[i16]()
@@ -60,7 +60,7 @@ class Numbers:
 
 
 def _longer(short: vec[i16], long: vec[i32], number: i64) -> vec[i64]:
-    """Return numbers of which only one of these has any, and one more."""
+    """Return the numbers of the two arrays, of which one is empty, and one more."""
     longest = vec[i64]()
     for held in short:
         longest = append(longest, i64(held))
@@ -74,11 +74,12 @@ _LONG: Final = (1 << 31) - 1
 
 
 class Steps:
-    """The steps that lead from places of one kind, one place behind the other.
+    """The steps from places of one kind, place after place.
 
     Attributes:
-        targets: Where each step leads: the number of a state; of a middle its number, below 0 and counted from -1.
-        waits: What each does to what is waited for, as a number of `Graph.waits`.
+        targets: The target of each step: the number of a state, or of an intermediate state, below 0 and counted from
+            -1.
+        waits: The effect of each step on the waits, as a number of `Graph.waits`.
     """
 
     def __init__(self) -> None:
@@ -88,25 +89,25 @@ class Steps:
         self.waits = Numbers()
 
     def __len__(self) -> int:
-        """Return how many places there are of which the steps are known."""
+        """Return the number of places with known steps."""
         return self._count
 
     def of(self, place: i64) -> tuple[i64, i64]:
-        """Return the number of the first step from a place, and the first one behind its last."""
+        """Return the number of the first step from a place, and the number after its last one."""
         return self._ends[place - 1] if place else 0, self._ends[place]
 
     def count(self, place: i64) -> i64:
-        """Return how many steps lead from a place."""
+        """Return the number of steps from a place."""
         first, behind_last = self.of(place)
         return behind_last - first
 
     def add(self, target: i32, waits: int) -> None:
-        """Add a step from the place in hand."""
+        """Add a step from the current place."""
         self.targets = append(self.targets, target)
         self.waits.append(i64(waits))
 
     def end(self) -> None:
-        """End with the place in hand."""
+        """Finish the current place."""
         self._ends.append(len(self.targets))
         self._count += 1
 
@@ -115,22 +116,22 @@ class Steps:
 class Graph:
     """The states of a tree and the steps between them; states are numbered in the order in which they were found.
 
-    A step is a tick, or a part of one, where many ticks come to the same place on their way (a *middle*, see `forking`). From a
-    middle, steps lead to states and to middles with lower numbers.
+    A step is a tick, or a part of one if several ticks reach the same place on their way (an *intermediate state*,
+    see `forking`). From an intermediate state, steps lead to states and to intermediate states with lower numbers.
 
     Attributes:
-        states: The states themselves; the first one is the beginning.
+        states: The states themselves; the first one is the start.
         origins: The state from which each was found; 0 for the first.
-        steps: The steps from each state that was gone through.
-        middles: The steps from each middle.
-        waits: The different things that steps do to what is waited for.
+        steps: The steps from each explored state.
+        middles: The steps from each intermediate state.
+        waits: The different effects of steps on the waits.
         ends: 1 for each state in which the run is over.
-        pending: What each state owes, as bits.
-        levels: Where the states of each distance begin: those that so many ticks lead to, and no fewer.
-        breaches: The first breach of each rule, by the rule's number.
-        error: The first tick that could not be finished; None if there is none.
-        complete: Whether every state was gone through.
-        stopped: Whether somebody wanted the search to end before that.
+        pending: The pending obligations of each state, as bits.
+        levels: The first state of each distance: the least number of ticks that lead to it.
+        breaches: The first violation of each rule, by the rule's number.
+        error: The first tick that raised; None if there is none.
+        complete: Whether every state was explored.
+        stopped: Whether the search was stopped before that.
     """
 
     states: StateStore
@@ -148,26 +149,26 @@ class Graph:
 
     @property
     def expanded(self) -> int:
-        """How many states were expanded: those before this number."""
+        """The number of expanded states: those with lower numbers."""
         return len(self.steps)
 
     @property
     def step_count(self) -> int:
-        """How many steps there are."""
+        """The number of steps."""
         return len(self.steps.targets) + len(self.middles.targets)
 
     @property
     def depth(self) -> int:
-        """The least number of ticks for which every run was followed."""
+        """The number of ticks for which every run was explored."""
         return len(self.levels) - 1
 
     @property
     def places(self) -> int:
-        """How many places there are: the states, by their numbers, and behind them the middles."""
+        """The number of places: the states, by their numbers, followed by the intermediate states."""
         return len(self.states) + len(self.middles)
 
     def leading_from(self, place: i64) -> tuple[Steps, i64, i64]:
-        """Return the steps from a place: the number of the first one, and the first one behind them. A state that was not gone through has none."""
+        """Return the steps from a place: the first number, and the number after the last. An unexplored state has none."""
         states: i64 = len(self.states)
         steps = self.steps if place < states else self.middles
         number = place if place < states else place - states
@@ -177,7 +178,7 @@ class Graph:
         return steps, first, behind_last
 
     def place(self, target: i64) -> i64:
-        """Return the place that a target of a step is."""
+        """Return the place of a step's target."""
         return target if target >= 0 else len(self.states) - 1 - target
 
     def ticks(self, state: int) -> list[Edge]:
@@ -195,7 +196,7 @@ class Graph:
         return list(found)
 
     def _following(self, place: int, going_on: int, changed: int) -> list[tuple[int, int, int]]:
-        """Return where the steps from a place lead, and what the tick has noted of what is waited for then; the last step first."""
+        """Return the targets of the steps from a place, with the tick's waits; the last step first."""
         steps, first, end = self.leading_from(place)
         return [
             (
@@ -206,7 +207,7 @@ class Graph:
         ]
 
     def stem(self, state: int) -> list[int]:
-        """Return the states on a shortest way from the first one to another, both included."""
+        """Return the states on a shortest path from the first one to another, both included."""
         way = [state]
         while way[-1]:
             way.append(self.origins[way[-1]])
@@ -214,6 +215,6 @@ class Graph:
 
 
 def behind(going_on: int, changed: int, waits: Waits) -> tuple[int, int]:
-    """Return what a tick has noted of what is waited for after a part more of it."""
+    """Return the waits of a tick after a further part of it."""
     goes_on, changes, settled = waits
     return going_on & ~settled | goes_on & (settled | ~changed), changed & ~settled | changes

@@ -1,38 +1,42 @@
-"""Liveness: what must happen one day (an end of the run, and what the run owes), and the runs in which it does not.
+"""Liveness: events that must eventually happen (the end of the run, pending obligations), and runs without them.
 
-There are finitely many states, so a run that never ends stays in one strongly connected component from some tick on.
-Not every component is one that a run can stay in. The search lets a leaf answer RUNNING for ever and a timer never be
-up, which no robot does: nothing would ever be proved to end. So a run counts only if it is *fair*: whatever it waits
-for comes one day. Waiting means that one activation of a leaf or timer goes on through a whole tick. One that is halted
-and started again in each tick is not waited for: a reactive branch that restarts its leaf for ever is a true livelock,
-and the one most often asked about. Nor is a leaf that fails each time it is tried: nothing says that it ever
-succeeds.
+There are finitely many states, so an endless run stays in one strongly connected component from some tick on. Not
+every component is one in which a run can stay. The search lets a leaf return RUNNING forever and a timer never
+expire, which no robot does: then no run could be proved to end. So only *fair* runs are considered: everything that a
+run waits for eventually happens. Waiting means that one activation of a leaf or timer lasts through a whole tick. A
+leaf that is halted and restarted in each tick is not waited for: a reactive branch that restarts its leaf forever is
+a true livelock, and the one in which users are most often interested. A leaf that fails whenever it is tried is not
+waited for either, because nothing guarantees that it ever succeeds.
 
-Why one look at each component is enough. Give every leaf and timer that can be waited for a bit. A run is unfair if from some tick on
-one bit is set in every tick. So "some fair run stays here" is: for each bit, a tick without it comes again and again. That is acceptance
-as in a generalised Buechi automaton, with one set of *ticks* for each bit, and in a strongly connected component it can be met
-if and only if every bit is missing in some tick of the component: one round can be made that takes all ticks. `is_fair` therefore
-looks for what is set in all ticks inside. If there is something, every run that stays here waits for it for ever, also one that stays in a
-part of the component, where there is only more of it. So no component is taken apart further.
+Why one check of each component is enough: give every leaf and timer that can be waited for a bit. A run is unfair if
+from some tick on one bit is set in every tick. So "some fair run stays here" means: for each bit, a tick without it
+occurs repeatedly. That is the acceptance condition of a generalised Buechi automaton, with one set of *ticks* for
+each bit. In a strongly connected component it can be met if and only if every bit is missing in some tick of the
+component, because one loop can contain all ticks. `is_fair` therefore searches for bits that are set in all ticks
+inside. If there is one, every run that stays here waits for it forever, and so does a run that stays in a part of the
+component, in which only more bits are set. So no component is split further.
 
-This is weak fairness. Strong fairness ("what is tried again and again succeeds one day") would promise more than a robot keeps: a goal
-behind a wall is tried for ever and never reached. It would also hide the livelock of a robot that swings between a goal and its base.
-And its components would have to be taken apart again and again (Streett acceptance).
+This is weak fairness. Strong fairness ("repeated attempts eventually succeed") would promise more than a robot
+achieves: a goal beyond a wall is tried forever and never reached. It would also hide the livelock of a robot that
+oscillates between a goal and its base. And its components would have to be split repeatedly (Streett acceptance).
 
-Why the bits are on ticks and not on states. Two states in a row may both have a leaf RUNNING, in one activation or in two: the branch was
-halted in between and began anew. The states are equal; only the tick knows. If states had the bits, every reactive restart would look
-like patience, and the livelocks that people ask about would be taken for unfair and never told.
+Why the bits are on ticks and not on states: two consecutive states may both have a leaf RUNNING, in one activation or
+in two, if the branch was halted in between and restarted. The states are equal; only the tick shows the difference.
+If states had the bits, every reactive restart would look like waiting, and the livelocks that users want to find
+would be considered unfair and not reported.
 
-Why two answers in `endings`. *Stuck* is where no end can be reached at all: fairness does not matter, not even luck helps. *Circling* is
-where an end may be in reach, and a fair run can still avoid it. Neither implies the other, and stuck is the clearer thing to show. Ends
-are excluded from the components, because a run is over there; whether ticking on behind an end leads to another end is asked apart.
+Why `endings` has two results: a *stuck* state is one from which no end can be reached at all, so that fairness does
+not matter. In a *circling* component an end may be reachable, and a fair run can still avoid it. Neither implies the
+other, and a stuck state is easier to understand. Ends are excluded from the components, because a run is over there.
+Whether further ticks after an end lead to another end is decided separately.
 
-Why a state that was not gone through counts as one that can end. The search may have stopped early. Then nothing is proved, and the
-verdict says so; but a loop that was found is real. The states that were not gone through must not make a loop of what may be none.
+Why an unexplored state is treated as one that can end: the search may have stopped early. Then nothing is proved, and
+the verdict says so, but a loop that was found is real. Unexplored states must not create a loop that may not exist.
 
-Why a counterexample is searched for apart. The round that a person reads should be short, and a shortest round back to a state may be an
-unfair one: waiting for one leaf for ever is the shortest round of all. `_round` searches over states together with the bits that were set
-in every tick so far. The sets only shrink on the way, so there are few of them for each state.
+Why a counterexample is searched for separately: the loop that a person reads should be short, and a shortest loop
+back to a state may be unfair, since waiting for one leaf forever is the shortest loop of all. `_round` searches over
+states together with the bits that were set in every tick so far. These sets only shrink on the way, so there are few
+of them for each state.
 """
 
 from collections.abc import Iterator
@@ -50,9 +54,10 @@ class Endings:
     """Whether the runs end.
 
     Attributes:
-        stuck: The first state behind which no end can be reached, whether it is an end itself or not; None if there is none.
-        circling: The states of the first component that a run can go round in for ever without an end; None if
-            there is none.
+        stuck: The first state from which no end can be reached, whether it is an end itself or not; None if there is
+            none.
+        circling: The states of the first component in which a run can stay forever without an end; None if there is
+            none.
     """
 
     stuck: int | None
@@ -62,13 +67,13 @@ class Endings:
 def endings(graph: Graph) -> Endings:
     """Find the first state that cannot end, and the first component that need not.
 
-    A state that was not gone through counts as one that can end.
+    An unexplored state is treated as one that can end.
     """
     can_end, ends = vec[u8](bytes(graph.places)), vec[u8](graph.ends)
     stuck: int | None = None
     circling: list[int] | None = None
     for component in components(graph, graph.ends):
-        # Components come in reverse topological order: what can be reached from this one is decided already.
+        # Components are in reverse topological order: the ones that this one reaches are decided already.
         if _any_goes_on(graph, component, can_end, ends):
             for place in component:
                 can_end[place] = 1
@@ -84,11 +89,11 @@ def endings(graph: Graph) -> Endings:
 
 
 def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
-    """Return the places of the first component in which a run can stay for ever while it owes something.
+    """Return the places of the first component in which a run can stay forever with a pending obligation.
 
     Args:
         graph: The graph.
-        debt: What is owed: its bit in `pending`.
+        debt: The obligation: its bit in `pending`.
     """
     excluded = bytearray(
         not graph.pending[state] & debt or graph.ends[state] for state in range(len(graph.states))
@@ -101,10 +106,10 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
 
 
 def _any_goes_on(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8]) -> bool:
-    """Return whether from one of some places a step leads to where a run can end."""
+    """Return whether a step from one of some places leads to a place from which a run can end."""
     for place in places:
         steps, step, behind_last = graph.leading_from(place)
-        # What was not gone through may end; what only raises has.
+        # An unexplored place may end; one that only raises has ended.
         if step == behind_last:
             return True
         while step < behind_last:
@@ -126,13 +131,14 @@ _NEW: Final = 0
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
     """Yield the strongly connected components of a graph, each after all that can be reached from it.
 
-    Tarjan's algorithm, as Pearce has it ("A space-efficient algorithm for finding strongly connected components", Information
-    Processing Letters 116, 2016): one number a place. Its recursion is as deep as the longest path, which may be a million places,
-    so the path is a stack, and `_DepthFirst` holds where each place on it goes on.
+    Tarjan's algorithm in Pearce's form ("A space-efficient algorithm for finding strongly connected components",
+    Information Processing Letters 116, 2016): one number for each place. Its recursion is as deep as the longest
+    path, which may be a million places. So the path is a stack, and `_DepthFirst` stores the next step of each place
+    on it.
 
     Args:
         graph: The graph.
-        excluded: 1 for each state that is taken for not being there.
+        excluded: 1 for each state that is treated as missing.
     """
     walk = _DepthFirst(graph, excluded)
     path = _Stack()
@@ -156,14 +162,14 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
 
 
 class _Stack:
-    """Places upon each other. A list would take 40 bytes for each of them, and a path may be as long as there are places."""
+    """A stack of places. A list would take 40 bytes for each of them, and a path may be as long as there are places."""
 
     def __init__(self) -> None:
         self._places = vec[i32]()
         self.height: i64 = 0
 
     def push(self, place: int) -> None:
-        """Lay a place on top."""
+        """Push a place."""
         if self.height == len(self._places):
             self._places = append(self._places, i32(place))
         else:
@@ -175,17 +181,17 @@ class _Stack:
         return int(self._places[self.height - 1])
 
     def pop(self) -> int:
-        """Take the place on top away, and return it."""
+        """Remove the place on top, and return it."""
         self.height -= 1
         return int(self._places[self.height])
 
 
 class _DepthFirst:
-    """What is known of each place.
+    """The state of the search for each place.
 
     Attributes:
-        numbers: Its number in the order of the search, or that of an earlier place that it leads back to. Where its component is known, one
-            that is above all of these.
+        numbers: Its number in the order of the search, or that of an earlier place to which it leads back. If its
+            component is known, one that is above all of these.
         leads_back: 1 if it leads back to an earlier place.
         waiting: The places that do, and whose component is not known yet.
     """
@@ -197,11 +203,11 @@ class _DepthFirst:
         self._done = vec[i32](zeros)
         self._graph = graph
         self._excluded = vec[u8](excluded)
-        # Those that are given next: to a place, counted up, and to a component, counted down.
+        # The next numbers: of a place, counted up, and of a component, counted down.
         self._number, self._of_component = 1, graph.places
 
     def begin(self, place: int) -> None:
-        """Give a place its number."""
+        """Assign a number to a place."""
         self.numbers[place] = i32(self._number)
         self._number += 1
 
@@ -216,7 +222,7 @@ class _DepthFirst:
             target = graph.place(i64(targets[step]))
             if target >= len(excluded) or not excluded[target]:
                 if numbers[target] == _NEW:
-                    # Looked at again when it is done with.
+                    # Checked again after it is finished.
                     found = target
                     break
                 if numbers[target] < least:
@@ -227,7 +233,7 @@ class _DepthFirst:
         return int(found)
 
     def component(self, first: int) -> list[int]:
-        """Take the component away whose earliest place this is."""
+        """Remove the component of which this place is the earliest."""
         component = [first]
         while self.waiting.height and self.numbers[self.waiting.top()] >= self.numbers[first]:
             component.append(self.waiting.pop())
@@ -239,20 +245,20 @@ class _DepthFirst:
 
 
 def is_fair(graph: Graph, component: list[int]) -> bool:
-    """Return whether a fair run can stay in a component for ever.
+    """Return whether a fair run can stay in a component forever.
 
-    It can if there is nothing that every tick in the component waits for: in a strongly connected component one
-    round can take all of the ticks. If there is something, every round waits for it, so no run can stay.
+    It can if there is nothing for which every tick in the component waits: in a strongly connected component one loop
+    can contain all of the ticks. Otherwise every loop waits for it, so no run can stay.
 
-    There may be more ticks than can be gone through. So each step is looked at once, from the states on: which of the three things a tick
-    can have noted of each bit up to there.
+    The ticks may be too many to enumerate. So each step is visited once, from the states on, with the three possible
+    records of each bit up to there.
     """
     if len(component) == 1 and not _goes_round(graph, component[0]):
         return False
     inside, states = set(component), len(graph.states)
     notes: dict[int, tuple[int, int, int]] = {}
     free, found = 0, False
-    # A middle leads to middles with lower numbers.
+    # An intermediate state leads to intermediate states with lower numbers.
     order = [place for place in component if place < states]
     order += sorted((place for place in component if place >= states), reverse=True)
     for place in order:
@@ -292,11 +298,11 @@ _ALL: Final = -1
 
 @dataclass(frozen=True)
 class Lasso:
-    """A way and a round.
+    """A path and a loop.
 
     Attributes:
-        stem: The states on the way, from the first one to that where the round begins.
-        loop: The ticks of the round.
+        stem: The states on the path, from the first one to the first of the loop.
+        loop: The ticks of the loop.
     """
 
     stem: list[int]
@@ -304,7 +310,7 @@ class Lasso:
 
 
 def lasso(graph: Graph, component: list[int]) -> Lasso:
-    """Return a short fair run into a component and once round in it.
+    """Return a short fair run into a component and once around a loop in it.
 
     Args:
         graph: The graph.
@@ -315,13 +321,13 @@ def lasso(graph: Graph, component: list[int]) -> Lasso:
 
 
 _Moment = tuple[int, int, int, int]
-"""A place, what every tick so far has waited for (-1: everything), and what the one in hand has noted: what goes on, and what has changed."""
+"""A place, the bits for which every tick so far has waited (-1: all), and the current tick's continuing and changed bits."""
 
 
 def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
-    """Return the ticks of a shortest fair round from a state back to it."""
-    # A shortest round back to the state may be an unfair one. So breadth first, tick by tick, over places together with what was
-    # waited for in every tick so far: 0 is what the round must arrive with.
+    """Return the ticks of a shortest fair loop from a state back to it."""
+    # A shortest loop back to the state may be unfair. So the search is breadth first, tick by tick, over places
+    # together with the bits for which every tick so far has waited; the loop must end with 0.
     start, states = (entry, _ALL, 0, 0), len(graph.states)
     ways: dict[_Moment, tuple[_Moment, int]] = {}
     tick = [start]
@@ -342,10 +348,10 @@ def _round(graph: Graph, entry: int, inside: set[int]) -> list[Edge]:
                 ways[reached] = moment, after[0]
                 if reached == (entry, 0, 0, 0):
                     return _retrace(ways, start, reached, states)
-                # What a tick comes to in its middle belongs to the tick.
+                # An intermediate state belongs to the tick that reaches it.
                 (following if is_end else tick).append(reached)
         tick = following
-    message = "one cannot go round in this component"
+    message = "this component has no fair loop"
     raise ValueError(message)
 
 

@@ -11,18 +11,19 @@ _FREE: Final = 0
 _BITS_OF_NUMBER: Final = 32
 _NUMBER: Final = (1 << _BITS_OF_NUMBER) - 1
 _HASH: Final = (1 << 31) - 1
-"""So much of a hash stands in the table; so large a table can become."""
+"""The number of bits of a hash in the table, and the maximum size of the table."""
 _STRETCH: Final = 1 << 12
-"""So many states stand together. They take less than the 2^31 bytes that numbers of 32 bits count: 500,000 each."""
+"""The number of states in a stretch. They take less than the 2^31 bytes that 32-bit numbers address: 500,000 states."""
 _ROOM: Final = 1 << 15
-"""A middle is kept while ticks have come to so many others: 6 MB in all, however far a search goes."""
+"""An intermediate state is kept until ticks have reached this many others: 6 MB in all for any search."""
 
 
 class StateStore:
     """The states, as bytes, by their numbers.
 
-    They stand one behind the other: an object for each would take 50 bytes more. So many at a time have a stretch of their own,
-    which is never copied again: one that has to grow is there twice meanwhile, and leaves a hole.
+    They are stored consecutively: an object for each would take 50 bytes more. They are divided into stretches, which
+    are not copied when the next one is created: a growing array exists twice while it is copied, and leaves a hole in
+    the memory.
     """
 
     def __init__(self) -> None:
@@ -39,11 +40,11 @@ class StateStore:
         return iter(self.between(0, len(self)))
 
     def between(self, first: int, end: int) -> list[bytes]:
-        """Return the states from one number up to another, which does not count."""
+        """Return the states from one number up to, but not including, another."""
         return [self[number] for number in range(first, end)]
 
     def append(self, state: bytes) -> None:
-        """Give a state the next number."""
+        """Store a state with the next number."""
         if self._count % _STRETCH == 0:
             self._stretches.append(_Stretch())
         self._stretches[-1].append(state)
@@ -51,19 +52,19 @@ class StateStore:
 
 
 class _Stretch:
-    """Some states, one behind the other."""
+    """Some consecutive states."""
 
     def __init__(self) -> None:
         self._written = vec[u8]()
-        # Where each ends, and the next one begins.
+        # The end of each, where the next one begins.
         self._ends = vec[i32]([0])
 
     def at(self, place: int) -> bytes:
-        """Return the state at a place."""
+        """Return the state at an index."""
         return bytes(self._written[self._ends[place] : self._ends[place + 1]])
 
     def append(self, state: bytes) -> None:
-        """Add a state behind the others."""
+        """Append a state."""
         self._written = extend(self._written, state)
         self._ends = append(self._ends, i32(len(self._written)))
 
@@ -71,7 +72,8 @@ class _Stretch:
 class Numbering:
     """Numbers states from 0 on.
 
-    A dictionary would take 90 bytes more for each: states are found by a table of their numbers, which takes 12 to 24.
+    A dictionary would take 90 bytes more for each. States are found by a hash table of their numbers, which takes 12
+    to 24 bytes.
 
     Attributes:
         states: The states, by their numbers.
@@ -79,7 +81,8 @@ class Numbering:
 
     def __init__(self) -> None:
         self.states = StateStore()
-        # The hash of a state and one more than its number, where the hash leads to or behind that; the size is a power of two.
+        # The hash of a state and one more than its number, at the slot of the hash or after it; the size is a power
+        # of two.
         self._table = vec[i64](bytes(_FIRST_SIZE))
         self._mask: i64 = _FIRST_SIZE - 1
 
@@ -92,13 +95,13 @@ class Numbering:
             slot = table[at]
             if slot == _FREE:
                 return -1
-            # Few states have the same hash, and to look at one is to copy it.
+            # Few states have the same hash, and comparing one means copying it.
             if slot >> _BITS_OF_NUMBER == hashed and self.states[int(slot & _NUMBER) - 1] == state:
                 return int(slot & _NUMBER) - 1
             at = (at + 1) & mask
 
     def add(self, state: bytes) -> int:
-        """Return the number of a state that has none yet."""
+        """Return a new number for a state."""
         number = len(self.states)
         self.states.append(state)
         if 3 * number > 2 * self._mask:
@@ -126,13 +129,13 @@ class Numbering:
 
 
 class Middles:
-    """Numbers middles of ticks from 0 on, and forgets those that no tick has come to lately.
+    """Numbers intermediate states of ticks from 0 on, and forgets those that no tick has reached lately.
 
-    A middle takes as much as a state, and there are several for each; but ticks that meet begin in states that are found at about the
-    same time. One that is forgotten gets another number when a tick comes to it again.
+    An intermediate state takes as much memory as a state, and there are several for each. But ticks that merge start
+    in states that are found at about the same time. A forgotten one gets another number when a tick reaches it again.
 
     Args:
-        room: One is kept while ticks have come to so many others, and at most twice as long.
+        room: The number of others that ticks reach before one is forgotten; some are kept up to twice as long.
     """
 
     def __init__(self, room: int = _ROOM) -> None:
@@ -141,7 +144,7 @@ class Middles:
         self._count = 0
 
     def find(self, middle: bytes) -> int:
-        """Return the number of a middle; -1 if it has none."""
+        """Return the number of an intermediate state; -1 if it has none."""
         number = self._lately.find(middle)
         if number < 0:
             number = self._before.find(middle)
@@ -150,7 +153,7 @@ class Middles:
         return number
 
     def add(self, middle: bytes) -> int:
-        """Return the number of a middle that has none."""
+        """Return a new number for an intermediate state."""
         number = self._count
         self._keep(middle, number)
         self._count = number + 1
@@ -163,7 +166,7 @@ class Middles:
 
 
 class _Recent:
-    """Some middles with their numbers."""
+    """Some intermediate states with their numbers."""
 
     def __init__(self) -> None:
         self._numbering = Numbering()

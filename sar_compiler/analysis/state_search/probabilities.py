@@ -1,10 +1,11 @@
-"""Leaves and timers whose chances and times are known, so that runs can be weighed: the same search as that of all runs, with other nodes.
+"""Leaves and timers with known probabilities and times: the search of all runs, with nodes that assign probabilities.
 
-What is known of time is how many ticks are left, and that is part of the state: a leaf that runs for forty seconds and a Timeout of a minute
-meet as they do in flight, which chances for each tick could not tell. A tick in which nothing happens but that time passes is followed by more of
-them until the next time is up; these are one step, so a minute takes no more states than a second.
+The number of remaining ticks of a time is part of the state. So a leaf that runs for forty seconds and a Timeout of a
+minute interact as in a real run, which probabilities for each tick could not express. A tick in which only time
+passes is followed by more of them until the next time expires. These are one step, so that a minute takes no more
+states than a second.
 
-What a leaf answers, and how long that takes, is chosen when it begins, as `checks.simulate` does.
+The outcome of a leaf and its duration are chosen when it starts, as in `analysis.simulate`.
 """
 
 import math
@@ -25,11 +26,11 @@ from sar_compiler.runtime.kernel.tree import FlatTree
 from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, Ticker
 
 TOLERANCE_SEC: Final = 1e-6
-"""Ticks come at multiples of the period, which floats hit only nearly."""
+"""Tolerance for ticks at multiples of the period, which floats reach only approximately."""
 
 
 class TicksLeft:
-    """A number of ticks until a time is up. Equal ones are the same object, so that states can be compared.
+    """A number of ticks until a time expires. Equal ones are the same object, so that states can be compared.
 
     Args:
         ticks: The number.
@@ -40,36 +41,36 @@ class TicksLeft:
 
 
 class LimitUse:
-    """What takes from limits in a run that is followed: what a condition finds in one tick after the other (a mission that is held) takes once.
+    """Decreases limits once for a situation that a condition finds in several consecutive ticks, such as a paused mission.
 
-    Such an answer is possible as it was when it came first, and leaves the limits as they are.
+    A repeated outcome is possible as it was the first time, and leaves the limits unchanged.
 
     Args:
-        conditions: The numbers of the conditions that take from limits.
+        conditions: The numbers of the conditions that decrease limits.
         limits: The entries of the limits.
     """
 
     def __init__(self, conditions: set[int], limits: list[Any]) -> None:
         self._conditions = conditions
         self._limits = limits
-        # Of each that was ticked in the last tick, and in this one: what it has found, and what was left of the limits before.
+        # For each condition that was ticked in the last tick, and in this one: its outcome, and the limits before it.
         self._last: dict[int, tuple[str, list[Any]]] = {}
         self._now: dict[int, tuple[str, list[Any]]] = {}
 
     def begin_tick(self) -> None:
-        """Begin a tick, or begin it anew."""
+        """Start a tick, or restart it."""
         self._now = {}
 
     def end_tick(self) -> None:
-        """Note that the tick was so."""
+        """Confirm the results of the tick."""
         self._last = self._now
 
     def before(self, index: int, found: str) -> list[Any]:
-        """Return what is left of the limits, if a leaf finds what it has found in the last tick; from now on they are as they were before that.
+        """Return the current limits if a leaf repeats its last outcome, and restore the limits before that outcome.
 
         Args:
             index: The number of the leaf.
-            found: What it finds.
+            found: The outcome.
         """
         if index not in self._conditions:
             return []
@@ -83,13 +84,13 @@ class LimitUse:
         return left
 
     def after(self, left: list[Any]) -> None:
-        """Make the limits what was left of them, as `before` has returned it."""
+        """Restore the limits that `before` has returned."""
         for limit, value in zip(self._limits, left, strict=False):
             limit.write(value)
 
 
 class CountedTimes(Times):
-    """Timers that are up after a number of ticks, whose tokens are `TicksLeft`.
+    """Timers that expire after a number of ticks, whose tokens are `TicksLeft`.
 
     Args:
         period_sec: The time between two ticks, seconds.
@@ -100,37 +101,37 @@ class CountedTimes(Times):
         self._known: dict[int, TicksLeft] = {}
 
     def ticks(self, seconds: float) -> int:
-        """Return after how many ticks a time is up."""
+        """Return the number of ticks after which a time has expired."""
         return max(0, math.ceil((seconds - TOLERANCE_SEC) / self._period_sec))
 
     def seconds(self, ticks: int) -> float:
-        """Return how long a number of ticks takes."""
+        """Return the duration of a number of ticks, seconds."""
         return ticks * self._period_sec
 
     def left(self, ticks: int) -> TicksLeft:
-        """Return what stands for a number of ticks."""
+        """Return the object for a number of ticks."""
         known = self._known.get(ticks)
         if known is None:
             known = self._known[ticks] = TicksLeft(ticks)
         return known
 
-    def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - as the protocol has it
+    def start(self, index: int, seconds: float) -> Any:  # noqa: ARG002 - required by the protocol
         """Start a timer, in seconds."""
         return self.left(self.ticks(seconds))
 
     def is_up(self, index: int, token: Any) -> bool:  # noqa: ARG002
-        """Return whether a timer's time is over."""
+        """Return whether a timer has expired."""
         ticks: int = token.ticks
         return ticks == 0
 
 
 class Choice(NamedTuple):
-    """A choice among answers of a leaf.
+    """A choice among outcomes of a leaf.
 
     Attributes:
         leaf: The index of the leaf.
-        answers: What it chooses among.
-        bounds: How likely each is, at least and at most.
+        answers: The outcomes.
+        bounds: The least and the greatest probability of each.
     """
 
     leaf: int
@@ -139,12 +140,12 @@ class Choice(NamedTuple):
 
 
 class TransitionProbability(NamedTuple):
-    """The weight of one way to go on after a choice.
+    """The weight of one continuation after a choice.
 
     Attributes:
         choice: The number of the choice.
-        answer: Which of its answers it is.
-        share: Which part of this answer's chance goes this way.
+        answer: The index of its outcome.
+        share: The share of this outcome's probability.
     """
 
     choice: int
@@ -153,14 +154,14 @@ class TransitionProbability(NamedTuple):
 
 
 class ChoiceTable:
-    """The choices that leaves have in the runs of a tree, and what their ways to go on weigh.
+    """The choices of leaves in the runs of a tree, with the weights of their continuations.
 
     Args:
         times: Counts their ticks.
 
     Attributes:
         choices: The choices, by their numbers.
-        weights: The weights, by the number that a step has in `going_on`; none has 0.
+        weights: The weights, by the number in a step's `going_on`; none has 0.
     """
 
     def __init__(self, times: CountedTimes) -> None:
@@ -169,7 +170,7 @@ class ChoiceTable:
         self.weights: list[TransitionProbability] = [TransitionProbability(-1, 0, 1.0)]
 
     def spread(self, sec: tuple[float, float]) -> list[tuple[int, float]]:
-        """Return the numbers of ticks that a time takes which is as likely to be any between two, each with its share."""
+        """Return the possible numbers of ticks of a time that is uniformly distributed between two, each with its share."""
         least, most = sec
         first, last = self.times.ticks(least), self.times.ticks(most)
         if first == last:
@@ -183,10 +184,10 @@ class ChoiceTable:
 
 
 class Option:
-    """A way for a leaf to go on: what it will answer, and after how many ticks.
+    """A continuation of a leaf: its outcome, and the number of ticks until then.
 
     Args:
-        reply: The answer.
+        reply: The outcome.
         ticks: The ticks.
         weight: The number of its weight.
     """
@@ -198,14 +199,15 @@ class Option:
 
 
 class ProbabilisticLeaf(StubNode):
-    """A leaf that chooses when it begins what it will answer, and after how many ticks; until then it answers RUNNING.
+    """A leaf that chooses its outcome and duration when it starts, and returns RUNNING until then.
 
-    If that answer is not possible any more when its time has come, it chooses again. One that cannot answer RUNNING takes no time.
+    If the outcome is no longer possible at its time, the leaf chooses again. A leaf that cannot return RUNNING takes
+    no time.
 
     Args:
-        part: What it is built of.
-        leaves: What the leaves of a tree share.
-        chances: Is told of each choice.
+        part: Its builder.
+        leaves: The shared context of the leaves.
+        chances: Receives each choice.
     """
 
     def __init__(self, part: NodeBuilder, leaves: LeafNodes, probabilities: ChoiceTable) -> None:
@@ -215,7 +217,7 @@ class ProbabilisticLeaf(StubNode):
         self._known: dict[tuple[int, ...], list[Option]] = {}
 
     def ways(self, ticker: Ticker) -> int:
-        """Return in how many ways it may go on; if that cannot be said, its tick will say why."""
+        """Return the number of possible continuations; if it cannot be determined, the tick raises the reason."""
         try:
             replies = self._possible()
         except SarError:
@@ -223,7 +225,7 @@ class ProbabilisticLeaf(StubNode):
         return 1 if self._in_hand(ticker, replies) else len(self._options(replies))
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf, unless it runs; answer what it has chosen, or RUNNING until its time has come."""
+        """Start the leaf, unless it runs; return its chosen outcome, or RUNNING until its time."""
         cells, values, trail = ticker.cells, ticker.values, self._trail
         self._ran.add(self.index)
         if cells[self.at] != RUNNING:
@@ -237,7 +239,7 @@ class ProbabilisticLeaf(StubNode):
         return outcome
 
     def _chosen_reply(self, ticker: Ticker, replies: list[Reply]) -> Reply:
-        """Return what it has chosen, or RUNNING until its time has come."""
+        """Return the chosen outcome, or RUNNING until its time."""
         values = ticker.values
         if not self._in_hand(ticker, replies):
             self._choose(ticker, self._options(replies))
@@ -256,7 +258,7 @@ class ProbabilisticLeaf(StubNode):
         cells[self.at] = INVALID
 
     def _in_hand(self, ticker: Ticker, replies: list[Reply]) -> bool:
-        """Return whether there is nothing to choose: it has chosen, and the answer is possible or not due."""
+        """Return whether there is no choice: the leaf has chosen, and the outcome is possible or not due."""
         values = ticker.values
         chosen = values[self._chosen]
         return chosen is not None and (values[self._left].ticks > 0 or chosen in replies)
@@ -266,8 +268,8 @@ class ProbabilisticLeaf(StubNode):
         if len(options) > 1:
             if self._trail.going_on:
                 message = (
-                    f"'{self.behaviour.name}' answers by chance while it is ticked in the middle of another node's end, as by catch_on_halt; "
-                    "how likely that is cannot be computed: give it one answer, or none by chance"
+                    f"'{self.behaviour.name}' has several outcomes with probabilities while another node ends (catch_on_halt). "
+                    "This cannot be computed: declare one outcome, or outcomes without p"
                 )
                 raise UndecidableError(message)
             self._trail.going_on = option.weight
@@ -275,7 +277,7 @@ class ProbabilisticLeaf(StubNode):
         ticker.values[self._left] = self._probabilities.times.left(option.ticks)
 
     def _options(self, replies: list[Reply]) -> list[Option]:
-        """Return the ways to go on that there are with some answers."""
+        """Return the possible continuations for some outcomes."""
         place = tuple([reply.event for reply in replies])
         known = self._known.get(place)
         if known is None:
@@ -283,7 +285,7 @@ class ProbabilisticLeaf(StubNode):
         return known
 
     def _ending(self, replies: list[Reply]) -> list[Reply]:
-        """Return what it can choose of some answers; one that only ever runs answers RUNNING for ever."""
+        """Return the outcomes among which it can choose; a leaf that only ever runs returns RUNNING forever."""
         return [reply for reply in replies if reply.outcome != RUNNING] or replies[:1]
 
     def _work_out_options(self, replies: list[Reply]) -> list[Option]:
@@ -301,15 +303,15 @@ class ProbabilisticLeaf(StubNode):
 
 
 class WeighedSteps(TickSteps):
-    """The steps of a tree whose chances are known. Runs end where they are over, and ticks in which only time passes are one step.
+    """The steps of a tree with known probabilities. Consecutive ticks in which only time passes are one step.
 
-    `waits` has the number of a step's weight, or, of a step in which only time passes, how many ticks that takes, with a minus before it.
+    `waits` is the number of a step's weight. For a step in which only time passes it is the negative number of ticks.
 
     Args:
         flat: The tree.
-        ticker: What ticks it.
+        ticker: Ticks it.
         judge: Judges a state.
-        judged_by: The places of the entries that it looks at.
+        judged_by: The places of the entries that it reads.
         times: Counts the ticks.
     """
 
@@ -324,7 +326,7 @@ class WeighedSteps(TickSteps):
         self._watched = 0
 
     def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
-        """Go to a state, to play its ticks; see `TickSteps.enter`."""
+        """Restore a state, to play its ticks; see `TickSteps.enter`."""
         super().enter(state, alone=alone, path=path)
         self._is_over = self.judge(state, None).ends
         ticker = self._ticker
@@ -332,11 +334,11 @@ class WeighedSteps(TickSteps):
         self._watched = ticker.trail.watched
 
     def step(self) -> int:
-        """Play the next step, and return what it has led to; raises as `TickSteps.step`."""
+        """Play the next step, and return its kind; raises as `TickSteps.step`."""
         return NOTHING if self._is_over else super().step()
 
     def take_state(self, outcome: int) -> None:
-        """Take the state after a tick, and after those that follow in which nothing else will happen."""
+        """Save the state after a tick, and after the following ticks in which only time passes."""
         ticker = self._ticker
         ticker.entries.settle()
         self._pass_by(1)
@@ -348,14 +350,14 @@ class WeighedSteps(TickSteps):
             self.waits = -1 - passed, 0, 0
 
     def _pass_by(self, ticks: int) -> None:
-        """Let time pass."""
+        """Advance the time."""
         values = self._ticker.values
         for place, value in enumerate(values):
             if isinstance(value, TicksLeft) and value.ticks:
                 values[place] = self._times.left(value.ticks - ticks)
 
     def _unchanged(self) -> int:
-        """Return how many ticks are like the last one, in which only time has passed; 0 if it was another one."""
+        """Return how many ticks are like the last one, if only time has passed in it; else 0."""
         ticker, least = self._ticker, 0
         if ticker.trail.watched != self._watched or ticker.trail.broken:
             return 0
@@ -363,7 +365,7 @@ class WeighedSteps(TickSteps):
             return 0
         for now, before in zip(ticker.values, self._values, strict=True):
             if isinstance(now, TicksLeft) and isinstance(before, TicksLeft):
-                # One that was up before is not looked at; of one that is up now something may come.
+                # A timer that had expired before is not read; one that expires now may have an effect.
                 if now.ticks != before.ticks - 1 and (now.ticks or before.ticks):
                     return 0
                 if before.ticks and (not least or before.ticks < least):

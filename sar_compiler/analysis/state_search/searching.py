@@ -1,4 +1,4 @@
-"""Searching the states of a tree breadth first."""
+"""Breadth-first search of the states of a tree."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
@@ -11,30 +11,30 @@ from sar_compiler.analysis.state_search.numbering import Middles, Numbering
 from sar_compiler.analysis.state_search.trail import Waits
 from sar_compiler.budget import Progress
 
-# Who waits for a report, or wants to stop, does not wait long for so many ticks.
+# A report or a stop request is not delayed much by this many ticks.
 _REPORT_EVERY: Final = 256
 _BITS_OF_WAITS: Final = 28
 _WAITS: Final = (1 << _BITS_OF_WAITS) - 1
-"""A step is where it leads, as in `Steps.targets`, and what it does to what is waited for in so many bits."""
+"""A step is one number: its target, as in `Steps.targets`, and in this many bits its effect on the waits."""
 _NOWHERE: Final = (1 << 31) - 1
 """In place of a target: the tick raises."""
 _SEVERAL: Final = -1
-"""In place of the only state that a place leads to."""
+"""In place of the only state to which a place leads: there are several."""
 _FEW: Final = 32
-"""Among so many steps one is found by looking at all of them."""
+"""The number of steps up to which a linear search finds one faster than a set."""
 _NARROW: Final = 20
-"""Three numbers with so many bits make one number of the machine."""
+"""Three numbers with this many bits fit into one machine number."""
 
 NOTHING: Final = 0
-"""There is no step any more."""
+"""There is no further step."""
 A_STATE: Final = 1
 """A step ends a tick."""
 A_MIDDLE: Final = 2
-"""A step leads to a middle that is known."""
+"""A step leads to a known intermediate state."""
 A_NEW_MIDDLE: Final = 3
-"""A step leads to a middle that is not known, and the next ones go on from there until it is left."""
+"""A step leads to a new intermediate state, and the next ones continue from there until it is left."""
 LEFT: Final = 4
-"""Middles are left, because nothing else goes on from there. The next step may come to one of them: it must have its number by then."""
+"""Intermediate states are left, because nothing else continues there. Number them now: the next step may reach them."""
 
 
 class Judgement(NamedTuple):
@@ -42,9 +42,9 @@ class Judgement(NamedTuple):
 
     Attributes:
         ends: Whether the run is over in it.
-        broken: The rules that it breaks, as bits.
-        pending: What it owes, as bits.
-        is_open: Whether there is more to say once it is known whether the state is idle.
+        broken: The rules that it violates, as bits.
+        pending: Its pending obligations, as bits.
+        is_open: Whether the judgement changes when it is known whether the state is idle.
     """
 
     ends: bool = False
@@ -59,12 +59,12 @@ class Stepper:
 
     Attributes:
         state: The state after the last step that has ended a tick; None if it raised.
-        waits: What the last step does to what is waited for.
-        broken: The rules that the tick breaks that it has ended, as bits.
-        error: What it raised.
-        middle: The middle that the last step has led to.
-        left: How many middles were left last.
-        middles: Those that were left, lately.
+        waits: The effect of the last step on the waits.
+        broken: The rules violated by the tick that it has ended, as bits.
+        error: The error that it raised.
+        middle: The intermediate state to which the last step has led.
+        left: The number of intermediate states that were left last.
+        middles: The intermediate states that were left recently.
     """
 
     def __init__(self) -> None:
@@ -80,11 +80,11 @@ class Stepper:
         raise NotImplementedError
 
     def enter(self, state: bytes, *, alone: bool = False) -> None:
-        """Go to a state; with *alone* as if there were no middles."""
+        """Restore a state; with *alone* without known intermediate states."""
         raise NotImplementedError
 
     def step(self) -> int:
-        """Do the next one of the steps that are possible from the state, and return what it has led to."""
+        """Play the next possible step from the state, and return its kind."""
         raise NotImplementedError
 
     def judge(self, state: bytes, idle: bool | None) -> Judgement:
@@ -92,7 +92,7 @@ class Stepper:
 
         Args:
             state: The state.
-            idle: Whether every step leaves it as it is; None if that is not known yet.
+            idle: Whether every step leaves it unchanged; None if that is not known yet.
         """
         raise NotImplementedError
 
@@ -102,7 +102,7 @@ class Stepper:
 
 
 Report = Callable[[Progress], bool | None]
-"""Is told the progress; returns True to have the search stopped."""
+"""Receives the progress; returns True to stop the search."""
 
 
 def keep_quiet(progress: Progress) -> None:
@@ -116,14 +116,14 @@ def explore(
     names: Sequence[str] = (),
     starts: Sequence[bytes] = (),
 ) -> Graph:
-    """Search all states that can be reached, breadth first.
+    """Search all reachable states, breadth first.
 
     Args:
-        stepper: Knows the states.
-        max_states: How many to find at most; where there are more, the graph is not complete.
-        report: Is called with the progress now and then, and when a property is broken.
-        names: What the properties are called, by the number of the rule.
-        starts: The states to begin with, each once; by default the stepper's.
+        stepper: Provides the states.
+        max_states: The maximum number of states to find; if there are more, the graph is not complete.
+        report: Called with the progress at intervals, and at each violation.
+        names: The names of the properties, by the number of the rule.
+        starts: The initial states, each once; by default the stepper's.
     """
     return _Exploration(stepper, max_states, report, names).run(starts or [stepper.start()])
 
@@ -139,12 +139,13 @@ class _Exploration:
         self._known_waits: dict[Any, int] = {}
         self._last_waits: Waits = (-1, -1, -1)
         self._last_number = 0
-        # The only state that each middle leads to.
+        # The only state to which each intermediate state leads.
         self._only = vec[i32]()
-        # 1 for each state of which there is more to say once it is known whether it is idle.
+        # 1 for each state whose judgement changes when it is known whether it is idle.
         self._open = bytearray()
         self._played = 0
-        # The place in hand, and those around it in the tick: the steps of each, its middle, and the part of the tick up to it.
+        # The current place and the enclosing ones in the tick: the steps of each, its intermediate state, and the
+        # part of the tick up to it.
         self._places: list[_OpenPlace] = []
         self._source = 0
 
@@ -162,7 +163,7 @@ class _Exploration:
         return graph
 
     def _expand(self, index: int) -> None:
-        """Find the successors of a state; one whose successors do not all fit does not count as expanded."""
+        """Find the successors of a state; it is not expanded if the successors do not all fit."""
         stepper = self._stepper
         self._source = index
         self._places = [_OpenPlace(b"", (0, 0, 0))]
@@ -180,7 +181,7 @@ class _Exploration:
         self._finish(state)
 
     def _take(self, led: int) -> bool:
-        """Take the step in hand; return False if the search is over."""
+        """Process the current step; return False if the search is over."""
         graph, stepper = self._graph, self._stepper
         state, waits, broken = stepper.state, stepper.waits, stepper.broken
         self._count()
@@ -208,21 +209,21 @@ class _Exploration:
         return True
 
     def _lead(self, target: int, waits: Waits) -> None:
-        """Note a step from the place in hand; one that raises leads nowhere, and so does one to where all others raise."""
+        """Record a step from the current place; one that raises has no target, nor has one after which all others raise."""
         goes_on, changed, settled = waits
         if target >= 0:
-            # What has begun in the tick is not waited for.
+            # Leaves and timers that have started in the tick are not waited for.
             changed = 0
         elif not self._graph.middles.count(-1 - target):
             target = _NOWHERE
         if len(self._places) == 1:
-            # There was nothing before.
+            # Nothing was recorded before.
             settled = changed
         number = self._number_of(goes_on, changed, settled)
         self._places[-1].add(i64(target) << _BITS_OF_WAITS | i64(number))
 
     def _number_of(self, goes_on: int, changed: int, settled: int) -> int:
-        """Return the number of what a step does to what is waited for."""
+        """Return the number of a step's effect on the waits."""
         if (goes_on, changed, settled) == self._last_waits:
             return self._last_number
         key: Any = goes_on << 2 * _NARROW | changed << _NARROW | settled
@@ -237,7 +238,7 @@ class _Exploration:
         return number
 
     def _leave(self, count: int) -> None:
-        """Write down the steps of the middles in hand, of that number."""
+        """Store the steps of that many current intermediate states."""
         for _ in range(count):
             place = self._places.pop()
             number = self._stepper.middles.add(place.middle)
@@ -245,7 +246,7 @@ class _Exploration:
             self._lead(-1 - number, place.waits)
 
     def _finish(self, state: bytes) -> None:
-        """Write down the steps of the state in hand."""
+        """Store the steps of the current state."""
         self._leave(len(self._places) - 1)
         index = self._source
         only = self._write(self._graph.steps, self._places[0])
@@ -253,13 +254,13 @@ class _Exploration:
             self._judge_again(index, state, idle=only == index)
 
     def _count(self) -> None:
-        """Count a tick, and report the progress now and then."""
+        """Count a tick, and report the progress at intervals."""
         self._played += 1
         if self._played % _REPORT_EVERY == 0:
             self._tell()
 
     def _tell(self) -> None:
-        """Report the progress; if nobody wants to know more, the graph is not complete."""
+        """Report the progress; if the search must stop, the graph is not complete."""
         graph = self._graph
         broken = tuple(self._names[rule] for rule in graph.breaches if rule < len(self._names))
         numbers = len(graph.states), graph.expanded, graph.step_count, len(graph.levels) - 1
@@ -267,7 +268,7 @@ class _Exploration:
             graph.stopped, graph.complete = True, False
 
     def _write(self, steps: Steps, place: "_OpenPlace") -> int:
-        """Write down the steps of a place; return the only state that they lead to, _SEVERAL if it is not the only one."""
+        """Store the steps of a place; return the only state to which they lead, or _SEVERAL."""
         only: i64 = _NOWHERE
         for step in place.steps:
             target = end = step >> _BITS_OF_WAITS
@@ -284,11 +285,11 @@ class _Exploration:
         return int(only)
 
     def _judge_again(self, index: int, state: bytes, *, idle: bool) -> None:
-        """Judge a state again now that all of its ticks are known.
+        """Judge a state again after all of its ticks are known.
 
-        Whether a state is idle depends on its ticks, and whether a run ends there may depend on that. When the
-        state is found its ticks are not known, so it is judged twice. Nothing asks for its end in between: that
-        is for `liveness`, after the search.
+        Whether a state is idle depends on its ticks, and whether a run ends there may depend on that. When the state
+        is found its ticks are not known, so it is judged twice. Nothing needs its end in between, since `liveness`
+        runs after the search.
         """
         graph = self._graph
         judgement = self._stepper.judge(state, idle)
@@ -310,13 +311,13 @@ class _Exploration:
         return number
 
     def _note_breaches(self, broken: int) -> None:
-        """Note that the step in hand breaks rules."""
+        """Record that the current step violates rules."""
         for rule in self._new(broken):
             self._graph.breaches[rule] = Breach(self._source, self._stepper.path())
             self._tell()
 
     def _new(self, broken: int) -> list[int]:
-        """Return the rules of some bits that were not broken before."""
+        """Return those of some rules, as bits, that were not violated before."""
         return [
             rule
             for rule in range(broken.bit_length())
@@ -329,14 +330,14 @@ class _Exploration:
 
 
 class _OpenPlace:
-    """A state or middle whose steps are being found.
+    """A state or intermediate state whose steps are being found.
 
     Args:
-        middle: The middle.
-        waits: What the step to it does to what is waited for.
+        middle: The intermediate state.
+        waits: The effect of the step to it on the waits.
 
     Attributes:
-        steps: The steps: where each leads, and the number of what it does to what is waited for.
+        steps: The steps: the target of each, and the number of its effect on the waits.
     """
 
     def __init__(self, middle: bytes, waits: Waits) -> None:

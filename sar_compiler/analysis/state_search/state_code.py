@@ -1,4 +1,4 @@
-"""States as bytes."""
+"""Encoding of states as bytes."""
 
 from typing import Any, Final
 
@@ -8,24 +8,24 @@ from mypy_extensions import i32, i64, u8
 from sar_compiler.runtime.kernel.cells import RUNNING
 
 _MORE: Final = 128
-"""Added to a byte of a number of which more follows."""
+"""Added to a byte of a number that continues."""
 _HALF: Final = 15
-"""The most that half a byte holds; in place of a number that is as large or larger, whose rest follows."""
+"""The maximum of half a byte; a number of at least this size continues in further bytes."""
 _LONGEST: Final = 21
-"""So many bytes a place and a number of the machine take at most."""
+"""The maximum number of bytes of a place and a machine number."""
 
 
 class StateCode:
-    """Writes states as bytes: only what is not as it was at first, which is little where few nodes run.
+    """Encodes states as bytes: only the differences from the initial state, which are few if few nodes run.
 
-    First come the outcome of the last tick and what the properties remember, as Protocol Buffers write numbers: seven bits a byte. Then
-    comes a byte for each place that is not as it was: how many places behind the last one it stands, and what is in it. What does not fit
-    into a half of that byte goes on behind it.
+    First come the outcome of the last tick and the state of the properties, encoded like numbers in Protocol Buffers:
+    seven bits in a byte. Then comes a byte for each changed place: its distance from the previous one, and its
+    content. A number that does not fit into a half of that byte continues after it.
 
     Args:
         cells: The cells with numbers, at the start; no node has ended.
         values: The cells with other values, at the start.
-        forgotten: For each node whether it makes no difference, while it does not run, if and how it has ended.
+        forgotten: For each node whether its last status makes no difference while it does not run.
     """
 
     def __init__(self, cells: vec[i32], values: list[Any], forgotten: list[bool]) -> None:
@@ -34,13 +34,13 @@ class StateCode:
         self._forgotten = vec[u8](forgotten)
         self._numbers: dict[Any, int] = {}
         self._numbered: list[Any] = []
-        # What is being written, and the last place of which something was.
+        # The code that is being written, and the last place that was written.
         self._room = vec[u8]()
         self._last: i64 = 0
 
     @property
     def known(self) -> int:
-        """How many other values have a number."""
+        """The number of other values with a number."""
         return len(self._numbered)
 
     def write(
@@ -50,10 +50,10 @@ class StateCode:
 
         Args:
             outcome: The outcome of the last tick.
-            watched: What the properties remember.
+            watched: The state of the properties.
             cells: The cells with numbers.
             values: The cells with other values.
-            entries: The number of what each entry holds.
+            entries: The number of each entry's content.
         """
         self._make_room(watched.bit_length(), len(cells) + len(values) + len(entries))
         at = _put_number(self._room, _put_number(self._room, 0, outcome), watched)
@@ -69,16 +69,16 @@ class StateCode:
         values: list[Any],
         entries: vec[i32],
     ) -> bytes:
-        """Return the middle of a tick as bytes, which nobody reads.
+        """Return an intermediate state of a tick as bytes, which are never decoded.
 
         Args:
-            node: The node that is next.
-            watched: What the properties remember.
-            broken: Which of them are broken.
-            shown: Forgotten nodes of which it makes a difference here how they have ended.
+            node: The next node.
+            watched: The state of the properties.
+            broken: The violated properties, as bits.
+            shown: Forgotten nodes whose last statuses matter here.
             cells: The cells with numbers.
             values: The cells with other values.
-            entries: The number of what each entry holds.
+            entries: The number of each entry's content.
         """
         most = watched.bit_length() + broken.bit_length()
         self._make_room(most, len(cells) + len(values) + len(entries))
@@ -93,13 +93,13 @@ class StateCode:
         return written
 
     def _make_room(self, bits: int, places: i64) -> None:
-        """Make room for a head with so many bits, and for so many places."""
+        """Make room for a head with a number of bits, and for a number of places."""
         most = bits + _LONGEST * (places + 3)
         if len(self._room) < most:
             self._room = vec[u8](bytes(most))
 
     def _write(self, at: i64, cells: vec[i32], values: list[Any], entries: vec[i32]) -> bytes:
-        """Return what was written, with all places behind it."""
+        """Return the head, followed by all places."""
         at = self._put_cells(at, cells)
         at = self._put_values(at, len(cells), values)
         at = self._put_entries(at, len(cells) + len(values), entries)
@@ -114,7 +114,7 @@ class StateCode:
             if held != first[index] and (index >= nodes or held == RUNNING or not forgotten[index]):
                 at = _put(room, at, index - last, i64(held) + 1)
                 last = index
-            index += 1  # noqa: SIM113 - a number of the machine
+            index += 1  # noqa: SIM113 - a machine number
         self._last = last
         return at
 
@@ -145,7 +145,7 @@ class StateCode:
         return number
 
     def head(self, code: bytes) -> tuple[int, int]:
-        """Return the outcome of the last tick, and what the properties remember."""
+        """Return the outcome of the last tick, and the state of the properties."""
         watched, shift, at = 0, 0, 1
         while True:
             byte = code[at]
@@ -156,12 +156,12 @@ class StateCode:
             at += 1
 
     def read(self, code: bytes, values: list[Any], entries: vec[i32]) -> vec[i32]:
-        """Return what the cells hold in a state.
+        """Return the contents of the cells in a state.
 
         Args:
             code: The state.
-            values: What the other cells hold, which is replaced.
-            entries: 0 for each entry, which is replaced by the number of what it holds.
+            values: The contents of the other cells, which are replaced.
+            entries: 0 for each entry, which is replaced by the number of its content.
         """
         cells, count, others = self._cells[:], len(self._cells), len(self._values)
         values[:] = self._values
@@ -186,7 +186,7 @@ class StateCode:
 
 
 def _put(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
-    """Write at a place what is so many places further on; return where the next one begins."""
+    """Write a place, as its distance from the previous one, with its content; return the next index."""
     if step < _HALF and held < _HALF:
         code[at] = u8(step << 4 | held)
         return at + 1
@@ -198,7 +198,7 @@ def _put(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
 
 
 def _put_number(code: vec[u8], at: i64, number: int) -> i64:
-    """Write a number at a place; return where the next one begins."""
+    """Write a number at an index; return the next index."""
     while number >= _MORE:
         code[at] = u8(_MORE | number & (_MORE - 1))
         at += 1
@@ -208,14 +208,14 @@ def _put_number(code: vec[u8], at: i64, number: int) -> i64:
 
 
 def _behind(code: bytes, at: i64) -> i64:
-    """Return where the number behind the one at a place begins."""
+    """Return the index after the number at an index."""
     while code[at] >= _MORE:
         at += 1
     return at + 1
 
 
 def _read_rest(code: bytes, at: i64) -> tuple[i64, i64]:
-    """Return the number of which the rest begins at a place, and where what is behind it begins."""
+    """Return the number whose rest begins at an index, and the index after it."""
     number: i64 = _HALF
     shift: i64 = 0
     while True:

@@ -18,14 +18,14 @@ from sar_compiler.runtime.language_nodes import ScriptCondition
 
 
 class Reply:
-    """An answer of a leaf.
+    """An outcome of a leaf.
 
     Attributes:
-        answer: What it says.
+        answer: Its declaration.
         event: The number of its event.
         outcome: The outcome of the tick.
-        change: Changes facts and keys; None if the answer changes nothing.
-        effect: Remembers what that changes.
+        change: Changes facts and keys; None if the outcome changes nothing.
+        effect: Remembers these changes.
     """
 
     def __init__(self, event: int, leaf: StubLeaf, answer: Answer, memo: Callable[..., Memo]) -> None:
@@ -43,10 +43,10 @@ class LeafNodes:
 
     Args:
         board: The tree's blackboard, numbered.
-        numbers: The number of each event, by the identities of the leaf and of the answer (or of None).
-        choices: Decide what is answered.
-        trail: Is told what happens.
-        stub: Builds the node of a stub leaf; by default one that may answer anything in any tick.
+        numbers: The number of each event, by the identities of the leaf and of the outcome (or of None).
+        choices: Choose the outcomes.
+        trail: Records the events.
+        stub: Builds the node of a stub leaf; by default one that may have any outcome in any tick.
 
     Attributes:
         ran: The indexes of the leaves that were ticked.
@@ -89,12 +89,12 @@ class LeafNodes:
 
 
 class NotedNode(ChoosingNode):
-    """A leaf of the language whose turns are noted.
+    """A leaf of the language whose ticks are recorded.
 
     Args:
-        part: What it is built of.
-        node: What ticks it.
-        ran: Where its index is noted.
+        part: Its builder.
+        node: Ticks it.
+        ran: Receives its index.
     """
 
     def __init__(self, part: NodeBuilder, node: TreeNode, ran: set[int]) -> None:
@@ -104,7 +104,7 @@ class NotedNode(ChoosingNode):
         self.heeds_end = node.heeds_end
 
     def ways(self, ticker: Ticker) -> int:
-        """Return in how many ways it may go on."""
+        """Return the number of possible continuations."""
         return self._node.ways(ticker)
 
     def begin(self, ticker: Ticker) -> int:
@@ -118,13 +118,13 @@ class NotedNode(ChoosingNode):
 
 
 class ConditionLeafNode(NotedNode):
-    """A condition on one entry, which is not looked at again where that holds the same.
+    """A condition on one entry, which is not evaluated again for the same content.
 
     Args:
-        part: What it is built of.
-        node: What ticks it.
-        ran: Where its index is noted.
-        memo: Remembers what comes of it.
+        part: Its builder.
+        node: Ticks it.
+        ran: Receives its index.
+        memo: Remembers its results.
     """
 
     def __init__(self, part: NodeBuilder, node: TreeNode, ran: set[int], memo: OutcomeMemo) -> None:
@@ -145,16 +145,16 @@ class ConditionLeafNode(NotedNode):
         return outcome
 
     def _tick(self) -> int:
-        assert self._ticker is not None  # noqa: S101 - it is the one that ticks
+        assert self._ticker is not None  # noqa: S101 - it is the current ticker
         return self._node.tick(self._ticker)
 
 
 class StubNode(ChoosingNode):
-    """A leaf that does what `StubLeaf` does in `initialise`, `update` and `terminate`.
+    """A leaf that behaves like `StubLeaf` in `initialise`, `update` and `terminate`.
 
     Args:
-        part: What it is built of.
-        leaves: What the leaves of a tree share.
+        part: Its builder.
+        leaves: The shared context of the leaves.
     """
 
     def __init__(self, part: NodeBuilder, leaves: LeafNodes) -> None:
@@ -167,8 +167,9 @@ class StubNode(ChoosingNode):
         numbers = leaves.numbers
         self._started = numbers[id(leaf), STARTED, id(None)]
         self._halted = numbers[id(leaf), HALTED, id(None)]
-        # The last status comes first: leaves name their setbacks after their successes, and among runs of as many
-        # ticks those with setbacks are found first, which are shorter to read. Of a status, the first answer is the usual one.
+        # The last status comes first: leaves declare their failures after their successes, and of runs of equal
+        # length those with failures are found first, which are shorter to read. The first outcome of a status is the
+        # usual one.
         ranks = {
             status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.answers))
         }
@@ -178,18 +179,18 @@ class StubNode(ChoosingNode):
         ]
         conditions = [answer.when for answer in leaf.answers if answer.when]
         self._asked: Memo | None = leaves.board.memo(leaf.entries(conditions)) if conditions else None
-        # Made once: each look would make it anew.
+        # Created once, because each access would create a new method object.
         self._work: Callable[[], list[Reply]] = self._work_out
 
     def ways(self, ticker: Ticker) -> int:  # noqa: ARG002
-        """Return how many answers there are now; if that cannot be said, its tick will say why."""
+        """Return the number of possible outcomes now; if it cannot be determined, the tick raises the reason."""
         try:
             return len(self._possible())
         except SarError:
             return 1
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the leaf, unless it runs, and take one of its answers."""
+        """Start the leaf, unless it runs, and choose one of its outcomes."""
         cells, trail = ticker.cells, self._trail
         self._ran.add(self.index)
         if cells[self.at] != RUNNING:
@@ -214,14 +215,14 @@ class StubNode(ChoosingNode):
         ticker.cells[self.at] = INVALID
 
     def _taken(self, reply: Reply) -> Reply:
-        """Give an answer, and return it."""
+        """Apply an outcome, and return it."""
         self._trail.take(reply.event)
         if reply.change is not None:
             reply.effect.call(reply.change)
         return reply
 
     def _possible(self) -> list[Reply]:
-        """Return what the leaf can answer now."""
+        """Return the outcomes that are possible now."""
         if self._asked is None:
             return self._replies
         possible: list[Reply] = self._asked.call(self._work)
@@ -237,11 +238,11 @@ _UP: Final = 2
 
 
 class ChosenTimes(Times):
-    """Timers of which each may be up at any look, or at a later one.
+    """Timers that may expire at any check, or at a later one.
 
     Args:
-        choices: Decide whether a timer is up.
-        trail: Is told what is waited for.
+        choices: Decide whether a timer has expired.
+        trail: Records the waits.
     """
 
     def __init__(self, choices: Choices, trail: Trail) -> None:
@@ -249,16 +250,16 @@ class ChosenTimes(Times):
         self._trail = trail
 
     def ways(self) -> int:
-        """Return that it may be up, or not."""
+        """Return 2: it may have expired, or not."""
         return 2
 
     def start(self, index: int, seconds: float) -> int:
-        """Start a timer; one without any time is up at once."""
+        """Start a timer; one without a duration expires immediately."""
         self._trail.start(self._trail.bit(index))
         return _STARTED if seconds > 0 else _UP
 
     def is_up(self, index: int, token: int) -> bool:
-        """Choose whether a timer is up."""
+        """Choose whether a timer has expired."""
         if token == _UP or self._choices.pick(2) == 1:
             self._trail.end(self._trail.bit(index))
             return True

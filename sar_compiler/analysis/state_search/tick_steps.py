@@ -19,9 +19,10 @@ from sar_compiler.runtime.kernel.entry_cells import Memo
 from sar_compiler.runtime.kernel.tree import FlatTree
 
 Judge = Callable[[int, int, bool | None], Judgement]
-"""Judges a state by the outcome of the last tick, what the properties remember, and whether every tick leaves it as it is.
+"""Judges a state by the outcome of the last tick, the state of the properties, and whether every tick leaves it unchanged.
 
-That is None while it is not known. Of the entries of the blackboard it looks at some that are known."""
+The latter is None while it is unknown. It reads a fixed set of the blackboard's entries.
+"""
 
 
 class TickSteps(Stepper):
@@ -29,13 +30,13 @@ class TickSteps(Stepper):
 
     Args:
         flat: The tree.
-        ticker: What ticks it.
-        forgets: Whether states are the same that differ only in how nodes have ended, where that makes no difference.
+        ticker: Ticks it.
+        forgets: Whether states are equal that differ only in the last statuses of nodes, if these make no difference.
         judge: Judges a state.
-        judged_by: The places of the entries that it looks at.
+        judged_by: The places of the entries that it reads.
 
     Attributes:
-        outcome: The outcome of the tick that has ended last; INVALID if it raised.
+        outcome: The outcome of the last complete tick; INVALID if it raised.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class TickSteps(Stepper):
         self._question: tuple[int, int, bool | None] = (0, 0, None)
         self._ask: Callable[[], Judgement] = self._answer
         self._is_fresh = True
-        # The state whose ticks are played, and what is to be known of it when it is judged once more.
+        # The state whose ticks are played, and the values with which it is judged again.
         self._entered, self._entered_head = b"", (0, 0)
         self._entries = ticker.entries.now
         self._first = self._write_state(0, 0)
@@ -63,7 +64,7 @@ class TickSteps(Stepper):
 
     @property
     def known(self) -> int:
-        """How much was numbered so far: a state means the same elsewhere as long as nothing is added to that."""
+        """The count of numbered values: a state has the same meaning elsewhere as long as this does not grow."""
         return self._ticker.entries.known + self._code.known + self._ticker.trail.known
 
     def start(self) -> bytes:
@@ -75,12 +76,13 @@ class TickSteps(Stepper):
         return self._ticker.choices.path
 
     def enter(self, state: bytes, *, alone: bool = False, path: tuple[int, ...] = ()) -> None:
-        """Go to a state, to play its ticks.
+        """Restore a state, to play its ticks.
 
         Args:
             state: The state.
-            alone: Whether all of its ticks are played, also where those of other states came to the same middles.
-            path: The choices of the first one; there are no others then.
+            alone: Whether to play all of its ticks, even if those of other states have reached the same intermediate
+                states.
+            path: The choices of the first tick; no other ticks are played then.
         """
         self._entered_head = self.restore(state)
         self._entered, self._entries = state, self._ticker.entries.now[:]
@@ -89,7 +91,7 @@ class TickSteps(Stepper):
         self._is_fresh = True
 
     def step(self) -> int:
-        """Play the next step, and return what it has led to.
+        """Play the next step, and return its kind.
 
         Raises:
             UndecidableError: If the steps of the tree cannot be known.
@@ -115,7 +117,7 @@ class TickSteps(Stepper):
                     return A_STATE
             except UndecidableError:
                 raise
-            except Exception as error:  # noqa: BLE001 - whatever a node raises would end the mission
+            except Exception as error:  # noqa: BLE001 - any error of a node would end the mission
                 self.error = error
                 return A_STATE
             if ticker.middles is not None:
@@ -124,7 +126,7 @@ class TickSteps(Stepper):
                 return A_NEW_MIDDLE if self._is_fresh else A_MIDDLE
 
     def take_state(self, outcome: int) -> None:
-        """Take what the cells hold as the state after a tick."""
+        """Save the contents of the cells as the state after a tick."""
         ticker = self._ticker
         self.state = self._write_state(outcome, ticker.trail.watched)
         self.outcome, self.waits, self.broken = outcome, ticker.waits, ticker.trail.broken
@@ -134,7 +136,7 @@ class TickSteps(Stepper):
 
         Args:
             state: The state.
-            idle: Whether every tick leaves it as it is; None if that is not known yet.
+            idle: Whether every tick leaves it unchanged; None if that is not known yet.
         """
         if state is self.state:
             outcome, watched = self.outcome, self._ticker.trail.watched
@@ -156,7 +158,7 @@ class TickSteps(Stepper):
         return self._judge(outcome, watched, idle)
 
     def restore(self, state: bytes) -> tuple[int, int]:
-        """Make the tree what it was in a state; return the outcome of the last tick, and what the properties remembered."""
+        """Restore the tree in a state; return the outcome of the last tick, and the state of the properties."""
         ticker = self._ticker
         ticker.entries.clear()
         ticker.cells = self._code.read(state, ticker.values, ticker.entries.now)

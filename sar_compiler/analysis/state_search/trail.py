@@ -1,4 +1,4 @@
-"""What happens in a tick, as numbers, and what is still waited for."""
+"""The events of a tick, as numbers, and the leaves and timers that are still waited for."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from mypy_extensions import u8
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 
 Waits = tuple[int, int, int]
-"""What a part of a tick does to what is waited for: `Trail.going_on`, `changed` and `settled` at its end."""
+"""The effect of a part of a tick on the waits: `Trail.going_on`, `changed` and `settled` at its end."""
 
 
 @dataclass(frozen=True)
 class Guarded:
-    """An event that counts only while a condition holds: where it does, a second event goes with it.
+    """An event that matters only while a condition holds: a second event then accompanies it.
 
     Attributes:
         number: The number of the second event.
-        holds: Says whether the condition holds now.
-        comes_first: Whether the second event comes before the other one, not after it. That matters where the
-            other one bounds the same property.
+        holds: Returns whether the condition holds now.
+        comes_first: Whether the second event precedes the other one, instead of following it. That matters if the
+            other one limits the same property.
     """
 
     number: int
@@ -29,25 +29,25 @@ class Guarded:
 
 
 class Trail:
-    """The events of one tick, and what the properties make of them.
+    """The events of one tick, and their effects on the properties.
 
     Args:
-        guarded: What may go with an event, by the event's number.
-        heard: The events that mean something to a property.
-        after: Returns what the properties remember after an event, given what they remember before it, and which of
-            them it breaks, as bits.
-        entries: What the entries of the blackboard hold.
+        guarded: The possible companions of an event, by the event's number.
+        heard: The events that affect a property.
+        after: Returns the state of the properties after an event, given the state before it, and the properties that
+            it violates, as bits.
+        entries: The contents of the blackboard's entries.
 
     Attributes:
-        numbers: What has happened, in order.
-        keeps: Whether events are kept, and what the entries hold before each of them; a search has no use for it.
-        pasts: The latter, for each event.
-        known: How many leaves and timers have a bit.
-        going_on: The leaves that run on as they were, and the timers that were not up, as bits.
-        changed: The leaves that run and timers that count, but have begun in this tick, as bits.
-        settled: Those of which something was noted that makes no difference to what was noted before, as bits.
-        watched: What the properties remember.
-        broken: The properties that were broken, as bits.
+        numbers: The events, in order.
+        keeps: Whether to keep the events with the contents of the entries before each; a search does not need them.
+        pasts: The contents of the entries before each event.
+        known: The number of leaves and timers with a bit.
+        going_on: The leaves that continue to run, and the timers that have not expired, as bits.
+        changed: The running leaves and timers that have started in this tick, as bits.
+        settled: Those whose earlier record in the tick makes no difference any more, as bits.
+        watched: The state of the properties.
+        broken: The violated properties, as bits.
     """
 
     def __init__(
@@ -83,53 +83,53 @@ class Trail:
         return bits[index]
 
     def begin(self, watched: int) -> None:
-        """Begin a tick, with what the properties remember."""
+        """Start a tick, with the state of the properties."""
         self.go_back(0)
         self.begin_part()
         self.broken = 0
         self.watched = watched
 
     def begin_part(self) -> None:
-        """Begin a part of a tick: what is noted from now on is noted apart from what was before."""
+        """Start a part of a tick: what follows is recorded separately from the previous part."""
         self.going_on = self.changed = self.settled = 0
 
     def go_back(self, happened: int) -> None:
-        """Forget all events but the first ones, of that number."""
+        """Forget all events except the given number of first ones."""
         if self.keeps:
             del self.numbers[happened:]
             del self.pasts[happened:]
 
     @property
     def waits(self) -> Waits:
-        """What the part of a tick in hand does to what is waited for."""
+        """The effect of the current part of the tick on the waits."""
         return self.going_on, self.changed, self.settled
 
     def start(self, bit: int) -> None:
-        """Note that a leaf or timer starts.
+        """Record that a leaf or timer starts.
 
-        One that was halted and started again in the same tick is not waited for although it runs before and
-        after: it is another activation, which has its whole time before it. See `liveness` for what that decides.
+        One that was halted and restarted in the same tick is not waited for although it runs before and after: it is
+        another activation, with its whole time still to come. See `liveness` for the consequences.
         """
         self.going_on &= ~bit
         self.changed |= bit
         self.settled |= bit
 
     def go_on(self, bit: int) -> None:
-        """Note that a leaf answers RUNNING, or a timer is not up."""
+        """Record that a leaf returns RUNNING, or a timer has not expired."""
         if not self.changed & bit:
             self.going_on |= bit
 
     def end(self, bit: int) -> None:
-        """Note that a leaf ends or is halted, or a timer is up.
+        """Record that a leaf ends or is halted, or a timer expires.
 
-        Whatever was before in this tick makes no difference any more, so that ticks meet that differ only in it.
+        Its earlier record in this tick makes no difference any more, so that ticks merge that differ only in it.
         """
         self.going_on &= ~bit
         self.changed &= ~bit
         self.settled |= bit
 
     def take(self, number: int) -> None:
-        """Take an event, and what goes with it."""
+        """Process an event and its companions."""
         if number >= self._count or not self._heard[number]:
             if self.keeps:
                 self._keep(number)
