@@ -53,7 +53,7 @@ class Progress(NamedTuple):
 
 
 class BudgetSpentError(SarError):
-    """An analysis was abandoned before it had a result.
+    """An analysis was abandoned without a result.
 
     Args:
         budget: Its budget.

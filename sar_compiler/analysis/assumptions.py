@@ -131,7 +131,7 @@ def _declared_outcomes(
     leaves: Sequence[StubLeaf],
     specs: Sequence[NodeSpec],
 ) -> tuple[Answer, ...]:
-    """Return the declared answers of leaves, with the probabilities and times that a file gives for some of them."""
+    """Return the declared outcomes of leaves, with the probabilities and times that a file gives for some of them."""
     if len(specs) != 1:
         message = f"'{key.text}' names leaves that declare different answers"
         if specs:
@@ -194,7 +194,7 @@ def _check_probabilities(document: Document, value: Value, answers: Sequence[Ans
 
 
 def check_answers(value: Value | None, words: LeafVocabulary) -> None:
-    """Report unknown names in the assumed answers of leaves, once all assumptions are known.
+    """Report unknown names in the assumed outcomes of leaves, once all assumptions are known.
 
     Args:
         value: The value of the file's `answers:`, if it has any.

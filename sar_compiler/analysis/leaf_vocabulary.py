@@ -252,7 +252,7 @@ class LeafVocabulary:
         return None if found else condition
 
     def deed(self, value: Value) -> EventPattern | None:
-        """Return the events that a text names; reports a text that names none."""
+        """Return the events that a string names; reports a string that names none."""
         text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):

@@ -235,7 +235,7 @@ class RuntimeMonitor:
         self._happens(number, HALTED)
 
     def answers(self, number: int, status: str, label: str = "") -> None:
-        """Process an answer of a leaf.
+        """Process an outcome of a leaf.
 
         Args:
             number: The leaf's number.

@@ -87,7 +87,7 @@ def described_parents(binding: Binding) -> list[BoundNode]:
 
 
 def self_ticking_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators of users' own py_trees classes whose methods alone define them."""
+    """Return the controls and decorators that only the methods of users' py_trees classes define."""
     return [
         node
         for node in binding.nodes()
@@ -226,7 +226,7 @@ class SimulatedTree:
 
     @property
     def policy(self) -> OutcomePolicy | None:
-        """The policy of the leaves' answers; None for a tree without stub leaves."""
+        """The policy for the outcomes of leaves; None for a tree without stub leaves."""
         return self.leaves[0].policy if self.leaves else None
 
     @policy.setter

@@ -44,7 +44,7 @@ class StubLeafError(SarError):
 
 
 class OutcomePolicy(Protocol):
-    """Chooses the answers of leaves."""
+    """Chooses the outcomes of leaves."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:
         """Return the answer of this tick, one of those that are possible now."""
@@ -96,11 +96,11 @@ class FactVariables:
         return self._of(name).read(name)
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value, which creates a key of the tree if there is neither fact nor key; raises likewise."""
+        """Write the value, which creates a key of the tree if there is neither fact nor key; raises as `read`."""
         return self._forget(name, value) or self._of(name).create(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value of an existing name; raises likewise."""
+        """Write the value of an existing name; raises as `read`."""
         return self._forget(name, value) or self._of(name).assign(name, value)
 
     def entry(self, name: str) -> Entry:

@@ -108,7 +108,7 @@ class _Mean(NamedTuple):
 
 
 def _means(outcomes: Sequence[Played], confidence: float) -> dict[str, _Mean]:
-    """Return the mean of each count over the runs that have it: some runs have no time of a first event."""
+    """Return the mean of each number over the runs that have it: some runs have no time of a first event."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)

@@ -1,4 +1,4 @@
-"""Try the runs of a tree file before it is run; other modules are imported only if there is something to try."""
+"""Search of a tree file's runs before its first run; other modules are imported only if that is needed."""
 
 import shlex
 from collections.abc import Callable

@@ -117,7 +117,7 @@ class Fix:
 
 
 IsMeant = Callable[[Diagnostic], bool]
-"""Decides whether a suggestion is to be applied."""
+"""Decides whether to apply a suggestion."""
 
 
 def _escape(finding: Diagnostic) -> str:

@@ -17,7 +17,7 @@ _MOST_COMPARED, _MOST_SHOWN = 2000, 500
 
 
 def compare_golden(path: Path, text: str, what: str) -> str | None:
-    """Compare a text with a committed file; if the files are to be renewed, write it instead.
+    """Compare a text with a committed file, or with `SAR_RENEW_GOLDEN` write the file.
 
     Returns:
         None if they are equal, else a description of the differences, or that the file does not exist yet.

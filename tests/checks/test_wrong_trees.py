@@ -335,7 +335,7 @@ def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_
     assert [(f.code, f.span.line) for f in findings] == [("unreachable-node", 6)]
     reactive = check(forest_of(document("<Steps>\n<Beep/>\n<Wait/>\n</Steps>")), registry)
     assert [(f.code, f.hint) for f in reactive] == [
-        ("repeated-effect", "use a node that resumes where it was")
+        ("repeated-effect", "use a node that resumes at the running child")
     ]
 
 

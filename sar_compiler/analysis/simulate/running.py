@@ -79,7 +79,7 @@ class Drawn(NamedTuple):
 
 
 class Scripted:
-    """Chooses the answers of leaves by a scenario; other leaves answer by their probabilities, or by default.
+    """Chooses the outcomes of leaves by a scenario; other leaves use their probabilities, or the default.
 
     Args:
         scenario: The answers of leaves, step by step, and the seed of random choices.

@@ -546,7 +546,7 @@ def properties_of(
 
 @dataclass
 class _MeantEvents:
-    """The events that some texts of a property name.
+    """The events that a property names in one role.
 
     Attributes:
         numbers: The events.
@@ -623,7 +623,7 @@ class _PropertyParser:
         return events
 
     def _absent_leaf(self, text: str) -> str | None:
-        """Return the leaf that a text names, if a tree can have it and this one does not."""
+        """Return the leaf that a string names, if a tree can have it and this one does not."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]
         if any(self._words.named(head) for head in heads):

@@ -53,7 +53,7 @@ class Alphabet:
         self.answers.append((leaf, answer))
 
     def meant_by(self, pattern: EventPattern) -> set[int]:
-        """Return the numbers of all events that a text of a file names."""
+        """Return the numbers of all events that a pattern matches."""
         return {number for number, event in enumerate(self.events) if pattern.matches(event)}
 
 

@@ -173,7 +173,9 @@ def _remember(bound: BoundNode) -> str:
         return f"write memory=\"true\" in '{bound.name}'"
     other = bound.spec.semantics.with_memory
     return (
-        f"write <{other}> instead of <{bound.spec.tag}>" if other else "use a node that resumes where it was"
+        f"write <{other}> instead of <{bound.spec.tag}>"
+        if other
+        else "use a node that resumes at the running child"
     )
 
 

@@ -29,7 +29,7 @@ from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""The similarities of two keys above which one may be, and above which it must be, a misspelling of the other."""
+"""The similarities of two keys above which one may be, and above which it must be, a typo of the other."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
@@ -177,7 +177,7 @@ def _how_to_give(use: EntryAccess, key: str) -> str:
 
 
 def _is_typo(entry: EntryAccesses, near: str) -> bool:
-    """Return whether a key must be a misspelling: it differs only in blanks, or is used once and very similar."""
+    """Return whether a key must be a typo: it differs only in blanks, or is used once and very similar."""
     if entry.key.strip() == near.strip():
         return True
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})

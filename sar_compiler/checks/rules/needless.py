@@ -81,7 +81,7 @@ def _unreachable(bound: BoundNode, why: str) -> Diagnostic:
 DEFAULT_PERIOD = 0.5
 """Seconds between two ticks, if the mission does not define them."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
-"""Texts for a child that never has the result to which its decorator reacts."""
+"""Descriptions of a child that never has the result to which its decorator reacts."""
 
 
 def check_needless(context: CheckContext) -> Iterator[Diagnostic]:

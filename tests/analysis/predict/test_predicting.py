@@ -314,7 +314,9 @@ def test_chances_that_cannot_be_are_findings(answers, message):
 
 def test_two_choices_in_one_step_are_refused_and_not_weighed_wrongly():
     body = '<ReactiveSequence><P/><TryCatch catch_on_halt="true"><A/><X/></TryCatch></ReactiveSequence>'
-    with pytest.raises(UndecidableError, match="'X' has several outcomes with probabilities while another node ends"):
+    with pytest.raises(
+        UndecidableError, match="'X' has several outcomes with probabilities while another node ends"
+    ):
         predicted(body)
 
 
