@@ -65,6 +65,11 @@ class _StaticFrame(NamedTuple):
     rivals: frozenset[bytes]
 
 
+def listener_name(node: "Node") -> str:
+    """Return the name of the further node with which a node's process listens to frames."""
+    return f"_{node.get_name()}_frames"
+
+
 class FrameSources:
     """Listens to transforms and their message numbers; use `frame_sources`.
 
@@ -86,7 +91,7 @@ class FrameSources:
         self._topics = tuple(node.resolve_topic_name(topic) for topic in ("/tf", "/tf_static"))
         # Without the process's arguments, which would give it the name of the other node.
         self._listener = Node(
-            f"_{node.get_name()}_frames",
+            listener_name(node),
             namespace=node.get_namespace(),
             context=node.context,
             use_global_arguments=False,

@@ -15,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from sar_compiler.errors import SarError
+from sar_compiler.ros.frame_sources import listener_name
 from sar_compiler.ros.graph_queries import ros_graph
 from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 
@@ -95,7 +96,9 @@ class RobotLease(Requirement):
         self, node: Node, actions: Iterable[str], *, look_sec: float = LOOK_SEC, claims: bool = True
     ) -> None:
         self._node = node
-        self._look_sec, self._seen = look_sec, Counter[str]()
+        # Nodes that are already discovered, and this process's own next one, do not prolong the look.
+        own_listener = f"{node.get_namespace().rstrip('/')}/{listener_name(node)}"
+        self._look_sec, self._seen = look_sec, ros_graph(node).nodes() | Counter([own_listener])
         self._looks_since: float | None = time.monotonic()
         self._clear_at = self._looks_since + look_sec
         self._others: dict[str, LeaseClaim] = {}

@@ -41,6 +41,23 @@ def test_it_looks_around_anew_when_a_node_comes_into_sight(ros: Ros) -> None:
     ros.spin_until(lambda: alone.missing() is None, "its end")
 
 
+def test_neither_nodes_that_are_there_already_nor_its_own_ones_prolong_the_look(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node, now = ros.node("first"), [100.0]
+    monkeypatch.setattr("sar_compiler.ros.robot_lease.time.monotonic", lambda: now[0])
+    names = ["/first", "/controller"]
+    monkeypatch.setattr(RosGraph, "nodes", lambda _: Counter(names))
+    alone = RobotLease(node, DRIVE, look_sec=1.0)
+    now[0] = 100.9
+    assert alone.missing()
+    names.append("/_first_frames")
+    now[0] = 101.0
+    assert alone.missing() is None
+    names.append("/_first_frames")  # that of another mission of this name
+    assert alone.missing()
+
+
 def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_coming(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
