@@ -27,11 +27,21 @@ T = TypeVar("T")
 MAX_SEC, MAX_MEMORY_MB = 60.0, 2000
 """The default limits of an analysis."""
 
+WORK = 1 << 24
+"""The default work for trying the runs of a file: some 80,000 ticks of 10 nodes, or 4,000 of 4,000."""
+_FILES_TRIED = 10
+"""For more files, less of each is tried, down to a sixteenth."""
+
 _MB = 1_000_000
 _RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 _POLL_SEC = 0.05
 # Evaluating results may exceed the time limit by this share, and the memory limit by this share until the analysis is abandoned.
 _MORE_TIME, _MORE_MEMORY = 0.2, 0.5
+
+
+def work_for(files: int) -> int:
+    """Return the work for trying the runs of each of so many files; it depends neither on their order nor on the processors."""
+    return min(WORK, max(WORK * _FILES_TRIED // max(files, 1), WORK // 16))
 
 
 class Progress(NamedTuple):

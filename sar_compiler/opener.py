@@ -371,13 +371,45 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
     if named == STANDARD_INPUT:
         return FileContent(named, named, _read_once(sys.stdin, kind.limit), None, kind)
     try:
-        content = _read(named, kind)
+        content = _stored_content(named, kind) or _read(named, kind)
     except UnreadableFileError as error:
         _record("read", named, error.reason, kind.limit)
         raise
+    if _stored is not None and len(content.data) <= min(kind.limit, _MOST_STORED):
+        _stored[str(content.real_path)] = content
     if _observation is not None:
         _record("read", named, f"{digest(content.data)} {content.real_path}", kind.limit)
     return content
+
+
+@contextmanager
+def reading_once() -> Iterator[None]:
+    """Open each small file once in the block, so that all results are about one state of it. Nothing may be written meanwhile."""
+    global _stored  # noqa: PLW0603 - files are read everywhere
+    before, _stored = _stored, {}
+    try:
+        yield
+    finally:
+        _stored = before
+
+
+_stored: dict[str, FileContent] | None = None
+_MOST_STORED = 64 * 1024
+
+
+def _stored_content(named: Path, kind: FileKind) -> FileContent | None:
+    """Return the content of a file that was read before in `reading_once`; None if it was not, or may not be read."""
+    try:
+        content = _stored.get(os.path.realpath(named)) if _stored else None
+    except ValueError:  # no file can have this name
+        return None
+    if content is None:
+        return None
+    folders = named.beneath if isinstance(named, NamedPath) else None
+    is_beneath = folders is None or any(content.real_path.is_relative_to(each) for each in folders)
+    if not is_beneath or _confinement is not None:
+        return None
+    return content._replace(path=named, data=content.data[: kind.limit + 1], kind=kind)
 
 
 def _read(named: Path, kind: FileKind) -> FileContent:

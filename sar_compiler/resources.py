@@ -5,7 +5,16 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sar_compiler.errors import SarError
-from sar_compiler.opener import is_file
+from sar_compiler.opener import (
+    STANDARD_INPUT,
+    TREE,
+    MissingFileError,
+    UnreadableFileError,
+    is_file,
+    is_folder,
+    is_there,
+    read_file,
+)
 
 _PACKAGE = Path(__file__).resolve().parent
 # The file that marks the folder of shipped files, in a checkout and in an installation.
@@ -100,3 +109,24 @@ def not_found(kind: str, name: str, suffix: str) -> str:
     hint = did_you_mean(files[0] if files else nearest(name, names))
     there = f"there {'is' if len(names) == 1 else 'are'}: {', '.join(names) or 'none'}"
     return f"there is no {noun} file '{name}', nor a shipped {noun} of that name ({there}){hint}"
+
+
+def require_there(name: str | Path, *, or_folder: bool = False) -> None:
+    """Check that a tree file exists, before the slow imports that read it.
+
+    Raises:
+        UnreadableFileError: If *name* is a folder that is not allowed, or clearly a path, and nothing exists there.
+    """
+    path = find("trees", str(name), ".xml")
+    if name and not or_folder and is_folder(path):
+        said = f"{name} is a folder: name a tree file in it, or check all its trees with sar-compile validate"
+        raise UnreadableFileError(path, "it is a folder", said)
+    if name and path != STANDARD_INPUT and not is_bare_word(str(name)) and not is_there(path):
+        try:
+            read_file(path, TREE)
+        except MissingFileError as error:
+            if path.name != str(name) or not is_there(find("trees", path.stem, ".xml")):
+                raise
+            raise MissingFileError(
+                path, error.reason, f"{error}; did you mean the shipped tree {path.stem}?"
+            ) from None

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TextIO
 
 from sar_compiler.commands import columns, discard_output, print_error, print_text
-from sar_compiler.style import TERMINAL
 
 if TYPE_CHECKING:
     from sar_compiler.tree.diagnostic import Diagnostic
@@ -42,6 +41,8 @@ def painter(stream: TextIO) -> Callable[[str, str], str]:
     """Return a function that colours a text by its kind (a key of `TERMINAL`), if the stream shows colours."""
     if not has_colours(stream):
         return lambda text, _part: text
+    from sar_compiler.style import TERMINAL
+
     return lambda text, part: f"\x1b[{_sgr(TERMINAL[part])}m{text}\x1b[0m" if text else text
 
 

@@ -51,6 +51,7 @@ PARTS = {
     "web": {"analysis", "execution", "journal", "missions", "reports", "ros", "views"},
     "agent": {"analysis", "missions", "views"},
     "lsp": {"analysis", "missions", "views"},
+    "validation": {"analysis"},
 }
 """What each part may import of the others; besides that, all of the core."""
 MAY_IMPORT = {

@@ -29,6 +29,7 @@ COMMANDS = {
     "schema --format json": (COMPILE, set()),
     "--help": (COMPILE, set()),
     "validate --format sarif tree.xml": (COMPILE, {"views"}),
+    "validate --fix tree.xml": (COMPILE, {"validation"}),
     "show --format svg tree.xml": (COMPILE, {"views"}),
     "nodes": (COMPILE, {"views"}),
     "explain unread-key": (COMPILE, {"views"}),

@@ -6,8 +6,8 @@ from sar_compiler.analysis.approval import ApprovalError, Fingerprint, approve_c
 from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.analysis.tree_analysis import verify_tree
 from sar_compiler.analysis.trial import try_tree
-from sar_compiler.analysis.trial_work import WORK
 from sar_compiler.analysis.verification_view import verification_data
+from sar_compiler.budget import WORK
 from sar_compiler.errors import UndecidableError
 from sar_compiler.project import ProjectTree
 from sar_compiler.tree.diagnostic import Diagnostic, Severity

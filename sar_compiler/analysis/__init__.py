@@ -20,7 +20,6 @@ PUBLIC_MODULES = (
     "trace_view",
     "tree_analysis",
     "trial",
-    "trial_work",
     "verification_view",
     "verify.counterfactual",
     "verify.limits",

@@ -18,9 +18,8 @@ from sar_compiler.analysis.stub_leaf import FactVariables, OutcomePolicy, StubLe
 from sar_compiler.compiler import Arguments, Builder, CompiledTree, Construction, compile_with
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_answer, fill_text, number_text
-from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, SkipAnalysis, by_itself, report_misread
 from sar_compiler.nodes.binding.instances import Instance
-from sar_compiler.nodes.binding.skips import SkipAnalysis, by_itself, report_misread
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.outcome_sets import ALLOWED, WORD_OF, F, R, S

@@ -14,7 +14,6 @@ from pathlib import Path
 from types import FrameType
 
 from sar_compiler.checks.document import check_document
-from sar_compiler.checks.leaf_classes import check_leaf_classes
 from sar_compiler.checks.rules import (
     CheckContext,
     interruptions,
@@ -26,7 +25,6 @@ from sar_compiler.checks.rules import (
     subtrees,
     version_differences,
 )
-from sar_compiler.checks.suppressions import remove_suppressed
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.collector import FindingCollector
@@ -46,6 +44,18 @@ def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
     findings = context.bound.findings
     # A missing tree may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
+
+
+def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield the findings about the classes of the leaves that the trees use; a class that is declared by its path is not imported."""
+    specs = {
+        spec.class_path: spec for spec in context.bound.specs if not (spec.is_foreign or spec.is_by_path)
+    }
+    if specs:
+        from sar_compiler.checks.leaf_classes import check_class
+
+        for spec in specs.values():
+            yield from check_class(spec)
 
 
 MOST = 1000
@@ -149,7 +159,16 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
             finding.code,
         )
 
-    return sorted(remove_suppressed(forest, findings), key=place)
+    return sorted(_apply_suppressions(forest, findings), key=place)
+
+
+def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diagnostic]:
+    """Return the findings that no comment silences, and the findings about these comments."""
+    if not any("sar:" in each.source.text for each in (*forest.files, *forest.others)):
+        return findings
+    from sar_compiler.checks.suppressions import remove_suppressed
+
+    return remove_suppressed(forest, findings)
 
 
 def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
@@ -318,6 +337,6 @@ def check_beginning(
         return finding.code in _OF_A_START_TAG or (finding.code in _OF_AN_ELEMENT and place not in unfinished)
 
     recovered = beginning.tree_file.findings
-    kept = remove_suppressed(forest, [*recovered, *(each for each in found if stays(each))])
+    kept = _apply_suppressions(forest, [*recovered, *(each for each in found if stays(each))])
     told = {id(each) for each in recovered}
     return [*forest.findings, *(each for each in kept if id(each) in told or stays(each))]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import typo_in_note
-from sar_compiler.nodes.binding.tree_ids import find_main_tree, is_node
+from sar_compiler.nodes.binding.nesting import find_main_tree, is_node
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.registry import Registry, subtree

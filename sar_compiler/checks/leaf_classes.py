@@ -11,7 +11,6 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.spec import MARK, NodeSpec
 from sar_compiler.opener import MODULE, UnreadableFileError, read_file
 from sar_compiler.tree.diagnostic import Diagnostic, Source, Span
@@ -79,12 +78,6 @@ def _is_function(value: ast.expr, annotations: Mapping[str, str]) -> bool:
     if isinstance(value, ast.Name):
         return "Callable" in annotations.get(value.id, "")
     return isinstance(value, (ast.Lambda, ast.Attribute))
-
-
-def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the findings about the classes of the leaves that the trees use."""
-    for spec in {spec.class_path: spec for spec in context.bound.specs}.values():
-        yield from check_class(spec)
 
 
 def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:

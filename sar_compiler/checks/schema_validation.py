@@ -21,7 +21,6 @@ from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.model import INCLUDE_TAG, ROOT_TAG, TREE_TAG, Element, TreeFile
 from sar_compiler.tree.xml_recovery import readable
-from sar_compiler.tree.xml_writer import one_tag_a_line
 
 _TEXT = "Character content other than whitespace"
 """libxml2's message about text between elements."""
@@ -104,6 +103,8 @@ def _notes(elements: Iterable[Element]) -> frozenset[str]:
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
     """Return a file as XML, and for each line of that the line of the file."""
     if tree_file.source.form is not Form.XML:
+        from sar_compiler.tree.xml_writer import one_tag_a_line
+
         return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
     # Unlike expat, libxml2 does not treat a lone carriage return as the end of a line.
     text = readable(tree_file)

@@ -5,8 +5,16 @@ import getpass
 import sys
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import TREE, YAML_FILE, add_tree_id
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_params, add_project_options, workspace
+from sar_compiler.cli.arguments import (
+    FILE_HELP,
+    TREE,
+    YAML_FILE,
+    add_mission,
+    add_params,
+    add_project_options,
+    add_tree_id,
+    workspace,
+)
 from sar_compiler.cli.verify import MAX_STATES
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, print_error, print_text
 from sar_compiler.errors import SarError

@@ -1,19 +1,26 @@
-"""Parsing of arguments, shared by the commands."""
+"""Arguments that several commands have, and the trees that they name."""
 
 import argparse
 import math
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.budget import MAX_MEMORY_MB, MAX_SEC, Budget
+from sar_compiler.commands import FINDINGS, OK, tell_note
 from sar_compiler.errors import SarError
 from sar_compiler.parts import is_here
+from sar_compiler.resources import require_there
+from sar_compiler.tree.gc_pause import large_imports
 
 if TYPE_CHECKING:
     from sar_compiler.journal.georeference import Georeference
+    from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
+    from sar_compiler.project.project_tree import FurtherCheck
+    from sar_compiler.tree.diagnostic import Diagnostic
 
 
 class ArgumentKind:
@@ -158,3 +165,114 @@ def add_budget(
 def budget_of(arguments: argparse.Namespace, **options: Any) -> Budget:
     """Return the budget of an analysis from the command line; *options* are further ones of `Budget`."""
     return Budget(arguments.max_seconds, arguments.max_memory, **options)
+
+
+FILE_HELP = "a tree file, or the name of a shipped tree"
+INPUT_HELP = "a tree file, the name of a shipped tree, or - for standard input"
+FORMAT_HELP = "for people (default text), or for scripts"
+PROJECT_OPTIONS = "options that add to the project's configuration"
+"""The title of these options in `--help`; the page of the commands lists them once."""
+
+
+def add_project_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that extend a project's configuration."""
+    text = "a further folder for included tree files (in addition to the file's own); may be repeated"
+    add = add_vocabulary_options(parser).add_argument
+    add("--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text)
+
+
+def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._ArgumentGroup":
+    """Add the options that determine the known nodes, and return their group."""
+    options = parser.add_argument_group(PROJECT_OPTIONS)
+    add = options.add_argument
+    text = "load a module of leaves (installed, or in this folder); may be repeated"
+    add("--nodes", action="append", default=[], type=ArgumentKind("module"), metavar="PKG.MOD", help=text)
+    text = (
+        "a palette of nodes that are not installed: a file with a TreeNodesModel, or Nav2's nodes (nav2:jazzy, "
+        "nav2:kilted, nav2:main); may be repeated"
+    )
+    add("--model", action="append", default=[], type=PALETTE, metavar="NODES.xml", help=text)
+    text = (
+        "run the modules of leaves that the project's own configuration names and contains, now and until "
+        "one of them changes"
+    )
+    add("--trust", action="store_true", help=text)
+    text = "ignore the surroundings of a tree file: sar.toml, and palettes and trees that no option names"
+    add("--isolated", action="store_true", help=text)
+    return options
+
+
+def add_mission(parser: "argparse.ArgumentParser | argparse._ArgumentGroup") -> None:
+    """Add `--mission`."""
+    text = "the mission, if the leaves of the tree do not determine it"
+    parser.add_argument("--mission", type=ArgumentKind("mission"), metavar="NAME", help=text)
+
+
+def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
+    """Return a workspace with the options of a command; *added* are further fields of `CommandLineSettings`."""
+    with large_imports():
+        from sar_compiler.project.workspace import Workspace
+    return Workspace(additions(arguments)._replace(**added), note=tell_note, further_checks=further_checks())
+
+
+def further_checks() -> "Sequence[FurtherCheck]":
+    """Return the checks of a tree in addition to the rules, from the installed parts."""
+    if not is_here("missions"):
+        return ()
+    from sar_compiler.missions.tree_check import check_mission
+
+    return (check_mission,)
+
+
+def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[ProjectTree]":
+    """Load trees for a command that does more than report findings; report findings other than errors on standard error.
+
+    Args:
+        arguments: The options of the command.
+        names: The paths of tree files, or the names of shipped trees.
+
+    Raises:
+        TreeError: If there are errors; carries all findings.
+        UnreadableFileError: If a file does not exist or cannot be read.
+    """
+    from sar_compiler.tree.diagnostic import Severity, TreeError
+
+    for name in names:
+        require_there(name)
+    loader = workspace(arguments)
+    trees = [loader.load(name) for name in names]
+    for tree in trees:
+        findings = tree.check()
+        loader.note_use()
+        if any(each.severity is Severity.ERROR for each in findings):
+            raise TreeError(findings)
+        report_findings(findings)
+    return trees
+
+
+def report_findings(findings: "Sequence[Diagnostic]") -> int:
+    """Print findings on standard error, each location as in `validate --all`; return the exit status: that of findings for errors."""
+    from sar_compiler.terminal import findings_as_text
+    from sar_compiler.tree.diagnostic import Severity
+
+    if findings:
+        print(findings_as_text(findings, sys.stderr), file=sys.stderr)
+    return FINDINGS if any(each.severity is Severity.ERROR for each in findings) else OK
+
+
+def additions(arguments: argparse.Namespace) -> "CommandLineSettings":
+    """Return the additions of a command's options to a project's configuration."""
+    from sar_compiler.project import CommandLineSettings
+
+    models, folders = tuple(arguments.model), tuple(arguments.include_path)
+    mission = getattr(arguments, "mission", None)  # some commands have no such option
+    isolated = arguments.isolated
+    return CommandLineSettings(
+        tuple(arguments.nodes), models, folders, arguments.trust, mission=mission, is_isolated=isolated
+    )
+
+
+def add_params(parser: argparse.ArgumentParser) -> None:
+    """Add `--params`."""
+    text = "the mission's ROS 2 parameter file, as for sar-run: it determines facts and {@parameters}"
+    parser.add_argument("--params", type=YAML_FILE, metavar="FILE", help=text)

@@ -10,19 +10,16 @@ from typing import TYPE_CHECKING
 from sar_compiler.cli.arguments import (
     FILE,
     FOLDER,
+    FORMAT_HELP,
+    INPUT_HELP,
     TREE_INPUT,
     ArgumentKind,
     add_budget,
-    add_tree_id,
-    budget_of,
-)
-from sar_compiler.cli.loading import (
-    FORMAT_HELP,
-    INPUT_HELP,
     add_project_options,
+    add_tree_id,
     add_vocabulary_options,
+    budget_of,
     report_findings,
-    require_there,
     workspace,
 )
 from sar_compiler.cli.parser import Parser
@@ -39,6 +36,7 @@ from sar_compiler.commands import (
     run,
 )
 from sar_compiler.errors import SarError
+from sar_compiler.resources import require_there
 from sar_compiler.terminal import findings_as_text, painter
 from sar_compiler.tree.gc_pause import gc_paused
 
@@ -101,7 +99,7 @@ def _run(argv: Sequence[str]) -> int:
 
 def _print_findings(error: "TreeError") -> int:
     """Print why a file is unusable, and return the exit status."""
-    from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
+    from sar_compiler.nodes.binding.nesting import UnknownTreeError
 
     if isinstance(error, UnknownTreeError):
         raise SarError(error.findings[0].message) from error
@@ -211,7 +209,7 @@ def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[
         TreeError: If there is nothing to draw: the file is malformed, or has no tree, or no tree of the requested ID.
     """
     from sar_compiler.compiler.sketch import Sketch
-    from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
+    from sar_compiler.nodes.binding.nesting import UnknownTreeError
     from sar_compiler.tree.diagnostic import TreeError
 
     findings = loaded.check()

@@ -81,7 +81,7 @@ def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
     """Return a workspace with the options so far; completion never implies `--trust`."""
-    from sar_compiler.cli.loading import additions
+    from sar_compiler.cli.arguments import additions
     from sar_compiler.project import Workspace
 
     return Workspace(additions(parsed_args)._replace(trust=False))

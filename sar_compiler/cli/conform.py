@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sar_compiler.budget import BudgetSpentError
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of
-from sar_compiler.cli.loading import INPUT_HELP, load_checked
+from sar_compiler.cli.arguments import FILE, INPUT_HELP, TREE_INPUT, YAML_FILE, budget_of, load_checked
 from sar_compiler.cli.verify import add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.errors import UndecidableError
@@ -106,7 +105,7 @@ def _compared(
     from sar_compiler.analysis.tree_analysis import conform_tree
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
     from sar_compiler.journal.recorded_events import LastRunEvents
-    from sar_compiler.nodes.binding.tree_ids import UnknownTreeError
+    from sar_compiler.nodes.binding.nesting import UnknownTreeError
 
     run = state.runs[-1]
     try:

@@ -5,8 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT
-from sar_compiler.cli.loading import INPUT_HELP, add_project_options, workspace
+from sar_compiler.cli.arguments import FILE, INPUT_HELP, TREE_INPUT, add_project_options, workspace
 from sar_compiler.commands import FINDINGS, OK
 from sar_compiler.tree.diagnostic import Form, Severity
 from sar_compiler.writing import WriteError, same_file, write_text

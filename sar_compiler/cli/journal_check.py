@@ -3,8 +3,7 @@
 import argparse
 import re
 
-from sar_compiler.cli.arguments import FILE
-from sar_compiler.cli.loading import FORMAT_HELP
+from sar_compiler.cli.arguments import FILE, FORMAT_HELP
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.tree.plain import as_json
 

@@ -5,12 +5,11 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-from sar_compiler.cli.arguments import FILE, add_page_options, georeference, report_forms
+from sar_compiler.cli.arguments import FILE, FORMAT_HELP, add_page_options, georeference, report_forms
 from sar_compiler.cli.journal_check import add_check
 from sar_compiler.cli.journal_import import add_import
 from sar_compiler.cli.journal_stats import add_stats
 from sar_compiler.cli.journal_why import add_why
-from sar_compiler.cli.loading import FORMAT_HELP
 from sar_compiler.cli.parser import Parser
 from sar_compiler.commands import OK, add_version, interruptible, run
 from sar_compiler.journal.journal_entries import OF_ROBOT

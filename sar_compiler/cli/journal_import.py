@@ -4,8 +4,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from sar_compiler.cli.arguments import FILE, ArgumentKind
-from sar_compiler.cli.loading import add_project_options, workspace
+from sar_compiler.cli.arguments import FILE, ArgumentKind, add_project_options, workspace
 from sar_compiler.commands import print_text, tell_note
 
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sar_compiler.cli.arguments import FILE, confidence
-from sar_compiler.cli.loading import FORMAT_HELP
+from sar_compiler.cli.arguments import FILE, FORMAT_HELP, confidence
 from sar_compiler.commands import print_text
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import OF_ROBOT

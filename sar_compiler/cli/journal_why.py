@@ -4,8 +4,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import FILE, ArgumentKind, add_budget, budget_of
-from sar_compiler.cli.loading import FORMAT_HELP, add_project_options, workspace
+from sar_compiler.cli.arguments import (
+    FILE,
+    FORMAT_HELP,
+    ArgumentKind,
+    add_budget,
+    add_project_options,
+    budget_of,
+    workspace,
+)
 from sar_compiler.commands import OK, print_text
 from sar_compiler.journal.refused_start import read_refusal
 from sar_compiler.opener import is_file

@@ -5,8 +5,7 @@ import sys
 from pathlib import Path
 
 from sar_compiler.budget import Budget, memory_now_mb
-from sar_compiler.cli.arguments import add_budget, budget_of
-from sar_compiler.cli.loading import add_project_options, additions
+from sar_compiler.cli.arguments import add_budget, add_project_options, additions, budget_of
 from sar_compiler.commands import OK, exit_on_interrupt
 
 

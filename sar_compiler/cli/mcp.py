@@ -4,8 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from sar_compiler.cli.arguments import FOLDER, count, seconds
-from sar_compiler.cli.loading import add_project_options
+from sar_compiler.cli.arguments import FOLDER, add_project_options, count, seconds
 from sar_compiler.commands import OK, exit_on_interrupt
 from sar_compiler.errors import SarError
 

@@ -5,8 +5,16 @@ import contextlib
 import functools
 import time
 
-from sar_compiler.cli.arguments import FILE, TREE_INPUT, YAML_FILE, budget_of, count, tick_period
-from sar_compiler.cli.loading import INPUT_HELP, load_checked
+from sar_compiler.cli.arguments import (
+    FILE,
+    INPUT_HELP,
+    TREE_INPUT,
+    YAML_FILE,
+    budget_of,
+    count,
+    load_checked,
+    tick_period,
+)
 from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_search_options, facts_given
 from sar_compiler.commands import FINDINGS, OK, print_error, print_text
 from sar_compiler.errors import UndecidableError

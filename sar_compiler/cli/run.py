@@ -12,22 +12,19 @@ from typing import TYPE_CHECKING, NoReturn
 from sar_compiler.cli.arguments import (
     DEFAULT_WORLD,
     FILE,
+    FILE_HELP,
     TREE,
     WORLD,
     YAML_FILE,
+    add_mission,
     add_page_options,
+    add_project_options,
+    additions,
     pair_of_ports,
     report_forms,
     restarts,
     seed,
     speed,
-)
-from sar_compiler.cli.loading import (
-    FILE_HELP,
-    add_mission,
-    add_project_options,
-    additions,
-    require_there,
 )
 from sar_compiler.cli.parser import Parser
 from sar_compiler.cli.run_extensions import extensions_asked_for
@@ -36,7 +33,7 @@ from sar_compiler.execution.supervision import Supervision, own_supervision
 from sar_compiler.helper_process import helper_command
 from sar_compiler.opener import is_file
 from sar_compiler.process_end import end_process, shut_down
-from sar_compiler.resources import find
+from sar_compiler.resources import find, require_there
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals

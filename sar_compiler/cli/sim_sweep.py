@@ -8,8 +8,19 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import DEFAULT_WORLD, TREE, WORLD, YAML_FILE, add_budget, budget_of, speed
-from sar_compiler.cli.loading import FILE_HELP, add_mission, add_project_options, additions
+from sar_compiler.cli.arguments import (
+    DEFAULT_WORLD,
+    FILE_HELP,
+    TREE,
+    WORLD,
+    YAML_FILE,
+    add_budget,
+    add_mission,
+    add_project_options,
+    additions,
+    budget_of,
+    speed,
+)
 from sar_compiler.cli.sweep import (
     Written,
     add_sweep_options,

@@ -5,8 +5,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import TREE_INPUT, YAML_FILE, add_budget, add_tree_id, budget_of, count, seed
-from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_params, add_project_options, load_checked
+from sar_compiler.cli.arguments import (
+    INPUT_HELP,
+    TREE_INPUT,
+    YAML_FILE,
+    add_budget,
+    add_mission,
+    add_params,
+    add_project_options,
+    add_tree_id,
+    budget_of,
+    count,
+    load_checked,
+    seed,
+)
 from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.errors import SarError
 from sar_compiler.opener import is_folder

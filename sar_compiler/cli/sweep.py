@@ -15,18 +15,22 @@ from typing import TYPE_CHECKING
 from sar_compiler.budget import Budget, BudgetSpentError
 from sar_compiler.cli.arguments import (
     FILE,
+    FILE_HELP,
+    FORMAT_HELP,
     TREE,
     YAML_FILE,
     add_budget,
+    add_project_options,
     add_tree_id,
+    additions,
     budget_of,
     confidence,
     count,
     jobs,
+    load_checked,
     probability,
     seed,
 )
-from sar_compiler.cli.loading import FILE_HELP, FORMAT_HELP, add_project_options, additions, load_checked
 from sar_compiler.cli.simulate import scenario_files, script
 from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error, print_text
 from sar_compiler.errors import SarError

@@ -1,11 +1,41 @@
 """`sar-compile validate`: report errors in tree files, and fix typos."""
 
 import argparse
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import nullcontext
+from typing import TYPE_CHECKING
 
-from sar_compiler.cli.arguments import TREE_INPUT, add_budget, seconds
-from sar_compiler.cli.loading import INPUT_HELP, add_mission, add_project_options, require_there
+from sar_compiler.cli.arguments import (
+    INPUT_HELP,
+    TREE_INPUT,
+    add_budget,
+    add_mission,
+    add_project_options,
+    additions,
+    budget_of,
+    further_checks,
+    seconds,
+    workspace,
+)
+from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text, tell_note
+from sar_compiler.errors import SarError
+from sar_compiler.opener import is_folder, reading_once
+from sar_compiler.parts import is_here
+from sar_compiler.resources import require_there
+from sar_compiler.terminal import findings_as_text
+from sar_compiler.tree.plain import count_text
+from sar_compiler.tree.showing import visible
 
-FORMATS = ("text", "json", "sarif", "github")
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sar_compiler.tree.diagnostic import Diagnostic
+    from sar_compiler.validation.check_cache import TextFix
+
+_TEXT, _JSON, _SARIF, _GITHUB = FORMATS = ("text", "json", "sarif", "github")
+_FAILED = "internal-error"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -29,13 +59,138 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "with text and github: report each location, instead of each cause once"
     add("--all", action="store_true", help=text)
     text = "for people (default text), for scripts, for code scanning (SARIF), or as annotations of GitHub Actions"
-    add("--format", choices=FORMATS, default=FORMATS[0], help=text)
+    add("--format", choices=FORMATS, default=_TEXT, help=text)
     parser.set_defaults(run=_validate)
 
 
 def _validate(arguments: argparse.Namespace) -> int:
-    if not arguments.files[1:] and arguments.format == FORMATS[0]:
+    """Print the findings about files, and return the exit status: 130 after Ctrl-C, with the findings so far."""
+    if not arguments.files[1:] and arguments.format == _TEXT:
         require_there(arguments.files[0], or_folder=True)
-    from sar_compiler.cli.validation import validate_files
+    if arguments.print_fixed:
+        return _print_fixed(arguments)
+    if not (is_here("validation") or arguments.fix or any(map(is_folder, arguments.files))):
+        return _validate_singly(arguments)
+    # Its imports are slow, and a missing file is reported without them.
+    from sar_compiler.validation.validation import CheckOptions, Validation
 
-    return validate_files(arguments)
+    with nullcontext() if arguments.fix else reading_once():
+        added, further = additions(arguments), further_checks()
+        validation = Validation(arguments.files, added, further, _tell_error, tell_note)
+        budget = budget_of(arguments, patience_sec=0.5, clock=validation.processor_sec)
+        if arguments.fix:
+            output = sys.stdout if arguments.format == _TEXT else sys.stderr
+            validation.fix(lambda fix: print(visible(fix.describe()), file=output))
+        trial_sec, max_sec = arguments.deep, arguments.max_seconds
+        options = CheckOptions(not arguments.no_deep, trial_sec, not arguments.no_cache, max_sec)
+        validation.check(options, budget)
+    fixable = validation.fixable
+    _print_findings(
+        arguments, validation.findings, validation.clean, validation.checked, fixable, validation.fixes
+    )
+    if validation.unchecked:
+        _tell_error(f"{budget.reason} ({count_text(validation.unchecked, 'file')} not checked)")
+        return budget.exit_status
+    if validation.unreadable:
+        return USAGE
+    return _status(arguments, validation.findings)
+
+
+def _validate_singly(arguments: argparse.Namespace) -> int:
+    """Check files one by one, in an installation without the part that keeps results, fixes, and checks sets of files."""
+    trees = [*map(workspace(arguments).load, arguments.files)]
+    found = {tree.path: tree.check() for tree in trees}
+    findings = [each for some in found.values() for each in some]
+    _print_findings(arguments, findings, [path for path, some in found.items() if not some], len(trees))
+    return _status(arguments, findings)
+
+
+def _tell_error(text: str) -> None:
+    print_error(f"sar-compile: {text}")
+
+
+def _status(arguments: argparse.Namespace, findings: "Sequence[Diagnostic]") -> int:
+    from sar_compiler.tree.diagnostic import Severity
+
+    if any(each.code == _FAILED for each in findings):
+        return RULE_FAILED
+    counted = (Severity.ERROR, Severity.WARNING) if arguments.strict else (Severity.ERROR,)
+    return FINDINGS if any(each.severity in counted for each in findings) else OK
+
+
+def _print_fixed(arguments: argparse.Namespace) -> int:
+    """Print a file with all suggestions applied, and return the exit status: whether errors are left.
+
+    Raises:
+        SarError: If the argument is not a single file, or cannot be read.
+        TreeError: If the project's configuration, or a palette, has errors.
+    """
+    from sar_compiler.agent.mending import mend
+    from sar_compiler.project import Workspace
+    from sar_compiler.tree.diagnostic import Severity
+    from sar_compiler.tree.discovery import find_tree
+
+    if len(arguments.files) > 1 or arguments.fix:
+        raise SarError("--print-fixed prints a single file: name one file, and remove --fix")
+    path, added = find_tree(arguments.files[0]), additions(arguments)
+    tree = mend(path, lambda read: Workspace(added, read, tell_note, further_checks()).load_file(path))
+    print(tree.source.text, end="")
+    return FINDINGS if any(each.severity is Severity.ERROR for each in tree.findings) else OK
+
+
+def _print_findings(
+    arguments: argparse.Namespace,
+    findings: "Sequence[Diagnostic]",
+    clean: "Sequence[Path]",
+    checked: int,
+    fixable: int = 0,
+    fixes: "Sequence[tuple[Diagnostic, TextFix]]" = (),
+) -> None:
+    """Print findings, files without findings, and the numbers of files and of findings that can be fixed."""
+    form = arguments.format
+    if form == _TEXT:
+        told = findings if arguments.all else _group_by_cause(findings)
+        if told:
+            print(findings_as_text(told, sys.stdout))
+        for path in clean:
+            print_text(f"{path}: no findings")
+        if told or checked > 1:
+            sys.stdout.flush()
+            print(_summary(findings, told, checked, fixable), file=sys.stderr)
+        return
+    from sar_compiler.views import findings as views
+
+    if form == _JSON:
+        print(views.findings_as_json(findings))
+    elif form == _SARIF:
+        from sar_compiler.checks.fixing import Fix
+
+        by_identity: dict[object, Fix] = {
+            each.identity: Fix(each, fix.start, fix.end, fix.text) for each, fix in fixes
+        }
+        print(views.findings_as_sarif(findings, by_identity))
+    elif findings:
+        print(views.findings_as_github(findings if arguments.all else _group_by_cause(findings)))
+
+
+def _group_by_cause(findings: "Sequence[Diagnostic]") -> "Sequence[Diagnostic]":
+    """Return each cause once."""
+    if len(findings) <= 1:
+        return findings
+    from sar_compiler.views.findings import by_cause
+
+    return by_cause(findings)
+
+
+def _summary(
+    findings: "Sequence[Diagnostic]", told: "Sequence[Diagnostic]", checked: int, fixable: int
+) -> str:
+    """Return the number of findings in words."""
+    counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
+    listed = [count_text(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
+    if any(each.code == "more-findings" for each in findings):
+        listed.append("others not shown")
+    more = f"; {fixable:,} fixable with --fix" if fixable else ""
+    hidden = len(findings) != len(told)
+    places = f"; --all lists {count_text(len(findings), 'location')}" if hidden else ""
+    return f"{', '.join(listed) or 'no findings'} in {count_text(checked, 'file')}{more}{places}"

@@ -9,19 +9,17 @@ import time
 from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import (
+    FORMAT_HELP,
+    INPUT_HELP,
     TREE_INPUT,
     YAML_FILE,
     add_budget,
-    add_tree_id,
-    budget_of,
-    count,
-)
-from sar_compiler.cli.loading import (
-    FORMAT_HELP,
-    INPUT_HELP,
     add_mission,
     add_params,
     add_project_options,
+    add_tree_id,
+    budget_of,
+    count,
     load_checked,
 )
 from sar_compiler.commands import FINDINGS, OK, CommandParser, print_error

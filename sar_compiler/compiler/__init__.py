@@ -15,10 +15,9 @@ from py_trees.common import OneShotPolicy
 from py_trees.decorators import OneShot, PassThrough
 
 from sar_compiler.nodes.binding.binder import bind
-from sar_compiler.nodes.binding.bound import Binding, BoundNode
+from sar_compiler.nodes.binding.bound import Binding, BoundNode, SkipAnalysis
 from sar_compiler.nodes.binding.instances import Instance, expand
-from sar_compiler.nodes.binding.skips import SkipAnalysis
-from sar_compiler.nodes.binding.tree_ids import find_main_tree
+from sar_compiler.nodes.binding.nesting import find_main_tree
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.spec import Direction, Kind, Parameter, ParameterRole, Use

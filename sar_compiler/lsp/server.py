@@ -18,8 +18,7 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
 from sar_compiler.analysis.bounded_search import SearchBudget
-from sar_compiler.analysis.trial_work import WORK
-from sar_compiler.budget import Budget, BudgetSpentError
+from sar_compiler.budget import WORK, Budget, BudgetSpentError
 from sar_compiler.checks import failure_of_file
 from sar_compiler.checks.fixing import Fix, each_fix, fixes
 from sar_compiler.errors import SarError

@@ -228,7 +228,7 @@ class ProjectTree:
             TreeError: If there is no such tree, the file is malformed, or its project's configuration has errors.
         """
         from sar_compiler.compiler.sketch import sketch_tree
-        from sar_compiler.nodes.binding.tree_ids import find_main_tree
+        from sar_compiler.nodes.binding.nesting import find_main_tree
 
         forest = self.forest
         candidates = (*forest.executable, *forest.main.trees)

@@ -1,5 +1,6 @@
 """Pausing the garbage collector while a large structure is built."""
 
+import atexit
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,3 +37,11 @@ def gc_paused(acyclic: int = 0) -> Iterator[None]:
             gc.unfreeze()  # into the oldest generation
         if enabled:
             gc.enable()
+
+
+@contextmanager
+def large_imports() -> Iterator[None]:
+    """Disable the garbage collector during large imports; it would search the new objects in vain, also afterwards and at the end."""
+    with gc_paused(LARGE):
+        yield
+    atexit.register(gc.freeze)

@@ -7,9 +7,9 @@ import sys
 import pytest
 
 from sar_compiler.analysis.bounded_search import SearchBudget
-from sar_compiler.analysis.plain_scripts import is_plain
 from sar_compiler.analysis.proofs import try_runs
-from sar_compiler.analysis.trial_work import WORK
+from sar_compiler.analysis.trial import is_plain
+from sar_compiler.budget import WORK
 from sar_compiler.loaded_tree import load
 from tests.chance import rounds
 from tests.trees import document

@@ -8,7 +8,7 @@ import pytest
 from sar_compiler import load
 from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.analysis.trial import try_tree
-from sar_compiler.analysis.trial_work import WORK
+from sar_compiler.budget import WORK
 from sar_compiler.cli.compile import main
 from tests.trees import document
 

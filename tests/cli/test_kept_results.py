@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.project import check_run
-from sar_compiler.project.forked_workers import ForkedWorkers
+from sar_compiler.validation import validation
+from sar_compiler.validation.forked_workers import ForkedWorkers
 from tests.trees import document
 
 # Says on standard error how many files were checked, and where.
 _PROGRAM = """
 import os, sys
-from sar_compiler.project.file_checker import FileChecker
+from sar_compiler.validation.validation import FileChecker
 
 check, parent = FileChecker.check, os.getpid()
 
@@ -279,7 +279,7 @@ def many(count):
 
 
 def test_many_files_are_checked_in_copies_of_the_process_and_few_are_not():
-    many(check_run.FEWEST_FOR_COPIES)
+    many(validation.FEWEST_FOR_COPIES)
     whole = Done("trees", "--no-cache")
     assert whole.places == ({"copy"} if len(os.sched_getaffinity(0)) > 1 else {"here"})
     few = Done(*sorted(Path("trees").iterdir())[1:], "--no-cache")

@@ -12,7 +12,7 @@ from sar_compiler.cli import compile as sar_compile
 from sar_compiler.cli import journal_command as sar_journal
 from sar_compiler.cli import run as sar_run
 from sar_compiler.cli import sim as sar_sim
-from sar_compiler.cli.loading import PROJECT_OPTIONS, add_project_options
+from sar_compiler.cli.arguments import PROJECT_OPTIONS, add_project_options
 from sar_compiler.ros.serving import server_parser
 from sar_compiler.testing import RENEW
 from search_and_rescue import server_commands

@@ -205,7 +205,7 @@ BEGINNING = "tree/discovery.py:is_tree_file"
 SURFACES = {
     "a tree": Surface((TREES,), command("validate", "{}"), "xml"),
     "a tree that is formatted": Surface(("cli/format.py:_format",), command("format", "{}"), "xml"),
-    "a tree that is fixed": Surface(("cli/validation.py:_write",), command("validate", "--fix", "{}"), "xml"),
+    "a tree that is fixed": Surface(("validation/validation.py:_write",), command("validate", "--fix", "{}"), "xml"),
     "an included tree": Surface(
         (TREES,), named_by("main.xml", INCLUDING, command("validate", "main.xml")), "xml", has_root=True,
     ),
@@ -302,9 +302,9 @@ SURFACES = {
 }  # fmt: skip
 ELSEWHERE = {
     "tree/forest.py:_Loader._near": "tests/tree/test_forest.py: the files beside a missing one, which are only named",
-    "cli/loading.py:require_there": "tests/cli/test_kept_results.py: of a file that is not there, which says why",
-    "project/check_cache.py:CheckCache._load": "tests/cli/test_kept_results.py: damaged results",
-    "project/check_cache.py:add_modules": "tests/cli/test_kept_results.py: modules that are imported already",
+    "resources.py:require_there": "tests/cli/test_kept_results.py: of a file that is not there, which says why",
+    "validation/check_cache.py:CheckCache._load": "tests/cli/test_kept_results.py: damaged results",
+    "validation/check_cache.py:add_modules": "tests/cli/test_kept_results.py: modules that are imported already",
     "checks/leaf_classes.py:_module": "tests/checks/test_leaf_classes.py: a module that is exchanged after its import",
     "lsp/server.py:TreeServer._read": "tests/lsp/test_projects.py: a tree of the set that is no file",
     "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",

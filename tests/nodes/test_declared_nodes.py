@@ -271,7 +271,7 @@ def test_a_tree_of_shipped_nodes_is_checked_without_an_import_of_them(of):
     leaves = {spec.class_path.partition(":")[0] for spec in LEAVES}
     heavy = ("py_trees", "sar_compiler.ros", "sar_compiler.compiler", "importlib.metadata", "jsonschema")
     assert {name for name in modules if name.startswith(heavy) or name in leaves} == set()
-    assert sum(name.startswith("sar_compiler") for name in modules) < 126
+    assert sum(name.startswith("sar_compiler") for name in modules) < 112
 
 
 def test_no_node_of_the_language_is_imported_to_be_checked(tmp_path):

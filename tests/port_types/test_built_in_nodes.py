@@ -6,7 +6,7 @@ from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
 from sar_compiler.nodes.btcpp import BUILT_IN
 from sar_compiler.nodes.btcpp.port_types import is_untyped
 from sar_compiler.nodes.cpp_names import normalized
-from sar_compiler.nodes.language.records import own
+from sar_compiler.nodes.language.node_rules import own
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind
 from tests.trees import document, forest_of

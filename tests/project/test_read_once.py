@@ -33,17 +33,20 @@ print(json.dumps(opened), file=sys.stderr)
     ("command", "read"),
     [
         (["validate", "tree.xml"], {"tree.xml", "sub.xml", "sar.toml"}),
+        (["validate", "."], {"tree.xml", "other.xml", "sub.xml", "sar.toml", "s.yaml"}),
+        (["validate", "--no-cache", "."], {"tree.xml", "other.xml", "sub.xml", "sar.toml", "s.yaml"}),
         (["show", "tree.xml"], {"tree.xml", "sub.xml", "sar.toml"}),
         (["verify", "tree.xml"], {"tree.xml", "sub.xml", "sar.toml"}),
         (["simulate", "tree.xml", "--scenario", "s.yaml"], {"tree.xml", "sub.xml", "sar.toml", "s.yaml"}),
         (["convert", "tree.xml", "--to", "yaml"], {"tree.xml"}),
         (["format", "--check", "tree.xml"], {"tree.xml"}),
     ],
-    ids=lambda each: each[0] if isinstance(each, list) else "",
+    ids=lambda each: " ".join(each) if isinstance(each, list) else "",
 )
 def test_each_file_is_opened_once(command, read, tmp_path):
     for name, text in {
         "tree.xml": TREE,
+        "other.xml": TREE.replace('"A"', '"Other"'),
         "sub.xml": SUBTREE,
         "sar.toml": '[language]\nbtcpp = "4.9"\n',
         "s.yaml": "leaves: {}\n",

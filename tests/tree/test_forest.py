@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.checks import check
-from sar_compiler.nodes.binding.tree_ids import find_main_tree
+from sar_compiler.nodes.binding.nesting import find_main_tree
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.opener import UnreadableFileError
 from sar_compiler.tree import forest

@@ -8,7 +8,7 @@ from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.binding.key_types import severity_there, unknown_conversion
-from sar_compiler.nodes.binding.tree_ids import fault_of, refused_in
+from sar_compiler.nodes.binding.nesting import fault_of, refused_in
 from sar_compiler.nodes.btcpp import (
     DROPS_EXPLICIT,
     NAMES,

@@ -11,15 +11,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT, AttributeBinder
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree, Remapping
+from sar_compiler.nodes.binding.bound import (
+    Binding,
+    BoundNode,
+    BoundTree,
+    Remapping,
+    by_itself,
+    report_misread,
+)
 from sar_compiler.nodes.binding.instances import Instance, expand
 from sar_compiler.nodes.binding.key_types import EntryTypes, report_key_types
 from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
-from sar_compiler.nodes.binding.skips import by_itself, report_misread
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.collector import FindingCollector
-from sar_compiler.nodes.language.other_engines import REPLACEMENTS
 from sar_compiler.nodes.models import Model, Models, compare_models, read_models, registry_without
 from sar_compiler.nodes.palettes import palettes_with
 from sar_compiler.nodes.registry import Registry, is_library_tag, subtree
@@ -383,6 +388,8 @@ class Binder:
         if tag in self._forest.known_ids:
             hint = f'write <{SUBTREE_TAG} ID="{tag}"/>'
             return f"{message}, only a tree of this name", None, hint, "these are trees, not nodes"
+        from sar_compiler.nodes.language.other_engines import REPLACEMENTS
+
         if other := REPLACEMENTS.get(tag):
             hint = f"{other.hint}; for your own node, add its module (--nodes) or palette (--model)"
             return f"{message}, which is known from {other.engine}", None, hint, f"these are like <{tag}>"

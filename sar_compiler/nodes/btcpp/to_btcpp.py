@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 
 from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT, ONESHOT_TYPE
-from sar_compiler.nodes.binding.tree_ids import RESERVED, refused_in
+from sar_compiler.nodes.binding.nesting import RESERVED, refused_in
 from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
 from sar_compiler.nodes.btcpp.draft import Draft
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Rewrite

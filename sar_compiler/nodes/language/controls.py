@@ -8,8 +8,14 @@ from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.collector import NodeView
 from sar_compiler.nodes.declaring import ENUMS, attribute, input_port, node_spec
 from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
-from sar_compiler.nodes.language.node_rules import report_interruptions, report_out_of_reach, report_policy
-from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
+from sar_compiler.nodes.language.node_rules import (
+    FROM_CHILD,
+    own,
+    report_interruptions,
+    report_out_of_reach,
+    report_policy,
+    stock,
+)
 from sar_compiler.nodes.outcome_sets import F, K, S
 from sar_compiler.nodes.semantics import Counterpart, Gate, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport

@@ -20,7 +20,7 @@ from sar_compiler.nodes.declaring import (
     output_port,
 )
 from sar_compiler.nodes.language.narrow_types import ANY_ENTRY, KEY, VARIABLE, StatusName, queue_of
-from sar_compiler.nodes.language.records import FROM_CHILD, own, stock
+from sar_compiler.nodes.language.node_rules import FROM_CHILD, own, stock
 from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, milliseconds, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport

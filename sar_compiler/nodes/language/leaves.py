@@ -5,18 +5,19 @@ from functools import partial
 from sar_compiler.nodes import outcome_sets
 from sar_compiler.nodes.btcpp import rewrites
 from sar_compiler.nodes.declaring import CLOCK, ENUMS, SCOPE, attribute, inout_port, input_port, node_spec
-from sar_compiler.nodes.language.comparisons import CHECKS, Comparison, Junction
 from sar_compiler.nodes.language.narrow_types import (
     ANY_ENTRY,
+    CHECKS,
     KEY,
     NTH,
     PROBABILITIES,
     STATUS_NAMES,
     VARIABLE,
+    Comparison,
+    Junction,
     StatusName,
 )
-from sar_compiler.nodes.language.node_rules import report_no_answer
-from sar_compiler.nodes.language.records import own, stock
+from sar_compiler.nodes.language.node_rules import own, report_no_answer, stock
 from sar_compiler.nodes.semantics import REMOVES, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter
 from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, MILLISECONDS, SECONDS

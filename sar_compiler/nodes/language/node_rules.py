@@ -1,6 +1,12 @@
-"""Rules of single nodes: attributes that are each valid, but conflict with each other or the children."""
+"""Functions that the records of the language share: specs of nodes, and rules of single nodes about their attributes and children."""
 
+from typing import Any
+
+from sar_compiler.nodes.btcpp import BUILT_IN
 from sar_compiler.nodes.collector import FindingCollector, NodeView
+from sar_compiler.nodes.declaring import node_spec
+from sar_compiler.nodes.semantics import Semantics
+from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, SkipPossibility, SkipSupport
 from sar_compiler.nodes.values import ConversionError, items_of
 from sar_compiler.tree.guessing import nearest
 
@@ -101,3 +107,46 @@ def _bound_name(child: NodeView) -> str:
         inner = _bound_name(child.children[0])
         return inner if child.name == f"{inner}OneShot" else child.name
     return child.name
+
+
+FROM_CHILD = SkipSupport(SkipPossibility.FROM_CHILD)
+_PLAIN = Semantics()
+
+
+def own(
+    kind: Kind,
+    tag: str,
+    path: str,
+    doc: str,
+    *parameters: Parameter,
+    semantics: Semantics = _PLAIN,
+    **more: Any,
+) -> NodeSpec:
+    """Return the spec of a node of the language; BehaviorTree.CPP has it as well if its tag is in `BUILT_IN`.
+
+    *path* is that of its class in `runtime` or in py_trees.
+    """
+    if not path.startswith("py_trees."):
+        path = f"sar_compiler.runtime.{path}"
+    means = semantics._replace(counterpart=semantics.counterpart._replace(built_in=tag in BUILT_IN))
+    return node_spec(kind, tag, path, doc, *parameters, semantics=means, **more)
+
+
+def stock(
+    kind: Kind, tag: str, doc: str, *parameters: Parameter, made_by: str = "", instead: str = "", **more: Any
+) -> NodeSpec:
+    """Return the spec of a node of py_trees.
+
+    Args:
+        kind: The kind of node.
+        tag: Its tag, and the name of its class.
+        doc: Its description.
+        *parameters: Its parameters.
+        made_by: The function of `py_trees_nodes` that creates it, if not the default one.
+        instead: An equivalent node that supports skipped children.
+        **more: Further fields of the spec.
+    """
+    module = {Kind.CONTROL: "composites", Kind.DECORATOR: "decorators"}.get(kind, "behaviours")
+    factory = f"sar_compiler.nodes.language.py_trees_nodes:{made_by or 'stock'}" if parameters else ""
+    skipping, path = SkipSupport(advice=instead), f"py_trees.{module}:{tag}"
+    return node_spec(kind, tag, path, doc, *parameters, factory=factory, skipping=skipping, **more)

@@ -19,16 +19,20 @@ from py_trees.version import __version__ as py_trees_version
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
-from sar_compiler.nodes.language.comparisons import (
+from sar_compiler.nodes.language.narrow_types import (
     COMPARISONS,
     JUNCTIONS,
+    KEY,
+    STATUS_NAME,
+    STATUS_NAMES,
+    VARIABLE,
     Comparison,
     Junction,
+    PolicyName,
     constant,
     expression,
     read_check,
 )
-from sar_compiler.nodes.language.narrow_types import KEY, STATUS_NAME, STATUS_NAMES, VARIABLE, PolicyName
 from sar_compiler.nodes.language.node_rules import HOW_TO_SELECT, NO_ANSWER, clash_with, place_of
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.nodes.values import ANYTHING, CONDITION, type_of

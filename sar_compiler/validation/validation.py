@@ -1,0 +1,516 @@
+"""The check of files as one set, and their fixes."""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from sar_compiler import resources
+from sar_compiler.budget import Budget, BudgetSpentError
+from sar_compiler.commands import LIMITS_VARIABLE
+from sar_compiler.errors import SarError
+from sar_compiler.opener import (
+    STANDARD_INPUT,
+    TREE,
+    Observation,
+    UnreadableFileError,
+    is_file,
+    is_folder,
+    read_file,
+)
+from sar_compiler.parts import is_here
+from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.tree.content import bytes_of, real_path
+from sar_compiler.tree.diagnostic import Diagnostic, TreeError
+from sar_compiler.tree.discovery import find_tree, read_tree_file, tree_files_in
+from sar_compiler.tree.gc_pause import large_imports
+from sar_compiler.tree.json_values import json_text, json_value
+from sar_compiler.tree.model import TreeFile
+from sar_compiler.validation.check_cache import (
+    CheckCache,
+    FileCheck,
+    TextFix,
+    add_modules,
+    check_of,
+    data_of,
+    data_of_observation,
+    observation_of,
+)
+
+if TYPE_CHECKING:
+    from sar_compiler.analysis.trial import TrialOutcome
+    from sar_compiler.checks.fixing import Fix
+    from sar_compiler.project.project_tree import FurtherCheck, ProjectTree
+    from sar_compiler.project.workspace import Workspace
+    from sar_compiler.validation.forked_workers import ForkedWorkers
+
+_ROUNDS = 20
+"""Largest number of passes: a fix may reveal another error."""
+
+
+class CheckOptions(NamedTuple):
+    """The options of a check of files.
+
+    Attributes:
+        is_tried: Whether the runs of files are tried, to find errors raised in ticks.
+        trial_sec: The processor time for the runs of a file, seconds; None for a fixed amount of work.
+        is_cached: Whether results are stored, and stored ones are used.
+        max_sec: The processor time for each copy of the process, seconds.
+    """
+
+    is_tried: bool
+    trial_sec: float | None
+    is_cached: bool
+    max_sec: float
+
+
+class Validation:
+    """The check of files as one set: trees missing in one file are searched in the others.
+
+    Args:
+        names: The files and folders, as the user names them.
+        additions: The user's additions to the projects of the files.
+        further_checks: The checks of a tree in addition to the rules.
+        on_error: Called with the reason if a file or folder cannot be read, checked or written.
+        on_note: Called with each note.
+
+    Attributes:
+        files: The files.
+        findings: The findings, each once.
+        fixes: The findings that have fixes, each with its fix.
+        fixable: Number of findings that can be fixed.
+        checked: Number of files that could be read.
+        clean: The files without findings, except those found in a folder.
+        unreadable: Number of files and folders that could not be read, checked or written.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        additions: CommandLineSettings,
+        further_checks: "Sequence[FurtherCheck]",
+        on_error: Callable[[str], object],
+        on_note: Callable[[str], None],
+    ) -> None:
+        self.findings: list[Diagnostic] = []
+        self.fixes: list[tuple[Diagnostic, TextFix]] = []
+        self.fixable = self.checked = self.unreadable = 0
+        self.clean: list[Path] = []
+        self._further_checks, self._on_error, self._on_note = further_checks, on_error, on_note
+        self._run: CheckRun | None = None
+        self._done = 0
+        self._is_left = False
+        self._said: set[object] = set()
+        self._raising: set[object] = set()
+        self._used: tuple[dict[Path, None], dict[Path, None]] = {}, {}
+        self._found_in_folders: set[Path] = set()
+        folders: list[Path] = []
+        # Of several links to a file, or a file listed again in a folder, the first one is used.
+        files: dict[Path, Path] = {}
+        for name in names:
+            for path in self._find_files(name, folders):
+                files.setdefault(real_path(path), path)
+        self.files = tuple(files.values())
+        self._places = frozenset(files)
+        # A single file or folder is no set: its surroundings are searched instead.
+        trees = self.files if names[1:] else ()
+        self._additions = additions._replace(trees=trees, names=self.files, folders=tuple(folders))
+
+    def processor_sec(self) -> float:
+        """Return the processor time of this process and its copies, seconds."""
+        return time.process_time() + (0.0 if self._run is None else self._run.others_sec)
+
+    def _find_files(self, name: str, folders: list[Path]) -> Iterator[Path]:
+        """Yield the files of a name, and add it to the folders if it is one."""
+        try:
+            files = tree_files_in(Path(name)) if name and is_folder(name) else []
+            # A package of leaves can have the name of a shipped tree.
+            if name and is_folder(name) and (files or not is_file(resources.find("trees", name, ".xml"))):
+                if not files:
+                    self._tell(f"{name} has no tree file")
+                self._found_in_folders.update(files)
+                folders.append(Path(name))
+                yield from files
+            else:
+                resources.require_there(name)
+                yield find_tree(name)
+        except UnreadableFileError as error:
+            self._tell(str(error))
+
+    def _tell(self, why: str) -> None:
+        self.unreadable += 1
+        if why not in self._said:
+            self._said.add(why)
+            self._on_error(why)
+
+    def fix(self, on_fix: "Callable[[Fix], object]") -> None:
+        """Apply all possible fixes to the files; other errors are found by the check.
+
+        Args:
+            on_fix: Called with each fix that was applied.
+        """
+        with large_imports():
+            from sar_compiler.project.workspace import Workspace
+        workspace = Workspace(self._additions, note=self._on_note, further_checks=self._further_checks)
+        for path in self.files:
+            if path == STANDARD_INPUT:
+                continue
+            try:
+                _fix_file(workspace, path, on_fix)
+            except TreeError as error:
+                self._report(error.findings)
+            except SarError as error:
+                self._tell(str(error))
+            except Exception as error:  # noqa: BLE001 - no error may prevent findings about the other files
+                from sar_compiler.checks import failure_of_file
+
+                self._report([failure_of_file(path, error, "mending")])
+
+    def check(self, options: CheckOptions, budget: Budget) -> None:
+        """Check the files within a budget, whose clock is `processor_sec`."""
+        work: int | None = 0
+        is_tried = options.is_tried and is_here("analysis")
+        if is_tried:
+            from sar_compiler.budget import work_for
+
+            work = work_for(len(self.files)) if options.trial_sec is None else None
+
+        def try_runs(tree: "ProjectTree") -> "TrialOutcome":
+            from sar_compiler.analysis.trial import try_within
+
+            return try_within(tree, work, options.trial_sec, budget.is_spent)
+
+        def make_checker() -> "FileChecker":
+            return FileChecker(self._additions, self._further_checks, try_runs if is_tried else None)
+
+        cache = self._cache(options, is_tried=is_tried)
+        run = self._run = CheckRun(self.files, make_checker, cache, work, budget)
+        run.make_copies(options.max_sec)
+        try:
+            with suppress(BudgetSpentError):
+                budget.run(lambda: self._receive_checks(run, budget))
+        finally:
+            # Findings of an abandoned check are ignored.
+            self._is_left = True
+            run.end()
+        if any(self._used):
+            from sar_compiler.project.workspace import notes_on_use
+
+            for text in notes_on_use(*self._used):
+                self._on_note(text)
+
+    def _cache(self, options: CheckOptions, *, is_tried: bool) -> "CheckCache | None":
+        if not options.is_cached or self._additions.trust or LIMITS_VARIABLE in os.environ:
+            return None
+        return CheckCache.of(self._additions, [is_tried, options.trial_sec])
+
+    def _receive_checks(self, run: "CheckRun", budget: Budget) -> None:
+        for path, check in run.results():
+            self._receive(path, check)
+            if check.is_cut:
+                return
+            self._done += 1
+            if budget.is_spent():
+                return
+
+    @property
+    def unchecked(self) -> int:
+        """Number of files that were not checked completely."""
+        return len(self.files) - self._done
+
+    def _receive(self, path: Path, check: "FileCheck") -> None:
+        """Receive the result of the check of a file."""
+        if self._is_left:
+            return
+        for text in check.notes:
+            if text not in self._said:
+                self._said.add(text)
+                self._on_note(text)
+        self.checked += check.is_read
+        # A palette among the files is reported under its name as written.
+        self._report(each for each in check.palettes if real_path(Path(each.source.path)) not in self._places)
+        # A tree of an included file is tried in each of the including files.
+        raised = [each for each in check.raised if (each.source.path, each.span) not in self._raising]
+        self._raising.update((each.source.path, each.span) for each in raised)
+        self._report([*check.findings, *check.further, *raised])
+        if check.problem:
+            self._tell(check.problem)
+        self.fixable += check.fixable
+        self.fixes += [(check.findings[each.number], each) for each in check.fixes]
+        for used, new in zip(self._used, (check.used_palettes, check.used_trees), strict=True):
+            used.update(dict.fromkeys(map(Path, new)))
+        is_clean = check.is_whole and not (check.findings or check.further or raised)
+        if is_clean and path not in self._found_in_folders:
+            self.clean.append(path)
+
+    def _report(self, findings: Iterable[Diagnostic]) -> None:
+        """Add findings, each once: several files may include a file, and several trees may use a tree."""
+        new = []
+        for finding in findings:
+            if finding.identity not in self._said:
+                self._said.add(finding.identity)
+                new.append(finding)
+        if not self._is_left:
+            self.findings += new
+
+
+def _fix_file(workspace: "Workspace", path: Path, on_fix: "Callable[[Fix], object]") -> None:
+    for _ in range(_ROUNDS):
+        try:
+            tree = workspace.load_file(path)
+            tree.project.findings  # noqa: B018 - with a malformed palette, no file is checked
+        except (TreeError, UnreadableFileError):
+            return
+        from sar_compiler.checks.fixing import fixes
+
+        chosen = fixes(tree.source, tree.tree_file, tree.findings)
+        if not chosen:
+            return
+        _write(tree, chosen)
+        for fix in chosen:
+            on_fix(fix)
+
+
+def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
+    """Apply fixes to a file; all other bytes are unchanged."""
+    from sar_compiler.checks.fixing import apply_fixes
+    from sar_compiler.writing import WriteError, write_bytes
+
+    path, source = tree.path, tree.source
+    if bytes_of(source, source.text) != read_file(path, TREE).data:
+        raise WriteError(f"{path} is not fixed: it has changed meanwhile, or its encoding cannot be written")
+    write_bytes(path, bytes_of(source, apply_fixes(source.text, chosen)))
+
+
+FEWEST_FOR_COPIES = 20
+"""The minimum number of files for which copies of the process save more time than they cost."""
+_MOST_COPIES = 8
+
+
+class CheckRun:
+    """The checks of some files.
+
+    Args:
+        files: The files.
+        make_checker: Creates their checker; called only if results are missing.
+        cache: Stored results; None for none.
+        work: The limit for exploring the runs of a file, in units of work; None for no limit.
+        budget: The limits of the checks.
+
+    Attributes:
+        others_sec: The processor time that copies of this process have used, seconds.
+    """
+
+    def __init__(
+        self,
+        files: Sequence[Path],
+        make_checker: "Callable[[], FileChecker]",
+        cache: CheckCache | None,
+        work: int | None,
+        budget: Budget,
+    ) -> None:
+        self.others_sec = 0.0
+        self._files, self._budget = files, budget
+        self._cache = None if STANDARD_INPUT in files else cache
+        self._results: dict[int, FileCheck] = {}
+        for number, path in enumerate(files):
+            if self._cache is not None and (kept := self._cache.find(path, work)) is not None:
+                self._results[number] = kept
+        self._missing = [number for number in range(len(files)) if number not in self._results]
+        self._checker = make_checker() if self._missing else None
+        self._copies: ForkedWorkers | None = None
+        self._count = 1
+        self._others = Observation()
+        self._reads_set = False
+        self._sent = self._modules = 0
+        self._cpu: dict[int, float] = {}
+
+    def make_copies(self, max_sec: float) -> None:
+        """Create copies of this process if there is enough work for them; call it before any thread is started.
+
+        Args:
+            max_sec: The processor time of each copy, seconds.
+        """
+        if len(self._missing) < FEWEST_FOR_COPIES:
+            return
+        from sar_compiler.validation.forked_workers import ForkedWorkers
+
+        affinity = getattr(os, "sched_getaffinity", None)
+        count = min(len(affinity(0)) if affinity else os.cpu_count() or 1, _MOST_COPIES)
+        if count > 1 and ForkedWorkers.are_possible():
+            import sar_compiler.checks.schema_validation
+            import sar_compiler.tree.xml  # noqa: F401 - once for all copies
+
+            self._count = count
+            self._copies = ForkedWorkers(self._check_in_copy, self._missing, count, max_sec)
+
+    def _check_in_copy(self, number: int) -> str | None:
+        checker = self._checker
+        assert checker is not None  # noqa: S101 - there are files to check
+        if not self._sent:
+            self._budget.divide_memory(self._count)
+        try:
+            check = checker.check(self._files[number])
+        except Exception:  # noqa: BLE001 - it is raised again where it is reported
+            return None
+        observed = checker.surroundings
+        if self._cache is not None and self._modules != len(sys.modules):
+            self._modules = len(sys.modules)
+            add_modules(observed)
+        new = Observation(islice(observed.items(), self._sent, None))
+        self._sent = len(observed)
+        return json_text(
+            {
+                "check": data_of(check),
+                "surroundings": data_of_observation(new),
+                "is_consistent": observed.is_consistent and check.sources.is_consistent,
+                "reads_set": checker.reads_set,
+                "process": os.getpid(),
+                "cpu_sec": time.process_time(),
+                "reason": self._budget.reason,
+            }
+        )
+
+    def _receive(self, message: dict[str, Any]) -> FileCheck:
+        for question, answer in observation_of(message["surroundings"]).items():
+            self._others.record(question, answer)
+        self._others.is_consistent = self._others.is_consistent and message["is_consistent"]
+        self._reads_set = self._reads_set or message["reads_set"]
+        self._cpu[message["process"]] = message["cpu_sec"]
+        self.others_sec = sum(self._cpu.values())
+        if message["reason"]:
+            self._budget.spend(message["reason"])
+        return check_of(message["check"])
+
+    def results(self) -> Iterator[tuple[Path, FileCheck]]:
+        """Yield each file with its result, in the order of the files."""
+        answers = iter(()) if self._copies is None else self._copies.results(self._budget.is_spent)
+        for number, path in enumerate(self._files):
+            while number not in self._results and (answer := next(answers, None)) is not None:
+                done, text = answer
+                if text is not None:
+                    self._results[done] = self._receive(json_value(text))
+                elif done == number:
+                    break
+            if number not in self._results:
+                if self._budget.is_spent():
+                    return
+                assert self._checker is not None  # noqa: S101 - there are files to check
+                self._results[number] = self._checker.check(path)
+            yield path, self._results[number]
+
+    def end(self) -> None:
+        """Terminate the copies, and store the results for the next command."""
+        if self._copies is not None:
+            self._copies.end()
+        if self._cache is not None and self._checker is not None:
+            for question, answer in self._checker.surroundings.items():
+                self._others.record(question, answer)
+            self._others.is_consistent = (
+                self._others.is_consistent and self._checker.surroundings.is_consistent
+            )
+            new = {
+                self._files[number]: self._results[number]
+                for number in self._missing
+                if number in self._results
+            }
+            reads_set = self._reads_set or self._checker.reads_set
+            self._cache.store(new, self._others, reads_set=reads_set)
+
+
+class FileChecker:
+    """Checks files one by one, and continues if one check fails.
+
+    Args:
+        additions: The user's additions to the projects of the files.
+        further_checks: Returns findings in addition to those of the rules.
+        try_runs: Explores the runs of a file within limits; None to explore none.
+
+    Attributes:
+        surroundings: The queries made by the checks of all files so far, except those in the `sources` of each check.
+            Files share them, because they share configurations, palettes, sets of trees and nodes.
+    """
+
+    def __init__(
+        self,
+        additions: CommandLineSettings,
+        further_checks: "Sequence[FurtherCheck]",
+        try_runs: "Callable[[ProjectTree], TrialOutcome] | None",
+    ) -> None:
+        self.surroundings = Observation()
+        self._further_checks, self._try_runs = further_checks, try_runs
+        self._check = FileCheck()
+        # The content of a file and its includes is recorded only for its own check; a set is read once for all files.
+        with large_imports():
+            from sar_compiler.project.workspace import Workspace
+        self.workspace = Workspace(additions, self._read, self._note, further_checks, read_tree_file)
+
+    def _read(self, path: Path) -> TreeFile:
+        with self._check.sources.recording():
+            return read_tree_file(path)
+
+    def _note(self, text: str) -> None:
+        self._check.notes.append(text)
+
+    @property
+    def reads_set(self) -> bool:
+        """Whether the files that were named together were searched for trees."""
+        return any(each.tree_set is not None and each.tree_set.is_read for each in self.workspace.projects)
+
+    def check(self, path: Path) -> FileCheck:
+        """Check a file.
+
+        Raises:
+            Exception: An error for which commands have a message, such as a library that is not installed.
+        """
+        check = self._check = FileCheck()
+        with self.surroundings.recording():
+            try:
+                self._fill(check, path)
+            except TreeError as error:
+                check.findings += error.findings
+                check.is_read = True
+            except SarError as error:
+                check.problem = str(error)
+            except Exception as error:  # noqa: BLE001 - whatever it is, the other files are still checked
+                from sar_compiler.checks import failure_of_file
+
+                check.findings.append(failure_of_file(path, error))
+        return check
+
+    def _fill(self, check: FileCheck, path: Path) -> None:
+        tree = self.workspace.load_file(path)
+        check.is_read = True
+        project = tree.project
+        # Record the uses of this file even if other files have used the same palettes and trees.
+        project.used_palettes, project.used_trees = {}, {}
+        if not tree.is_malformed:
+            project.note_use(tree.forest)
+        check.palettes += project.findings
+        check.findings += tree.findings
+        check.further += [each for further in self._further_checks for each in further(tree)]
+        if self._try_runs is not None:
+            trial = self._try_runs(tree)
+            check.raised += trial.findings
+            check.spent, check.is_limited, check.is_cut = trial[1:]
+        self._add_fixes(check, tree)
+        check.used_palettes = [*map(str, project.used_palettes)]
+        check.used_trees = [*map(str, project.used_trees)]
+        check.is_whole = True
+
+    @staticmethod
+    def _add_fixes(check: FileCheck, tree: "ProjectTree") -> None:
+        if any(each.suggestion is not None for each in check.findings):
+            from sar_compiler.checks.fixing import each_fix, fixes
+
+            file = tree.source, tree.tree_file, check.findings
+            check.fixable = len(fixes(*file))
+            numbers = {id(finding): number for number, finding in enumerate(check.findings)}
+            check.fixes += [
+                TextFix(numbers[id(each.finding)], each.start, each.end, each.text)
+                for each in each_fix(*file)
+            ]
