@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import reduce
-from itertools import takewhile
+from itertools import islice, takewhile
 from operator import and_, or_
 from typing import NamedTuple
 
@@ -17,8 +17,16 @@ from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.analysis.verify.properties import LeftOut, Properties, PropertyFile, properties_of
-from sar_compiler.analysis.verify.recorded_runs import FoundTick, LostTick, TreeRuns, Way, ticks_of
+from sar_compiler.analysis.verify.recorded_runs import (
+    FoundTick,
+    LostTick,
+    TreeRuns,
+    Way,
+    recorded_ticks,
+    ticks_of,
+)
 from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.journal.recorded_ticks import LoggedTick, TickSource
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 
 _RUNNING, _HALTED = "RUNNING", "HALTED"
@@ -133,9 +141,14 @@ def conform(
     prepared = Prepared.of(simulated)
     properties = properties_of(file, prepared, tags)
     recorded = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
-    events = _RememberingLast(record)
-    moments, lost = recorded.runs.locate(events)
-    ticks = events.last_tick()
+    reading = _RememberingLast(
+        record.read_ticks() if isinstance(record, TickSource) else recorded_ticks(record)
+    )
+    moments, lost = recorded.runs.locate(reading)
+    ticks = reading.last_number()
+    if lost is not None:  # with the starts and decisions in it
+        events = next(islice(ticks_of(record), len(moments), None))
+        lost = lost._replace(events=events)
     if lost is not None and not is_over and recorded.is_unfinished(lost):
         lost = None
     judged = _Judged(recorded, properties, moments)
@@ -147,26 +160,27 @@ def conform(
     return Conformance(ticks, misfit, judged.found(), properties.left_out)
 
 
-class _RememberingLast:
-    """Reads events once, and remembers the last one.
+class _RememberingLast(TickSource):
+    """Yields ticks once, and remembers the last one.
 
     Args:
-        record: The events.
+        ticks: The ticks.
     """
 
-    def __init__(self, record: Iterable[Event]) -> None:
-        self._events = iter(record)
-        self._last: Event | None = None
+    def __init__(self, ticks: Iterable[LoggedTick]) -> None:
+        self._ticks = iter(ticks)
+        self._last: LoggedTick | None = None
 
-    def __iter__(self) -> Iterator[Event]:
-        for event in self._events:
-            self._last = event
-            yield event
+    def read_ticks(self) -> Iterator[LoggedTick]:
+        """Yield the ticks."""
+        for tick in self._ticks:
+            self._last = tick
+            yield tick
 
-    def last_tick(self) -> int:
-        """Return the number of the tick of the last event, after reading the rest; 0 if there is none."""
-        deque(self, maxlen=0)
-        return 0 if self._last is None else self._last.tick
+    def last_number(self) -> int:
+        """Return the number of the last tick, after reading the rest; 0 if there is none."""
+        deque(self.read_ticks(), maxlen=0)
+        return 0 if self._last is None else self._last.number
 
 
 class _ReplayedRun:

@@ -104,14 +104,14 @@ def _compared(
     from sar_compiler.analysis.assumptions import StartValues
     from sar_compiler.analysis.tree_analysis import conform_tree
     from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
-    from sar_compiler.journal.recorded_events import LastRunEvents
+    from sar_compiler.journal.last_run import LastRunEvents
     from sar_compiler.nodes.binding.nesting import UnknownTreeError
 
     run = state.runs[-1]
     try:
         return conform_tree(
             tree,
-            LastRunEvents(place, run.number),
+            LastRunEvents(place, run.number, state.nodes),
             [each.name for each in state.nodes],
             arguments.properties,
             is_over=run.ending == Ending.OVER.value,

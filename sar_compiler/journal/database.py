@@ -35,6 +35,7 @@ from sar_compiler.journal.journal_entries import (
     end_data,
 )
 from sar_compiler.journal.mission_state import tree_nodes
+from sar_compiler.journal.recorded_ticks import TickLog
 from sar_compiler.journal.row_reader import entries_of, finite, mapping
 from sar_compiler.journal.spill_file import SUFFIX, RunEnd, SpilledEntries, SpillFile, read_reserve
 from sar_compiler.opener import (
@@ -418,16 +419,19 @@ class JournalFile:
                 if run.number >= after.run:
                     yield from self._of_run(run, without, after if run.number == after.run else None)
 
-    def last_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
+    def last_run(
+        self, *, without: Sequence[str] = (), is_condensed: bool = False, log: TickLog | None = None
+    ) -> Iterator[JournalEntry]:
         """Yield the entries of the last run in their order, one by one.
 
         Args:
             without: Watched kinds that are left out.
             is_condensed: Whether statuses are left out that only repeat others (`row_reader`).
+            log: Receives the start of the run and all other entries but these kinds.
         """
         with self.snapshot():
             for run in self.runs()[-1:]:
-                yield from self._of_run(run, without, is_condensed=is_condensed)
+                yield from self._of_run(run, without, is_condensed=is_condensed, log=log)
 
     def _of_run(
         self,
@@ -436,14 +440,20 @@ class JournalFile:
         after: StreamPosition | None = None,
         *,
         is_condensed: bool = False,
+        log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
         if after is None:
             after = StreamPosition(run.number, 0, _start(run))
-            yield self._begin_of(run, self.about())
+            begin = self._begin_of(run, self.about())
+            if log is not None:
+                log.add_entry(begin)
+            yield begin
         if after.number == END:
             return
         latest = after.time
-        entries = self.entries(run.number, without=without, after=after.number, is_condensed=is_condensed)
+        entries = self.entries(
+            run.number, without=without, after=after.number, is_condensed=is_condensed, log=log
+        )
         if without:
             yield from entries
         else:
@@ -462,6 +472,7 @@ class JournalFile:
         without: Sequence[str] = (),
         after: int = 0,
         is_condensed: bool = False,
+        log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
         """Yield the events of a run in order, one by one.
 
@@ -471,12 +482,13 @@ class JournalFile:
             without: Kinds of it that are left out.
             after: The number behind which they begin.
             is_condensed: As for `last_run`.
+            log: As for `last_run`.
         """
         chosen = "WHERE run = ?1 AND number > ?2"
         source = f"fact {chosen}"
         if with_watched:
             source += f" UNION ALL {_ENTRIES} watched {chosen} AND kind NOT IN ({_places(without)})"
-        return self._read(source, (run, after, *without), is_condensed=is_condensed)
+        return self._read(source, (run, after, *without), is_condensed=is_condensed, log=log)
 
     def widest_kind(self, run: int, *, with_watched: bool) -> int:
         """Return the length of the longest kind among the entries of a run; 0 if there are none."""
@@ -556,14 +568,19 @@ class JournalFile:
         return -math.inf if last is None else float(last)
 
     def _read(
-        self, source: str, values: Iterable[str | int] = (), *, is_condensed: bool = False
+        self,
+        source: str,
+        values: Iterable[str | int] = (),
+        *,
+        is_condensed: bool = False,
+        log: TickLog | None = None,
     ) -> Iterator[JournalEntry]:
         """Yield the entries of a table, with a condition on them, in their order."""
         query = f"{_ENTRIES} {source} ORDER BY number"
         with self._reading():
             rows = self._connection.execute(query, tuple(values))
             nodes = tree_nodes(self.about().get("tree")) if is_condensed else ()
-            yield from entries_of(rows, [each.parent for each in nodes] if is_condensed else None)
+            yield from entries_of(rows, [each.parent for each in nodes] if is_condensed else None, log)
 
     @property
     def head(self) -> str:

@@ -6,13 +6,11 @@ entries are unknown.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from sar_compiler.journal.journal_entries import (
     ASSUMPTION_FAILED,
     CHANGED,
-    OF_ROBOT,
     RUN_BEGAN,
     STATUS,
     JournalEntry,
@@ -21,7 +19,8 @@ from sar_compiler.journal.mission_state import RUNNING, tree_nodes
 from sar_compiler.journal.node_ends import NodeEnds
 from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, RESET, STARTED, TICKED, Event, FactChanges
 
-_GONE = {"HALTED": HALTED, "IDLE": RESET}
+GONE = {"HALTED": HALTED, "IDLE": RESET}
+"""The events of the statuses of a leaf that is no longer active."""
 
 
 def is_status(entry: JournalEntry, count: int) -> bool:
@@ -58,31 +57,6 @@ def recorded_events(stream: Iterable[JournalEntry]) -> Iterator[Event]:
         else:
             yield from run.take(entry)
     yield from run.end_tick()
-
-
-class LastRunEvents:
-    """The events of a journal's last run, which are read from the file whenever they are iterated: a long run takes much memory.
-
-    Each reading opens the file, because SQLite allows only the thread that opened it.
-
-    Args:
-        path: The journal.
-        run: The number of the run; another one that has begun since is not read.
-        last_tick: The number of the last tick; None for all.
-    """
-
-    def __init__(self, path: Path, run: int, last_tick: int | None = None) -> None:
-        self._path, self._run, self._last_tick = path, run, last_tick
-
-    def __iter__(self) -> Iterator[Event]:
-        from sar_compiler.journal.database import JournalFile
-
-        with JournalFile.reading(self._path) as file:
-            entries = (each for each in file.last_run(without=OF_ROBOT) if each.run == self._run)
-            for event in recorded_events(entries):
-                if self._last_tick is not None and event.tick > self._last_tick:
-                    return
-                yield event
 
 
 class _RecordedRun:
@@ -123,7 +97,7 @@ class _RecordedRun:
                 self._statuses.append((node, status))
             if self._nodes[node].children:
                 self._messages[node] = str(data.get("message") or "")
-                if node == 0 and status not in _GONE:
+                if node == 0 and status not in GONE:
                     self._root = status
             else:
                 self._add_events(node, status, str(data.get("label") or ""))
@@ -166,7 +140,7 @@ class _RecordedRun:
 
     def _add_events(self, leaf: int, status: str, label: str) -> None:
         """Add the events of a leaf with a status."""
-        what = _GONE.get(status, ANSWERED)
+        what = GONE.get(status, ANSWERED)
         if what != ANSWERED:
             status = label = ""
             self._running.discard(leaf)

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from sar_compiler.journal.journal_entries import STATUS, JournalEntry, check_value_types
+from sar_compiler.journal.recorded_ticks import StatusAndLabel, TickLog
 from sar_compiler.tree.json_values import json_value
 
 RawRow = tuple[Any, ...]
@@ -33,12 +34,26 @@ class _StatusText:
         values: The values in the text; None if not yet read, empty if other values are among them.
     """
 
-    __slots__ = ("rest", "values")
+    __slots__ = ("_outcome", "rest", "values")
 
     def __init__(self, text: str) -> None:
         running = _RUNNING.fullmatch(text)
         self.rest = running and running[1]
         self.values: Mapping[str, Any] | None = None
+        self._outcome: StatusAndLabel | None = None
+
+    def outcome(self, text: str) -> StatusAndLabel | None:
+        """Return the status and the label; None if the text has other values.
+
+        Raises:
+            ValueError, TypeError: As `read`.
+        """
+        if self._outcome is None:
+            # Of a running node that is left out, the message is not read.
+            known = self.read(text) if self.rest is None else mapping(f'{{"status": "RUNNING"{self.rest}}}')
+            if known:
+                self._outcome = str(known["status"]), str(known.get("label") or "")
+        return self._outcome
 
     def read(self, text: str) -> Mapping[str, Any]:
         """Read and return the values.
@@ -52,14 +67,15 @@ class _StatusText:
         return self.values
 
 
-def entries_of(  # noqa: C901, PLR0912 - without calls, because a long journal has a million rows
-    rows: Iterable[RawRow], parents: Sequence[int | None] | None = None
+def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long journal has a million rows
+    rows: Iterable[RawRow], parents: Sequence[int | None] | None = None, log: TickLog | None = None
 ) -> Iterator[JournalEntry]:
     """Yield the entries of rows in their order.
 
     Args:
         rows: The rows; condensed, those of one run.
         parents: For condensed reading, the number of each node's parent, by the node's number.
+        log: Receives all rows, also those that condensed reading omits.
 
     Raises:
         ValueError, TypeError: If a row has values that the project never writes.
@@ -89,6 +105,12 @@ def entries_of(  # noqa: C901, PLR0912 - without calls, because a long journal h
                     if len(texts) == _MOST_KEPT:
                         texts.clear()
                     status = texts[text] = _StatusText(text)
+        if log is not None:
+            outcome = None if status is None else status.outcome(text)
+            if outcome is not None and 0 <= node < log.count and type(time) is float:
+                log.add_status(node, tick, time, outcome)
+            else:
+                log.add_entry(_entry(row))
         if parents is not None:
             if status is not None:
                 rest = status.rest

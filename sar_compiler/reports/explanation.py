@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.verify.counterfactual import Counterfactual
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState, NodeState
+    from sar_compiler.journal.recorded_ticks import TickSource
     from sar_compiler.project import Workspace
     from sar_compiler.reports.why import CauseOfFailure
-    from sar_compiler.runtime.events import Event
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -78,17 +78,18 @@ class Explanation(NamedTuple):
         Raises:
             JournalError: If the journal cannot be read.
         """
-        from sar_compiler.journal.recorded_events import LastRunEvents
+        from sar_compiler.journal.mission_state import tree_nodes
+        from sar_compiler.journal.recorded_ticks import TickLog
         from sar_compiler.reports.why import FailureAnalysis
 
-        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, is_condensed=True))
+        log = None if projects is None else TickLog([*tree_nodes(file.about().get("tree"))])
+        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, is_condensed=True, log=log))
         inquiry.state.look_at_process(is_gone=is_gone)
         reasons = inquiry.why()
-        if not reasons.chain or projects is None:
+        if not reasons.chain or projects is None or log is None:
             return cls(reasons, inquiry.state.nodes)
-
-        record = LastRunEvents(file.path, inquiry.state.runs[-1].number, inquiry.failed_tick)
-        search = partial(what_would_have_succeeded, inquiry.state, record, projects, tree_file)
+        log.last = inquiry.failed_tick
+        search = partial(what_would_have_succeeded, inquiry.state, log, projects, tree_file)
         try:
             change = (budget or Budget()).run(search)
         except BudgetSpentError as error:
@@ -126,7 +127,7 @@ def tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
 
 def what_would_have_succeeded(
     state: "MissionState",
-    record: "Iterable[Event]",
+    record: "TickSource",
     projects: "Workspace",
     tree_file: Path | None = None,
 ) -> CounterfactualRun:
@@ -134,7 +135,7 @@ def what_would_have_succeeded(
 
     Args:
         state: The state of the mission after that run.
-        record: The results of its leaves, which can be read several times.
+        record: Its ticks.
         projects: Loads the tree.
         tree_file: Its file; by default the file of the run.
     """

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.verify.recorded_runs import FoundTick, TreeRuns, Way
+from sar_compiler.journal.recorded_ticks import TickSource
 from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
 
@@ -58,7 +59,7 @@ class WhatIfResult(NamedTuple):
 
 
 def counterfactual(
-    simulated: SimulatedTree, record: Iterable[Event], names: Sequence[str]
+    simulated: SimulatedTree, record: Iterable[Event] | TickSource, names: Sequence[str]
 ) -> Counterfactual | None:
     """Return the smallest change with which a run would have succeeded, the latest of those; None if none was found.
 

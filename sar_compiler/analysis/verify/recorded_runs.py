@@ -13,6 +13,7 @@ from sar_compiler.analysis.verify.properties import PropertyAutomata, without_pr
 from sar_compiler.analysis.verify.state import Prepared
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.errors import UndecidableError
+from sar_compiler.journal.recorded_ticks import LoggedTick, TickSource
 from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.variables import unknown_value_of
@@ -48,6 +49,14 @@ def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
                 yield from ([before._replace(tick=number, statuses=())] for number in between)
             yield tick
             tick, before = [], event
+
+
+def recorded_ticks(record: Iterable[Event]) -> Iterator[LoggedTick]:
+    """Yield the ticks of a record, as `ticks_of` does."""
+    for tick in ticks_of(record):
+        end = tick[-1]
+        content = (*[event[1:5] for event in tick], end.statuses)
+        yield LoggedTick(end.tick, end.time_sec or 0.0, content, tick.copy)
 
 
 class ObservedPrefix(NamedTuple):
@@ -192,10 +201,10 @@ class FoundTicks:
     def __reversed__(self) -> Iterator[FoundTick]:
         return map(FoundTick, reversed(self._numbers), reversed(self._times), reversed(self._ways))
 
-    def append(self, end: Event, ways: "_FoundWays") -> None:
-        """Add a tick, given its end and its possible ways."""
-        self._numbers.append(end.tick)
-        self._times.append(end.time_sec or 0.0)
+    def append(self, tick: LoggedTick, ways: "_FoundWays") -> None:
+        """Add a tick with its possible ways."""
+        self._numbers.append(tick.number)
+        self._times.append(tick.time_sec)
         self._ways.append(ways)
 
     def keep_ways_to(self, states: Collection[bytes], shared: "Callable[[_FoundWays], _FoundWays]") -> None:
@@ -245,7 +254,7 @@ class _RecordPosition:
 
     def __init__(self, states: frozenset[bytes], told: ObservedPrefix) -> None:
         self.states, self.told = states, told
-        self.after: dict[tuple[object, ...], tuple[_FoundWays, _RecordPosition]] = {}
+        self.after: dict[Hashable, tuple[_FoundWays, _RecordPosition]] = {}
 
     @property
     def key(self) -> Hashable:
@@ -392,7 +401,7 @@ class TreeRuns:
                 self.stepper.before_answer(place)
                 return
 
-    def locate(self, record: Iterable[Event]) -> tuple[FoundTicks, LostTick | None]:
+    def locate(self, record: Iterable[Event] | TickSource) -> tuple[FoundTicks, LostTick | None]:
         """Return the ticks of a run, found again, up to the first that is none of the tree's.
 
         Raises:
@@ -407,27 +416,27 @@ class TreeRuns:
         # What follows from a tick depends on nothing but what is known before it. Few ticks of a long run differ.
         position = _RecordPosition(frozenset({self.start}), ObservedPrefix({}, {}))
         positions = {position.key: position}
-        waiting, kept = ticks_of(record), 0
+        waiting = record.read_ticks() if isinstance(record, TickSource) else recorded_ticks(record)
+        kept = 0
         for tick in waiting:
-            end = tick[-1]
-            content = (*[event[1:5] for event in tick], end.statuses)
-            after = position.after.get(content)
+            after = position.after.get(tick.content)
             if after is None:
-                ways = shared(self._find_ways(position, tick))
+                events = tick.events()
+                ways = shared(self._find_ways(position, events))
                 if not ways:
-                    lost = self._lost_tick(position, tick, is_last=next(waiting, None) is None)
+                    lost = self._lost_tick(position, events, is_last=next(waiting, None) is None)
                     found.keep_ways_to(position.states, shared)
                     return found, lost
                 following = _RecordPosition(
-                    frozenset(way.state for _, way in ways), position.told.with_tick(tick)
+                    frozenset(way.state for _, way in ways), position.told.with_tick(events)
                 )
                 kept += 1
                 if kept % _MOST_KEPT == 0:
                     positions.clear()
                     position.after.clear()
-                after = position.after[content] = ways, positions.setdefault(following.key, following)
+                after = position.after[tick.content] = ways, positions.setdefault(following.key, following)
             ways, position = after
-            found.append(end, ways)
+            found.append(tick, ways)
         found.keep_ways_to(position.states, shared)
         return found, None
 
@@ -452,7 +461,7 @@ class TreeRuns:
             raise UndecidableError(f"tick {end.tick}: {unknown}") from unknown
         return LostTick(end.tick, end.time_sec or 0.0, tick, states, position.told, is_last)
 
-    def locate_all(self, record: Iterable[Event]) -> FoundTicks:
+    def locate_all(self, record: Iterable[Event] | TickSource) -> FoundTicks:
         """Return the ticks of a run, found again.
 
         Raises:

@@ -1,0 +1,40 @@
+"""The events and the ticks of a journal's last run, which are read from the file again and again: a long run takes much memory."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import OF_ROBOT
+from sar_compiler.journal.mission_state import NodeState
+from sar_compiler.journal.recorded_events import recorded_events
+from sar_compiler.journal.recorded_ticks import LoggedTick, TickLog, TickSource
+from sar_compiler.runtime.events import Event
+
+
+class LastRunEvents(TickSource):
+    """The events of a journal's last run.
+
+    Each reading opens the file, because SQLite allows only the thread that opened it.
+
+    Args:
+        path: The journal.
+        run: The number of the run; another one that has begun since is not read.
+        nodes: The nodes of the tree.
+    """
+
+    def __init__(self, path: Path, run: int, nodes: Sequence[NodeState]) -> None:
+        self._path, self._run, self._nodes = path, run, nodes
+
+    def __iter__(self) -> Iterator[Event]:
+        with JournalFile.reading(self._path) as file:
+            entries = file.last_run(without=OF_ROBOT)
+            yield from recorded_events(each for each in entries if each.run == self._run)
+
+    def read_ticks(self) -> Iterator[LoggedTick]:
+        """Yield the ticks."""
+        log = TickLog(self._nodes)
+        with JournalFile.reading(self._path) as file:
+            for entry in file.last_run(without=OF_ROBOT, log=log):
+                if entry.run != self._run:
+                    return
+        yield from log.read_ticks()

@@ -1,0 +1,158 @@
+"""The ticks of a recorded run in little memory, by the statuses of their nodes: few ticks of a long run differ.
+
+Their events are those of `recorded_events` without the ones that need more than statuses: starts, decisions and facts.
+"""
+
+from abc import ABC, abstractmethod
+from array import array
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
+
+from sar_compiler.journal.journal_entries import ASSUMPTION_FAILED, CHANGED, RUN_BEGAN, JournalEntry
+from sar_compiler.journal.mission_state import NodeState
+from sar_compiler.journal.recorded_events import GONE, is_status
+from sar_compiler.runtime.events import ANSWERED, TICKED, Event
+
+StatusAndLabel = tuple[str, str]
+"""A status, and the label of a leaf's outcome; empty for none."""
+_TickContent = tuple[tuple[tuple[int, StatusAndLabel], ...], str]
+
+
+class LoggedTick(NamedTuple):
+    """A tick of a recorded run.
+
+    Attributes:
+        number: Its number, from 1.
+        time_sec: Its time, seconds since the run's start.
+        content: What happened in it: equal for ticks with the same events but for tick and time.
+        events: Returns the events of leaves in it, and its end.
+    """
+
+    number: int
+    time_sec: float
+    content: Hashable
+    events: Callable[[], Sequence[Event]]
+
+
+class TickSource(ABC):
+    """A recorded run, as its ticks."""
+
+    @abstractmethod
+    def read_ticks(self) -> Iterator[LoggedTick]:
+        """Yield the ticks, with those between them in which nothing was recorded."""
+
+
+class TickLog(TickSource):
+    """The ticks of one run, from its statuses one by one.
+
+    Args:
+        nodes: The nodes of the tree.
+
+    Attributes:
+        count: Number of nodes.
+        last: The number of the last tick that is yielded; None for all.
+    """
+
+    last: int | None = None
+
+    def __init__(self, nodes: Sequence[NodeState]) -> None:
+        self.count = len(nodes)
+        self._nodes, self._start = nodes, 0.0
+        self._numbers, self._times = array("q"), array("d")
+        # The number of the content of each tick, and the contents by their numbers.
+        self._contents = array("q")
+        self._known: dict[_TickContent, int] = {}
+        self._by_number: list[_TickContent] = []
+        self._pairs: dict[tuple[int, StatusAndLabel], tuple[int, StatusAndLabel]] = {}
+        self._tick, self._time, self._root = 0, 0.0, ""
+        self._statuses: list[tuple[int, StatusAndLabel]] = []
+        # The leaves with facts in the tick, and no status after these.
+        self._facts: set[int] = set()
+        self._is_first = True
+
+    def add_status(self, node: int, tick: int, time_sec: float, outcome: StatusAndLabel) -> None:
+        """Add the status of a node, which must be one of the tree."""
+        if tick != self._tick:
+            self.end_tick()
+            self._tick = tick
+        self._time, self._is_first = time_sec, False
+        self._statuses.append((node, outcome))
+        if self._facts and not self._nodes[node].children:
+            self._facts.discard(node)
+
+    def add_entry(self, entry: JournalEntry) -> None:
+        """Add any other entry of the run."""
+        data = entry.data
+        if entry.kind == RUN_BEGAN:
+            self._start = entry.time
+            return
+        if is_status(entry, len(self._nodes)):
+            outcome = data["status"], str(data.get("label") or "")
+            self.add_status(data["node"], data["tick"], entry.time, outcome)
+        elif entry.kind == CHANGED and not self._is_first and {"leaf", "tick"} <= data.keys():
+            self._begin_tick(entry)
+            self._facts.add(data["leaf"])
+        elif entry.kind == ASSUMPTION_FAILED and isinstance(data.get("tick"), int):
+            self._begin_tick(entry)
+        self._is_first = False
+
+    def _begin_tick(self, entry: JournalEntry) -> None:
+        if entry.data["tick"] != self._tick:
+            self.end_tick()
+        self._tick, self._time = entry.data["tick"], entry.time
+
+    def end_tick(self) -> None:
+        """End the tick of the last entries."""
+        if self._tick:
+            for node, (status, _) in self._statuses:
+                if node == 0 and status not in GONE:
+                    self._root = status
+            content = tuple(self._statuses), "" if self._facts else self._root
+            known = self._known.get(content)
+            if known is None:
+                known = self._number(
+                    (tuple(self._pairs.setdefault(each, each) for each in content[0]), content[1])
+                )
+            self._numbers.append(self._tick)
+            self._times.append(self._time - self._start)
+            self._contents.append(known)
+        self._statuses.clear()
+        self._facts.clear()
+        self._tick = 0
+
+    def _number(self, content: _TickContent) -> int:
+        """Return the number of a content."""
+        number = self._known.setdefault(content, len(self._known))
+        if number == len(self._by_number):
+            self._by_number.append(content)
+        return number
+
+    def read_ticks(self) -> Iterator[LoggedTick]:
+        """Yield the ticks, with those between them in which nothing was recorded."""
+        self.end_tick()
+        before, time_before, root = 0, 0.0, ""
+        for number, time_sec, content in zip(self._numbers, self._times, self._contents, strict=True):
+            if self.last is not None and number > self.last:
+                return
+            for missing in range(before + 1, number) if before else ():
+                yield self._recorded_tick(missing, time_before, self._number(((), root)))
+            yield self._recorded_tick(number, time_sec, content)
+            before, time_before, root = number, time_sec, self._by_number[content][1]
+
+    def _recorded_tick(self, number: int, time_sec: float, content: int) -> LoggedTick:
+        return LoggedTick(number, time_sec, content, partial(self._events, number, time_sec, content))
+
+    def _events(self, number: int, time_sec: float, content: int) -> list[Event]:
+        pairs, root = self._by_number[content]
+        events = []
+        for node, (status, label) in pairs:
+            if not self._nodes[node].children:
+                what = GONE.get(status, ANSWERED)
+                answer = (status, label) if what == ANSWERED else ("", "")
+                path = (self._nodes[node].name,)
+                events.append(Event(path, node, what, *answer, tick=number, time_sec=time_sec))
+        statuses = tuple((node, status) for node, (status, _) in pairs)
+        path = (self._nodes[0].name,)
+        end = Event(path, 0, TICKED, root, tick=number, time_sec=time_sec, statuses=statuses)
+        return [*events, end]
