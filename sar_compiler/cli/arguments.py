@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from sar_compiler.budget import MAX_MEMORY_MB, MAX_SEC, Budget
 from sar_compiler.commands import FINDINGS, OK, tell_note
 from sar_compiler.errors import SarError
+from sar_compiler.gc_pause import large_imports
 from sar_compiler.parts import is_here
 from sar_compiler.resources import require_there
-from sar_compiler.tree.gc_pause import large_imports
 
 if TYPE_CHECKING:
     from sar_compiler.journal.georeference import Georeference

@@ -36,9 +36,9 @@ from sar_compiler.commands import (
     run,
 )
 from sar_compiler.errors import SarError
+from sar_compiler.gc_pause import gc_paused
 from sar_compiler.resources import require_there
 from sar_compiler.terminal import findings_as_text, painter
-from sar_compiler.tree.gc_pause import gc_paused
 
 if TYPE_CHECKING:
     from sar_compiler.compiler.sketch import Drawable

@@ -30,7 +30,9 @@ from sar_compiler.cli.parser import Parser
 from sar_compiler.cli.run_extensions import extensions_asked_for
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.execution.supervision import Supervision, own_supervision
+from sar_compiler.gc_pause import gc_paused
 from sar_compiler.helper_process import helper_command
+from sar_compiler.json_values import json_text
 from sar_compiler.opener import is_file
 from sar_compiler.process_end import end_process, shut_down
 from sar_compiler.resources import find, require_there
@@ -40,8 +42,6 @@ from sar_compiler.ros.signals import StopSignals
 from sar_compiler.sim.placement import MANNER_NAMES, QUICK_NAME
 from sar_compiler.terminal import RunOutput, findings_as_text
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.gc_pause import gc_paused
-from sar_compiler.tree.json_values import json_text
 
 if TYPE_CHECKING:
     from sar_compiler.execution.run_options import RunOptions, RunOutcome

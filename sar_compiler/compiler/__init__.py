@@ -14,6 +14,7 @@ from py_trees.behaviours import Dummy
 from py_trees.common import OneShotPolicy
 from py_trees.decorators import OneShot, PassThrough
 
+from sar_compiler.gc_pause import gc_paused
 from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, SkipAnalysis
 from sar_compiler.nodes.binding.instances import Instance, expand
@@ -32,7 +33,6 @@ from sar_compiler.runtime.ports import InOut, Input, Output
 from sar_compiler.runtime.variables import Enums
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity, TreeError
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import SUBTREE_TAG, TreeFile
 

@@ -13,11 +13,11 @@ from sar_compiler.journal.errors import JournalPlaceError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import FACTS_LOST
 from sar_compiler.journal.refused_start import forget_refusal, record_refusal
+from sar_compiler.json_values import json_data
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.ros.run_extension import RunExtension
-from sar_compiler.tree.json_values import json_data
 
 if TYPE_CHECKING:
     from rclpy.node import Node

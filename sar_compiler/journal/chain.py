@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED
-from sar_compiler.tree.json_values import json_text
+from sar_compiler.json_values import json_text
 
 START = bytes(hashlib.sha256().digest_size)
 """The link before the first entry."""

@@ -38,6 +38,7 @@ from sar_compiler.journal.mission_state import tree_nodes
 from sar_compiler.journal.recorded_ticks import TickLog
 from sar_compiler.journal.row_reader import entries_of, finite, mapping
 from sar_compiler.journal.spill_file import SUFFIX, RunEnd, SpilledEntries, SpillFile, read_reserve
+from sar_compiler.json_values import json_text, json_value
 from sar_compiler.opener import (
     MissingFileError,
     UnreadableFileError,
@@ -48,7 +49,6 @@ from sar_compiler.opener import (
     require_regular_mode,
 )
 from sar_compiler.resources import state_folder
-from sar_compiler.tree.json_values import json_text, json_value
 
 # Why a commit works as it does.
 #

@@ -13,7 +13,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, RUN_ENDED, CommandAuthor, JournalEntry
-from sar_compiler.tree.json_values import json_text
+from sar_compiler.json_values import json_text
 
 _OPERATOR = "the operator"
 # A letter is a cell's value in tenths, rounded up; no letter means 0.

@@ -24,9 +24,9 @@ from sar_compiler.journal.journal_entries import (
     end_data,
 )
 from sar_compiler.journal.spill_file import RunEnd, SpilledEntries, SpillFile, lost
+from sar_compiler.json_values import json_text
 from sar_compiler.runtime.clock import Clock, WallClock
 from sar_compiler.runtime.context import mission_context
-from sar_compiler.tree.json_values import json_text
 
 if TYPE_CHECKING:
     from sar_compiler.journal.database import JournalFile

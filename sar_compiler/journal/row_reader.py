@@ -14,7 +14,7 @@ from typing import Any
 
 from sar_compiler.journal.journal_entries import STATUS, JournalEntry, check_value_types
 from sar_compiler.journal.recorded_ticks import StatusAndLabel, TickLog
-from sar_compiler.tree.json_values import json_value
+from sar_compiler.json_values import json_value
 
 RawRow = tuple[Any, ...]
 """A row as SQLite has it: number, run, wall, time, kind and data."""

@@ -9,12 +9,12 @@ from pathlib import Path
 from types import ModuleType
 
 from sar_compiler.errors import SarError
+from sar_compiler.gc_pause import gc_paused
 from sar_compiler.nodes.installed import entry_points, import_installed, look_in_current_folder
 from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.spec import MARK, NodeSpec
 from sar_compiler.opener import MODULE, read_file
 from sar_compiler.tree.content import as_written
-from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.model import SUBTREE_TAG
 

@@ -33,12 +33,12 @@ from visualization_msgs.msg import MarkerArray
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, RUN_BEGAN, STATUS, JournalEntry
+from sar_compiler.json_values import json_text
 from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.ros.leaves.leaf import interface_name
 from sar_compiler.ros.mission_publisher import TOPIC, TreeLog
 from sar_compiler.ros.run_extension import RunExtension
-from sar_compiler.tree.json_values import json_text
 from sar_compiler.views.numbered_tree import NumberedTree, tree_xml
 
 # Names of types in the Python classes that differ from those in definitions.

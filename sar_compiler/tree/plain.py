@@ -3,7 +3,7 @@
 import re
 from enum import Enum
 
-from sar_compiler.tree.json_values import json_text
+from sar_compiler.json_values import json_text
 from sar_compiler.tree.showing import UNSEEN, UNSPEAKABLE
 
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from xml.parsers import expat
 
+from sar_compiler.gc_pause import gc_paused
 from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
 from sar_compiler.tree.diagnostic import (
     AttributePlaces,
@@ -20,7 +21,6 @@ from sar_compiler.tree.diagnostic import (
     Spans,
     TreeError,
 )
-from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.model import (
     MODEL_TAG,
     Comment,

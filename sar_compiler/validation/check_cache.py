@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.errors import SarError
+from sar_compiler.json_values import json_text, json_value
 from sar_compiler.opener import MODULE, FileKind, Observation, Question, digest, read_file, state_of
 from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.resources import cache_folder, shipped_root
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Form, Severity, Source, Span
-from sar_compiler.tree.json_values import json_text, json_value
 from sar_compiler.tree.model import NO_SPANS, NO_SPANS_OF_YAML
 
 

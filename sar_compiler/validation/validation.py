@@ -13,6 +13,8 @@ from sar_compiler import resources
 from sar_compiler.budget import Budget, BudgetSpentError
 from sar_compiler.commands import LIMITS_VARIABLE
 from sar_compiler.errors import SarError
+from sar_compiler.gc_pause import large_imports
+from sar_compiler.json_values import json_text, json_value
 from sar_compiler.opener import (
     STANDARD_INPUT,
     TREE,
@@ -27,8 +29,6 @@ from sar_compiler.project.additions import CommandLineSettings
 from sar_compiler.tree.content import bytes_of, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.discovery import find_tree, read_tree_file, tree_files_in
-from sar_compiler.tree.gc_pause import large_imports
-from sar_compiler.tree.json_values import json_text, json_value
 from sar_compiler.tree.model import TreeFile
 from sar_compiler.validation.check_cache import (
     CheckCache,

@@ -7,9 +7,9 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.compiler.outline import outline
 from sar_compiler.compiler.sketch import Drawable
+from sar_compiler.json_values import json_data
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.tree.json_values import json_data
 from sar_compiler.views.drawing import drawn_nodes
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import RunProcess
-from sar_compiler.tree.json_values import json_text, json_value
+from sar_compiler.json_values import json_text, json_value
 from sar_compiler.web.page_state import PageState, all_changes
 from sar_compiler.web.replay import Replay
 

@@ -29,8 +29,8 @@ from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CHANGED, CommandAuthor, Ending, JournalEntry
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.json_values import json_text, json_value
 from sar_compiler.missions.mission import MissionRun
-from sar_compiler.tree.json_values import json_text, json_value
 
 WORDS = st.sampled_from(["", "a", "b", "c"])
 NUMBERS = st.floats(-1e6, 1e6)

@@ -9,9 +9,9 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, STATUS, Row, check_value_types
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.row_reader import entries_of, mapping
+from sar_compiler.json_values import json_text
 from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json
 from sar_compiler.reports.why import FailureAnalysis
-from sar_compiler.tree.json_values import json_text
 from tests.chance import rounds
 
 

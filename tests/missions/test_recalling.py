@@ -16,8 +16,8 @@ from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CHANGED, JournalEntry
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.json_values import json_text, json_value
 from sar_compiler.missions.parameter_reader import ParameterReader
-from sar_compiler.tree.json_values import json_text, json_value
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.record import (

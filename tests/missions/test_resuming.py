@@ -12,10 +12,10 @@ from sar_compiler.execution.resuming import require_same_identity, require_same_
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.opening import open_journal
+from sar_compiler.json_values import json_data
 from sar_compiler.loaded_tree import load
 from sar_compiler.missions.parameter_reader import ParameterError
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.json_values import json_data
 from tests.trees import document
 
 BODY = '<Sequence name="S"><RetryUntilSuccessful num_attempts="2"><AlwaysFailure name="F"/></RetryUntilSuccessful></Sequence>'

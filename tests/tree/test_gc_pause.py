@@ -5,8 +5,8 @@ import weakref
 
 import pytest
 
+from sar_compiler.gc_pause import LARGE, gc_paused
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.gc_pause import LARGE, gc_paused
 
 
 class Node:

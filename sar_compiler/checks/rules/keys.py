@@ -21,6 +21,7 @@ from sar_compiler.checks.rules.entry_accesses import (
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.checks.rules.scripts import is_condition, is_statement
 from sar_compiler.checks.rules.written_types import KeyTypeRules
+from sar_compiler.gc_pause import gc_paused
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.collector import file_of
 from sar_compiler.nodes.outcome_sets import ALLOWED, BITS, K, S
@@ -28,7 +29,6 @@ from sar_compiler.nodes.semantics import WRITES, AccessKind, Order
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
-from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses, likeness
 
 _LIKE, _CLOSE = 0.7, 0.75

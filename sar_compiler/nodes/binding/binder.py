@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from sar_compiler.gc_pause import gc_paused
 from sar_compiler.nodes.binding.attributes import AUTOREMAP, KIND_TAGS, ONESHOT, AttributeBinder
 from sar_compiler.nodes.binding.bound import (
     Binding,
@@ -32,7 +33,6 @@ from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.nodes.values import blackboard_key, join_words
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.gc_pause import gc_paused
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
