@@ -440,6 +440,7 @@ OPENED_ELSEWHERE = {
     "writing.py": {"new.open": WRITTEN, "target.open": WRITTEN},
     "commands.py": {"open": "/dev/null, in place of a closed stream"},
     "documents/located.py": {"shared_file_path('schemas', f'sar_{schema}.schema.json').read_bytes": OWN},
+    "importing/bag.py": {"os.fdopen": "a descriptor that the opener has checked"},
     "importing/sqlite_log.py": {"sqlite3.connect": "as in journal/database.py"},
     "lazy_exports.py": {"spec.loader.get_data": OWN},
     "journal/database.py": {

@@ -11,12 +11,12 @@ from sar_compiler.commands import print_text, tell_note
 def add_import(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `import`."""
     add = parser.add_argument
-    text = "the recorded run: a log of BehaviorTree.CPP's FileLogger2 (.btlog) or SqliteLogger (.db3), or the name of a shipped one"
+    text = "the recorded run: a log of BehaviorTree.CPP's FileLogger2 (.btlog) or SqliteLogger (.db3), a bag with Nav2's behavior_tree_log (.mcap, .db3), or the name of a shipped one"
     add("recording", type=ArgumentKind("file", _recording), metavar="RUN", help=text)
     text = "the journal to write, a new file"
     add("-o", "--output", type=FILE, required=True, metavar="JOURNAL", help=text)
-    text = "the file of the tree that ran (default: the tree in RUN, written to JOURNAL.xml)"
-    add("--tree", type=ArgumentKind("tree", Path), metavar="TREE", help=text)
+    text = "the file of the tree that ran (default: the tree in RUN, written to JOURNAL.xml); of several, the best fitting one is used"
+    add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     add_project_options(parser)
     parser.set_defaults(run=_import)
 

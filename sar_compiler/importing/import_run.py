@@ -1,7 +1,8 @@
 """Write a run that another program recorded as a journal."""
 
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from importlib.metadata import version
@@ -9,12 +10,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.importing import sqlite_log
+from sar_compiler.importing.bag import MCAP_MAGIC, read_mcap
 from sar_compiler.importing.btlog import MAGIC, read_btlog
 from sar_compiler.importing.recorded_tree import (
     ExportedTree,
     RunNode,
+    different_names,
+    different_nodes,
     read_exported,
-    require_same_nodes,
+    refuse_differences,
     run_nodes,
 )
 from sar_compiler.importing.recording import (
@@ -30,7 +34,7 @@ from sar_compiler.importing.ticks import RecordedTick, TickFinder, TickKind
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import STATUS, Ending, Row
 from sar_compiler.journal.spill_file import RunEnd
-from sar_compiler.opener import FileKind, read_file
+from sar_compiler.opener import FileKind, read_file, regular_file
 from sar_compiler.project import Workspace
 from sar_compiler.tree.xml_writer import write_xml
 from sar_compiler.views.run_tree import describe_tree
@@ -38,6 +42,7 @@ from sar_compiler.writing import write_text
 
 _LOG = FileKind("log of a run", 128 * 2**20)
 _BATCH = 20_000
+_NAV2 = "nav2:jazzy"
 
 
 class ImportedRun(NamedTuple):
@@ -64,14 +69,15 @@ class ImportedRun(NamedTuple):
     options: tuple[str, ...]
 
 
-def import_run(path: Path, journal: Path, projects: Workspace, tree: Path | None = None) -> ImportedRun:
+def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[Path] = ()) -> ImportedRun:
     """Import a recorded run.
 
     Args:
         path: The recording.
         journal: The journal to write.
         projects: Loads the tree.
-        tree: The file of the tree that ran; by default the tree in the recording is written beside the journal.
+        trees: The file of the tree that ran, or several, of which the best fitting one counts; by default the tree in the recording is
+            written beside the journal.
 
     Raises:
         UnusableRecordingError: If the recording cannot be used, or is not one of the tree.
@@ -83,17 +89,28 @@ def import_run(path: Path, journal: Path, projects: Workspace, tree: Path | None
         raise UnusableRecordingError(
             f"{path} has no change of status: the program has not ticked the tree, or was killed before the logger wrote"
         )
-    exported = read_exported(recording.tree)
-    place, palette = tree or Path(f"{journal}.xml"), exported.palette
-    if tree is None:
-        _write_tree(place, exported, palette)
+    exported = read_exported(recording.tree) if recording.tree else None
+    if exported is None and not trees:
+        raise UnusableRecordingError(
+            f"{path} has no tree. Add --tree TREE, the file that bt_navigator has loaded"
+        )
+    palette = exported.palette if exported is not None else "" if projects.additions.palettes else _NAV2
     if palette:
         added = projects.additions
         models = tuple(dict.fromkeys((*added.models, Path(palette))))
         projects = replace(projects, additions=added._replace(models=models))
-    sketch = projects.load_file(place).sketch()
-    nodes = run_nodes(sketch)
-    require_same_nodes(exported.nodes, nodes, place)
+    if exported is not None and not trees:
+        trees = (Path(f"{journal}.xml"),)
+        _write_tree(trees[0], exported, palette)
+    fits = []
+    for place in trees:
+        sketch = projects.load_file(place).sketch()
+        nodes = run_nodes(sketch)
+        names = different_names(recording.names, nodes)
+        wrong = names if exported is None else different_nodes(exported.nodes, nodes)
+        fits.append((wrong, place, sketch, nodes))
+    wrong, place, sketch, nodes = min(fits, key=lambda each: len(each[0]))
+    refuse_differences(wrong, place)
     about, of_run = describe_tree(sketch)
     options = [["--model", str(each)] for each in projects.additions.models]
     of_run |= {
@@ -128,18 +145,26 @@ def read_recording(path: Path) -> Recording:
         UnusableRecordingError: If it has no known form, or cannot be used.
         UnreadableFileError: If the file cannot be read.
     """
-    content = read_file(path, _LOG)
-    if len(content.data) > _LOG.limit:
-        raise UnusableRecordingError(f"{path} is larger than {_LOG.limit >> 20} MiB")
     try:
-        if content.data.startswith(MAGIC):
-            return read_btlog(content.data)
-        if content.data.startswith(sqlite_log.MAGIC):
-            return sqlite_log.read_sqlite_log(path)
+        return _read_recording(path)
     except UnusableRecordingError as error:
         raise UnusableRecordingError(f"{path} cannot be imported: {error}") from error
+
+
+def _read_recording(path: Path) -> Recording:
+    with regular_file(path) as descriptor:
+        head = os.read(descriptor, len(MAGIC))
+    if head == MAGIC:
+        content = read_file(path, _LOG)
+        if len(content.data) > _LOG.limit:
+            raise UnusableRecordingError(f"it is larger than {_LOG.limit >> 20} MiB")
+        return read_btlog(content.data)
+    if head.startswith(sqlite_log.MAGIC):
+        return sqlite_log.read_sqlite_log(path)
+    if head.startswith(MCAP_MAGIC):
+        return read_mcap(path)
     raise UnusableRecordingError(
-        f"{path} is no recorded run: a log of FileLogger2 (.btlog) starts with '{MAGIC.decode()}', one of SqliteLogger is an SQLite database"
+        "it is neither a log of FileLogger2 (.btlog) or SqliteLogger (.db3), nor a bag (.mcap, .db3)"
     )
 
 

@@ -1,7 +1,7 @@
 """The tree of a recorded run: its file, and its nodes by BehaviorTree.CPP's numbers."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
@@ -171,12 +171,8 @@ def run_nodes(tree: Drawable) -> list[RunNode]:
     return [node._replace(children=tuple(below)) for node, below in zip(nodes, children[1:], strict=True)]
 
 
-def require_same_nodes(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunNode], path: Path) -> None:
-    """Check that a tree has the nodes that a recording names.
-
-    Raises:
-        UnusableRecordingError: If it has others; names them.
-    """
+def different_nodes(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunNode]) -> list[str]:
+    """Describe the nodes of a tree that are not those of a recording, given by tags and names."""
     wrong = []
     for uid, (there, here) in enumerate(zip_longest(recorded, nodes), 1):
         if there is None or here is None or there != (here.tag, here.name):
@@ -187,6 +183,15 @@ def require_same_nodes(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunN
                 else "missing"
             )
             wrong.append(f"  node {uid} of the run is {then}; in the tree it is {now}")
+    return wrong
+
+
+def refuse_differences(wrong: Sequence[str], path: Path) -> None:
+    """Raise an error that lists the nodes that differ, if there are any.
+
+    Raises:
+        UnusableRecordingError: If there are.
+    """
     if wrong:
         more = [f"  and {len(wrong) - _MOST_NAMED} more"] if len(wrong) > _MOST_NAMED else []
         raise UnusableRecordingError(
@@ -198,3 +203,14 @@ def require_same_nodes(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunN
                 ]
             )
         )
+
+
+def different_names(recorded: Mapping[int, str], nodes: Sequence[RunNode]) -> list[str]:
+    """Describe the nodes of a tree whose names are not those of a recording, given by their numbers."""
+    names = {uid: node.name for uid, node in enumerate(nodes, 1) if node.tag != SUBTREE_TAG}
+    subtrees = {uid for uid, node in enumerate(nodes, 1) if node.tag == SUBTREE_TAG}
+    return [
+        f"  node {uid} of the run is '{name}'; in the tree it is {repr(names[uid]) if uid in names else 'missing'}"
+        for uid, name in sorted(recorded.items())
+        if uid not in subtrees and names.get(uid) != name
+    ]

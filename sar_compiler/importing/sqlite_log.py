@@ -8,6 +8,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+from sar_compiler.importing.bag import read_db3
 from sar_compiler.importing.recording import IDLE, SKIPPED, Recording, UnusableRecordingError
 from sar_compiler.opener import open_by_name, regular_file, released_pipes
 
@@ -20,7 +21,7 @@ _STRIDE, _STEPS_OF_A_BYTE = 10_000, 20
 
 
 def read_sqlite_log(path: Path) -> Recording:
-    """Read a log.
+    """Read a log, or a bag in SQLite.
 
     Raises:
         UnusableRecordingError: If it cannot be used.
@@ -39,8 +40,9 @@ def read_sqlite_log(path: Path) -> Recording:
         connection.set_progress_handler(is_over, _STRIDE)
         connection.execute("PRAGMA trusted_schema = OFF")
         try:
-            return _read(connection)
-        except (sqlite3.Error, OverflowError) as error:
+            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+            return read_db3(connection) if {"messages", "topics"} <= tables else _read(connection)
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
             raise UnusableRecordingError(f"it is no log of SqliteLogger: {error}") from error
 
 

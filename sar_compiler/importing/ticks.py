@@ -133,6 +133,9 @@ class TickFinder:
 
     def ticks(self) -> Iterator[RecordedTick]:
         """Yield the ticks, with the halts of the tree between them."""
+        if self._recording.ticks:
+            yield from self._split(_PAUSE_USEC, len(self._recording.times))
+            return
         self._move_ends_of_threads()
         for _ in self._split(_PAUSE_USEC, _TRIED):
             pass
@@ -154,7 +157,7 @@ class TickFinder:
             uid, status = uids[index], statuses[index]
             if not 0 < uid <= count:
                 continue
-            if index > first and (is_over or (not self._left and self._is_border(index, pause))):
+            if index > first and self._is_first(index, pause, is_over=is_over):
                 yield RecordedTick(first, index, TickKind.ENDS if is_over else TickKind.TICK)
                 first, is_over = index, False
                 self._next_tick()
@@ -182,6 +185,12 @@ class TickFinder:
                 is_over = was in (SUCCESS, FAILURE)
         if first < min(most, len(times)):
             yield RecordedTick(first, min(most, len(times)), TickKind.ENDS if is_over else TickKind.TICK)
+
+    def _is_first(self, index: int, pause: int, *, is_over: bool) -> bool:
+        """Return whether a change is the first of a tick."""
+        if ticks := self._recording.ticks:
+            return ticks[index] != ticks[index - 1]
+        return is_over or (not self._left and self._is_border(index, pause))
 
     def _next_tick(self) -> None:
         self._tick += 1

@@ -283,7 +283,9 @@ SURFACES = {
         ("journal/database.py:JournalFile.read",), lambda path: journal_command(["show", path]), "journal"
     ),
     "a recorded run": Surface(
-        ("importing/import_run.py:read_recording", "importing/sqlite_log.py:read_sqlite_log"),
+        (
+            "importing/import_run.py:_read_recording", "importing/sqlite_log.py:read_sqlite_log", "importing/bag.py:read_mcap",
+        ),
         lambda path: journal_command(["import", path, "-o", "new.journal"]), "btlog",
     ),
     "a journal that is judged": Surface(

@@ -1,5 +1,6 @@
 """Runs that BehaviorTree.CPP's loggers recorded, imported as journals."""
 
+import itertools
 import json
 import random
 import sqlite3
@@ -234,6 +235,114 @@ def test_a_damaged_sqlite_log_is_reported(change, reason, tmp_path, capsys):
     assert (status, reason in said) == (0 if "rest" in reason else 2, True), said
 
 
+def bag_messages(log):
+    """Return the messages that Nav2 publishes of the ticks of a log; the pauses between its ticks are long."""
+    (start,), changes = struct.unpack("<q", parts_of(log)[0][-8:]), parts_of(log)[1]
+    names = {
+        1: "deliver the box",
+        2: "BatteryOk",
+        3: "steps",
+        4: "drive to the shelf",
+        5: "PickUp",
+        6: "try three times",
+    }
+    names |= {
+        7: "pick up",
+        8: "find the box",
+        9: "open",
+        10: "grasp the box",
+        11: "at most one minute",
+        12: "drive to the table",
+        13: "Release",
+    }
+    words = ("IDLE", "RUNNING", "SUCCESS", "FAILURE")
+    ticks = [[changes[0]]]
+    for before, change in itertools.pairwise(changes):
+        if change[0] - before[0] > 50_000:
+            ticks.append([])
+        ticks[-1].append(change)
+
+    def text(word):
+        return struct.pack("<I", len(word) + 1) + word.encode() + b"\0"
+
+    for tick in ticks:
+        data = bytearray(b"\0\1\0\0" + struct.pack("<iII", 0, 0, len(tick)))
+
+        def align(data, size):
+            data.extend(bytes(-(len(data) - 4) % size))
+
+        for time, uid, status in tick:
+            align(data, 4)
+            when = start + time
+            data.extend(struct.pack("<iI", when // 1_000_000, when % 1_000_000 * 1000) + text(names[uid]))
+            align(data, 2)
+            data.extend(struct.pack("<H", uid))
+            for word in ("IDLE", words[status]):
+                align(data, 4)
+                data.extend(text(word))
+        yield bytes(data)
+
+
+def write_bag(path, messages):
+    """Write messages of `behavior_tree_log` to a bag."""
+    kind = "nav2_msgs/msg/BehaviorTreeLog"
+    if path.suffix == ".db3":
+        with closing(sqlite3.connect(path)) as file, file:
+            file.execute(
+                "CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL)"
+            )
+            file.execute(
+                "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
+            )
+            file.execute("INSERT INTO topics VALUES (1, '/behavior_tree_log', ?)", (kind,))
+            rows = [(number, data) for number, data in enumerate(messages)]
+            file.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, ?, ?)", rows)
+        return
+    writer_module = pytest.importorskip("mcap.writer")
+    with path.open("wb") as stream:
+        writer = writer_module.Writer(stream)
+        writer.start("ros2", "test")
+        schema = writer.register_schema(kind, "ros2msg", b"")
+        channel = writer.register_channel("/behavior_tree_log", "cdr", schema)
+        for number, data in enumerate(messages):
+            writer.add_message(channel, number, data, number)
+        writer.finish()
+
+
+@pytest.mark.parametrize("form", [".mcap", ".db3"])
+def test_a_bag_of_nav2_is_imported_with_the_tree_that_fits(form, tmp_path, capsys):
+    known = import_log(FAILED, tmp_path)
+    other = tmp_path / "other.xml"
+    other.write_text(
+        Path(f"{known}.xml").read_text(encoding="utf-8").replace("grasp the box", "take the box"),
+        encoding="utf-8",
+    )
+    bag = tmp_path / f"bag{form}"
+    write_bag(bag, bag_messages(FAILED))
+    journal = import_log(bag, tmp_path, "--tree", str(other), "--tree", f"{known}.xml")
+    with JournalFile.reading(journal) as file, JournalFile.reading(known) as same:
+        assert [each.data for each in file.watched(STATUS)] == [each.data for each in same.watched(STATUS)]
+    status, said = answer(journal_command, ["import", bag, "-o", tmp_path / "none", "--tree", other], capsys)
+    assert status == 2
+    assert "node 10 of the run is 'grasp the box'; in the tree it is 'take the box'" in said
+    status, said = answer(journal_command, ["import", bag, "-o", tmp_path / "none"], capsys)
+    assert (status, "has no tree. Add --tree TREE" in said) == (2, True), said
+
+
+@pytest.mark.parametrize("form", [".mcap", ".db3"])
+def test_a_damaged_bag_is_reported(form, tmp_path, capsys):
+    known = import_log(FAILED, tmp_path)
+    first, second, *others = bag_messages(FAILED)
+    bag = tmp_path / f"bag{form}"
+    write_bag(bag, [first, second[:40], b"", *others])
+    words = ["import", bag, "-o", tmp_path / "j", "--tree", f"{known}.xml"]
+    status, said = answer(journal_command, words, capsys)
+    assert (status, "message 2 of nav2_msgs/msg/BehaviorTreeLog is damaged" in said) == (0, True), said
+    bag.write_bytes(bag.read_bytes()[:100])
+    status, said = answer(journal_command, words, capsys)
+    assert (status, "cannot be imported" in said) == (2, True), said
+
+
 def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, capsys):
     journal = import_log(FAILED, tmp_path)
     status, said = answer(
@@ -247,7 +356,7 @@ def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, 
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (b"", "is no recorded run"),
+        (b"", "it is neither a log of FileLogger2"),
         (MAGIC, "is not the version 1"),
         (MAGIC + b"\x02", "is not the version 1"),
         (MAGIC + b"\x01\x05", "it ends at byte 20, before its tree"),
