@@ -1,6 +1,5 @@
 """Write a run that another program recorded as a journal."""
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -255,12 +254,12 @@ class _JournalWriter:
             if uid == 1:
                 self._root = status
             is_reset = status in (SUCCESS, FAILURE) and recording.statuses[now[uid]] == IDLE
-            message, more = recording.messages.get(index, ""), ', "is_reset": true' if is_reset else ""
-            self._row(index, uid, WORDS[status], message, more)
+            more = ', "is_reset": true' if is_reset else ""
+            self._row(index, uid, WORDS[status], more)
         for uid, index in sorted(now.items()):
             # Its end remains shown until a node above it restarts; the log has it reset before.
             if 1 < uid <= count and recording.statuses[index] == IDLE and self._shown[uid] == RUNNING:
-                self._row(index, uid, "HALTED", "", f', "last": {self._ticked[uid]}')
+                self._row(index, uid, "HALTED", f', "last": {self._ticked[uid]}')
                 self._show(uid, IDLE)
                 resting.append(uid)
         gone = {
@@ -270,7 +269,7 @@ class _JournalWriter:
             if uid < each < self._finder.end_of(uid) and self._ticked[each] < self._tick
         }
         for uid in sorted(gone):
-            self._row(tick.behind - 1, uid, "IDLE", "", f', "last": {self._ticked[uid]}')
+            self._row(tick.behind - 1, uid, "IDLE", f', "last": {self._ticked[uid]}')
             self._show(uid, IDLE)
         if len(self._rows) >= _BATCH:
             self._flush()
@@ -300,9 +299,9 @@ class _JournalWriter:
             if status != IDLE and 0 < uid <= len(nodes) and index not in left_out:
                 yield index, uid, WORDS.index("SKIPPED") if index in skipped else status
 
-    def _row(self, index: int, uid: int, word: str, message: str, more: str = "") -> None:
+    def _row(self, index: int, uid: int, word: str, more: str) -> None:
         time = self._recording.times[index] / 1e6
         for node in self._nodes[uid - 1].rows:
             self._number += 1
-            data = f'{{"node": {node}, "tick": {self._tick}, "status": "{word}", "message": {json.dumps(message)}{more}}}'
+            data = f'{{"node": {node}, "tick": {self._tick}, "status": "{word}", "message": ""{more}}}'
             self._rows.append(Row(self._number, self._run, self._recording.began + time, time, STATUS, data))

@@ -28,7 +28,6 @@ class Recording:
         statuses: The status of each changed node after the change.
         ticks: The number of the tick of each change; empty if the recording has no ticks.
         names: The names of nodes by their numbers, if the recording has no tree.
-        messages: Reasons in words, by the index of a change.
         flaws: Problems of the recording, with their places in the file.
     """
 
@@ -40,7 +39,6 @@ class Recording:
     statuses: bytearray = field(default_factory=bytearray)
     ticks: "array[int]" = field(default_factory=lambda: array("q"))
     names: dict[int, str] = field(default_factory=dict)
-    messages: dict[int, str] = field(default_factory=dict)
     flaws: list[str] = field(default_factory=list)
 
     def add(self, time: int, uid: int, status: int) -> None:
