@@ -287,7 +287,11 @@ class _JournalWriter:
         left_out: set[int] = set()
         for index in range(tick.first, tick.behind):
             uid, status = recording.uids[index], recording.statuses[index]
-            if status == IDLE or not 0 < uid <= len(nodes):
+            if not 0 < uid <= len(nodes):
+                continue
+            if status == IDLE:
+                if not nodes[uid - 1].children:
+                    last.pop(uid, None)  # a leaf that was halted, and starts again, returns twice
                 continue
             before = last.get(uid)
             # A leaf that says RUNNING first, and ends in the same tick, has returned once.
