@@ -68,7 +68,7 @@ def test_a_word_that_other_programs_use_leads_to_ours(command, line, meant, caps
 def test_a_node_that_nobody_knows_is_answered_with_where_to_look(capsys):
     assert main(["nodes", "MoveTo"]) == 2
     error = capsys.readouterr().err
-    assert "list known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE" in error
+    assert "List known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE" in error
 
 
 def test_an_option_that_few_need_is_known_and_shown_by_help_all_alone(parser, capsys):
