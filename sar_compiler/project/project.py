@@ -107,7 +107,7 @@ class Project:
         )
         options = " ".join(f"--nodes {each}" for each in modules)
         hint = (
-            f"add {options} to the command, or install the package with pip before it. "
+            f"add {options} to the command, or first install the package with pip. "
             "--trust runs the code in this folder until it changes"
         )
         source, span = self.configuration.source, self.configuration.spans[module]

@@ -52,7 +52,7 @@ class TestModulesThatAConfigurationNames:
 
     def test_are_said_with_the_options_that_a_command_in_ci_needs(self, named):
         said = named.validate()
-        options = re.search(r"add ((?:--nodes [\w.]+ ?)+) ?to the command, or install", said)
+        options = re.search(r"add ((?:--nodes [\w.]+ ?)+) ?to the command, or first install", said)
         assert options is not None, said
         assert "untrusted-nodes" not in named.validate(*options[1].split())
         assert named.has_run

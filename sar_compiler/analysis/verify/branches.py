@@ -145,7 +145,7 @@ class Assembly:
         return cls(stepper, told, found)
 
     def start(self) -> "Position":
-        """Return the position before the first tick."""
+        """Return the initial position."""
         return Position(
             self.stepper.steps.start(), tuple(branch.parts.start() for branch in self.branches.values())
         )

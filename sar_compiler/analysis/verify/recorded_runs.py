@@ -308,7 +308,7 @@ class TreeRuns:
 
     @property
     def start(self) -> bytes:
-        """The state before the first tick."""
+        """The initial state."""
         return self.stepper.steps.start()
 
     @property

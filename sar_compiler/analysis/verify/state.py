@@ -93,7 +93,7 @@ class Prepared:
         return prepared
 
     def merge(self, values: Mapping[str, MergedValues]) -> None:
-        """Make searches merge some values of entries, by the absolute names of these; call it before the tree is ticked."""
+        """Make searches merge some values of entries, by the entries' absolute names; call it before the first tick."""
         if not values:
             return
         entries, merging = self.entries, Merging(self.entries, values)

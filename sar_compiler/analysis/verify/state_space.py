@@ -119,7 +119,7 @@ class StateSpace:
         return [(source, self._leads_to(target)) for source, target in pairwise(states)]
 
     def _trace(self, steps: Iterable[tuple[int, IsWanted]], loop: int = 0) -> Trace:
-        """Return a run of ticks, each given by the state before it and by a function that recognizes the wanted tick."""
+        """Return a run of ticks, each given by its initial state and a function that recognizes the wanted tick."""
         if self.plain is None:
             played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
         else:
