@@ -122,7 +122,7 @@ class Origins(Mapping[UUID, Origin]):
 _of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakref.WeakKeyDictionary()
 
 
-def remember(root: Behaviour, origins: Origins) -> None:
+def register_origins(root: Behaviour, origins: Origins) -> None:
     """Register the origins of a compiled tree, so that its behaviours can find them while the tree exists."""
     _of_trees[root] = weakref.ref(origins)
 
@@ -646,7 +646,7 @@ def compile_with(
     if _has_error(collector.findings):
         raise TreeError(_in_order(collector.findings))
     root, origins = builder.place(top, binding.main.root), Origins(builder.constructions)
-    remember(root, origins)
+    register_origins(root, origins)
     return CompiledTree(root, origins, top)
 
 

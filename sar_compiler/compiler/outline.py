@@ -43,12 +43,12 @@ def _outline(tree: Drawable, behaviour: Behaviour) -> dict[str, Any]:
 
 def unicode_tree(root: Behaviour) -> str:
     """Draw a tree."""
-    return _drawn(py_trees.display.unicode_tree, root)
+    return _draw(py_trees.display.unicode_tree, root)
 
 
 def ascii_tree(root: Behaviour) -> str:
     """Draw a tree with ASCII characters only; see `unicode_tree`."""
-    return _drawn(py_trees.display.ascii_tree, root)
+    return _draw(py_trees.display.ascii_tree, root)
 
 
 def with_tags(drawing: str, tree: Drawable) -> str:
@@ -71,5 +71,5 @@ def _tag(behaviour: Behaviour, tree: Drawable) -> str:
     return f"  <{tag}>{sign}" if called == behaviour.name else f'  <{tag} ID="{called}">{sign}'
 
 
-def _drawn(draw: Callable[[Behaviour], str], root: Behaviour) -> str:
+def _draw(draw: Callable[[Behaviour], str], root: Behaviour) -> str:
     return draw(root).rstrip("\n") + "\n"

@@ -166,15 +166,15 @@ class _Sketching:
         if bound.conditions:
             scripts = {name: script.text for name, script in bound.conditions.items()}
             above = self._wrapper(bound, Conditions, scripts, above)
-        return self._below(above, _stand_in(bound), Origin(bound, dict(_attributes(bound))))
+        return self._attach(above, _stand_in(bound), Origin(bound, dict(_attributes(bound))))
 
     def _wrapper(
         self, bound: BoundNode, cls: type, attributes: Mapping[str, object], above: Behaviour
     ) -> Behaviour:
         stand_in = SketchedDecorator(f"{bound.name}{cls.__name__}", _path_of(cls))
-        return self._below(above, stand_in, Origin(bound, attributes))
+        return self._attach(above, stand_in, Origin(bound, attributes))
 
-    def _below(self, above: Behaviour, behaviour: Behaviour, origin: Origin) -> Behaviour:
+    def _attach(self, above: Behaviour, behaviour: Behaviour, origin: Origin) -> Behaviour:
         above.children.append(behaviour)
         behaviour.parent = above
         self._origins[behaviour.id] = origin

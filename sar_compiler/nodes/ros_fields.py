@@ -137,7 +137,7 @@ def read_fields(text: str) -> Fields:
     node, shift = _composed(masked(text))
     found = _Reader(text, shift).value(node)
     if not isinstance(found, Fields):
-        raise ConversionError(f"{_shown(text)} is not a field with a value", hint=_EXAMPLE)
+        raise ConversionError(f"{_excerpt(text)} is not a field with a value", hint=_EXAMPLE)
     return dataclasses.replace(found, text=text)
 
 
@@ -163,11 +163,11 @@ def _no_yaml(text: str, error: yaml.YAMLError) -> ConversionError:
     mark = getattr(error, "problem_mark", None)
     at = min(max(mark.index - 1, 0), len(text) - 1) if mark is not None else 0
     return ConversionError(
-        f"{_shown(text)} is not YAML: {problem}", hint=_EXAMPLE, place=(at, at + 1) if mark else None
+        f"{_excerpt(text)} is not YAML: {problem}", hint=_EXAMPLE, place=(at, at + 1) if mark else None
     )
 
 
-def _shown(text: str) -> str:
+def _excerpt(text: str) -> str:
     return repr(text if len(text) <= 60 else f"{text[:57]}...")  # noqa: PLR2004 - a line of a terminal
 
 
@@ -264,7 +264,7 @@ def read_path(text: str) -> FieldPath | None:
         return None
     if not _PATH.fullmatch(text):
         raise ConversionError(
-            f"{_shown(text)} is not a field path", hint="separate the names by dots: pose.position.x"
+            f"{_excerpt(text)} is not a field path", hint="separate the names by dots: pose.position.x"
         )
     return FieldPath(text, (0, len(text)))
 

@@ -398,7 +398,7 @@ def _check_size(kind: FieldType, count: int, where: str, place: PlaceInText | No
 def _misfit(
     where: str, value: FieldValue, wanted: str, *, suggestion: str | None = None, hint: str | None = None
 ) -> InterfaceError:
-    message = f"{where} is {_shown(value)}, but must be {wanted}"
+    message = f"{where} is {_describe(value)}, but must be {wanted}"
     return InterfaceError(message, value.place, suggestion=suggestion, hint=hint)
 
 
@@ -453,7 +453,7 @@ def _count(count: int) -> str:
     return f"{count} value{'s'[: count != 1]}"
 
 
-def _shown(value: FieldValue) -> str:
+def _describe(value: FieldValue) -> str:
     if isinstance(value, Scalar) and value.value is None:
         return "without a value"
     if isinstance(value, Scalar):

@@ -145,11 +145,11 @@ class ValueType(NamedTuple):
             ConversionError: If the value is invalid; the message names it.
         """
         fitted = self._as_python(value)
-        if isinstance(fitted, int) and not self._within(fitted):
+        if isinstance(fitted, int) and not self._is_in_range(fitted):
             raise ConversionError(f"{value!r} is not {self.label}")
         return fitted
 
-    def _within(self, number: int) -> bool:
+    def _is_in_range(self, number: int) -> bool:
         return (self.least is None or self.least <= number) and (self.most is None or number <= self.most)
 
     def _as_python(self, value: object) -> object:

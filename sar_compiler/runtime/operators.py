@@ -46,7 +46,7 @@ def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
     """Join two strings, or a string and a number."""
     if not isinstance(left, str) and not isinstance(right, str):
         raise RefusedValueError(f"neither {describe_value(left)} nor {describe_value(right)} is a string")
-    return _join(_written(left), _written(right))
+    return _join(_as_text(left), _as_text(right))
 
 
 def complement(value: ScriptValue) -> ScriptValue:
@@ -136,7 +136,7 @@ def _join(left: str, right: str) -> str:
     return left + right
 
 
-def _written(value: object) -> str:
+def _as_text(value: object) -> str:
     """Return a value as a part of a string; real numbers have six digits after the point."""
     if isinstance(value, str):
         return value

@@ -170,7 +170,7 @@ class _ScriptParser:
                 pass
         return Script(self._text, tuple(statements))
 
-    def _before(self, count: int = 1) -> Token | None:
+    def _previous(self, count: int = 1) -> Token | None:
         """Return the token *count* positions before the next one."""
         return self._tokens[self._index - count] if self._index >= count else None
 
@@ -181,11 +181,11 @@ class _ScriptParser:
             self._next = self._tokens[self._index]
         return token
 
-    def _at(self, sign: str) -> bool:
+    def _is_next(self, sign: str) -> bool:
         return self._next.text == sign  # no other token looks like a sign
 
     def _take(self, sign: str) -> bool:
-        found = self._at(sign)
+        found = self._is_next(sign)
         if found:
             self._advance()
         return found
@@ -287,7 +287,7 @@ class _ScriptParser:
         opens = following.kind is _SIGN and following.text in {"(", "!", "~"}
         if name.text == "not" and (opens or following.kind in {_NAME, _LITERAL}):
             raise ScriptError("there is no operator 'not'", name.start, name.end, suggestion="!")
-        if self._at("(") and following.start == name.end and name.text not in _WORDS:
+        if self._is_next("(") and following.start == name.end and name.text not in _WORDS:
             message = f"a script cannot call '{excerpt(name.text)}': there are no functions"
             hint = "calculate it in a leaf, or separate two expressions by ';'"
             raise ScriptError(message, name.start, following.end, hint=hint)
@@ -305,7 +305,7 @@ class _ScriptParser:
 
     def _explain_no_operand(self) -> ScriptError:
         """Return the error for a missing operand at the next token."""
-        token, before = self._next, self._before()
+        token, before = self._next, self._previous()
         if before is not None and before.kind is _SIGN:
             other = self._other_operator(before, token)
             if other is not None:
@@ -318,7 +318,7 @@ class _ScriptParser:
 
     def _explain_nothing_behind(self, sign: Token) -> ScriptError:
         message = f"a value is missing after '{sign.text}'"
-        before = self._before(2)
+        before = self._previous(2)
         if sign.text == "-" and before is not None and before.text == "-" and before.end == sign.start:
             return ScriptError("there is no operator '--'", before.start, sign.end, hint="write 'x -= 1'")
         return ScriptError(message, sign.start, sign.end)

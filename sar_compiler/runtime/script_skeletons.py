@@ -74,16 +74,16 @@ class Skeleton:
         try:
             if not isinstance(node, Assignment):
                 return self._part(node)
-            return Applied(node.operator, (self._named(node.target.name), self._part(node.value)))
+            return Applied(node.operator, (self._variable_slot(node.target.name), self._part(node.value)))
         except _InnerAssignmentError:
             return None
 
     def _part(self, node: Expression) -> SkeletonPart:
         if isinstance(node, Literal):
-            return self._given(node.value)
+            return self._constant_slot(node.value)
         if isinstance(node, Name):
             number = self._enums.get(node.name)
-            return self._named(node.name) if number is None else self._given(float(number))
+            return self._variable_slot(node.name) if number is None else self._constant_slot(float(number))
         if isinstance(node, Prefix):
             return Applied(node.operator, (self._part(node.operand),))
         if isinstance(node, Conditional):
@@ -93,12 +93,12 @@ class Skeleton:
         operands = (node.first, *(step.operand for step in node.steps))
         return Chain(tuple(step.operator for step in node.steps), tuple(map(self._part, operands)))
 
-    def _named(self, name: str) -> VariableSlot:
+    def _variable_slot(self, name: str) -> VariableSlot:
         if name not in self.names:
             self.names.append(name)
         return VariableSlot(self.names.index(name))
 
-    def _given(self, value: ScriptValue) -> ConstantSlot:
+    def _constant_slot(self, value: ScriptValue) -> ConstantSlot:
         self.constants.append(value)
         self.reals.append(float(value) if isinstance(value, int) and value <= LARGEST_EXACT else value)
         return ConstantSlot(len(self.constants) - 1, type(self.reals[-1]))

@@ -180,10 +180,10 @@ class NodeScript:
 
     def _evaluate(self, at: int) -> ScriptValue:
         """Evaluate a statement by `evaluation`."""
-        return self._explained(self._current_program().statements[at], self._variables)
+        return self._explain(self._current_program().statements[at], self._variables)
 
     def _answer(self, value: ScriptValue) -> bool:
-        return self._explained(self._current_program().as_condition, value)
+        return self._explain(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
         """Run it; on a numbered board, it is not run twice with the same values of its variables."""
@@ -204,9 +204,9 @@ class NodeScript:
         except PortError as error:
             message = f"'{self._node}': {error}"
             raise NodeScriptError(message, self._node, self._attribute, None, None) from error
-        return self._explained(functools.partial(run, program), self._variables)
+        return self._explain(functools.partial(run, program), self._variables)
 
-    def _explained(self, evaluate: Callable[[V], T], value: V) -> T:
+    def _explain(self, evaluate: Callable[[V], T], value: V) -> T:
         try:
             return evaluate(value)
         except EvaluationError as error:

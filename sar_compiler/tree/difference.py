@@ -61,7 +61,7 @@ def difference(
         The differences, in the order of the newer file; removed nodes at their old position.
     """
     first, second = match(old, new)
-    return [each for each in _within(first, second) if not _renames_type(each, is_same_type)]
+    return [each for each in _differences(first, second) if not _renames_type(each, is_same_type)]
 
 
 def _renames_type(one: Difference, is_same_type: Callable[[str, str], bool]) -> bool:
@@ -72,14 +72,14 @@ def _renames_type(one: Difference, is_same_type: Callable[[str, str], bool]) -> 
     )
 
 
-def _within(old: Node, new: Node) -> Iterator[Difference]:
+def _differences(old: Node, new: Node) -> Iterator[Difference]:
     if old.mark == new.mark:
         return
-    yield from _changed(old, new)
+    yield from _attribute_changes(old, new)
     for child in old.children:
         if child.partner is None:
             yield Difference(
-                Change.REMOVED, child.path, child.element, None, before=child.path, inner=_lost(child)
+                Change.REMOVED, child.path, child.element, None, before=child.path, inner=_count(child)
             )
     stayed = {other for _, other in in_place(old, new)}
     for child in new.children:
@@ -89,13 +89,13 @@ def _within(old: Node, new: Node) -> Iterator[Difference]:
 def _child(node: Node, stayed: set[Node]) -> Iterator[Difference]:
     partner = node.partner
     if partner is None:
-        yield Difference(Change.ADDED, node.path, None, node.element, after=node.path, inner=_lost(node))
+        yield Difference(Change.ADDED, node.path, None, node.element, after=node.path, inner=_count(node))
         for child in node.children:
             yield from _inside_added(child)
         return
     if node not in stayed:
-        yield _moved(partner, node)
-    yield from _within(partner, node)
+        yield _move(partner, node)
+    yield from _differences(partner, node)
 
 
 def _inside_added(node: Node) -> Iterator[Difference]:
@@ -107,27 +107,27 @@ def _inside_added(node: Node) -> Iterator[Difference]:
         yield from _inside_added(child)
 
 
-def _changed(old: Node, new: Node) -> Iterator[Difference]:
+def _attribute_changes(old: Node, new: Node) -> Iterator[Difference]:
     if old.type != new.type:
-        yield _of(old, new, "", old.type, new.type)
+        yield _change(old, new, "", old.type, new.type)
     for name in dict.fromkeys([*old.attributes, *new.attributes]):
         before, after = old.attributes.get(name), new.attributes.get(name)
         if before != after:
-            yield _of(old, new, name, before, after)
+            yield _change(old, new, name, before, after)
     if old.element.text != new.element.text:
-        yield _of(old, new, TEXT_KEY, old.element.text, new.element.text)
+        yield _change(old, new, TEXT_KEY, old.element.text, new.element.text)
 
 
-def _of(old: Node, new: Node, what: str, before: str | None, after: str | None) -> Difference:
+def _change(old: Node, new: Node, what: str, before: str | None, after: str | None) -> Difference:
     return Difference(Change.CHANGED, new.path, old.element, new.element, what, before, after)
 
 
-def _lost(node: Node) -> int:
+def _count(node: Node) -> int:
     """Return the number of removed nodes in a subtree, down to those that have a partner."""
-    return sum(1 + _lost(child) for child in node.children if child.partner is None)
+    return sum(1 + _count(child) for child in node.children if child.partner is None)
 
 
-def _moved(old: Node, new: Node) -> Difference:
+def _move(old: Node, new: Node) -> Difference:
     before, after = old.path, new.path
     if old.parent and old.parent.partner is new.parent:
         before, after = f"child {old.number + 1}", f"child {new.number + 1}"

@@ -149,7 +149,7 @@ def load_forest(
     main = read(NamedPath.within(path, (place, Path(place.name))))
     loader.included(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
-    return forest if tree_set is None else _SetSearch(forest, tree_set).done()
+    return forest if tree_set is None else _SetSearch(forest, tree_set).result()
 
 
 @dataclass(eq=False, repr=False)
@@ -253,7 +253,7 @@ class _SetSearch:
         # The trees found in other files, with the forests of these files.
         self.found: dict[int, tuple[Element, Forest]] = {}
 
-    def done(self) -> Forest:
+    def result(self) -> Forest:
         """Return the forest with the trees found in the set."""
         forest, root = self.forest, self.forest.main.root
         named = forest.main.main_tree_name
@@ -393,7 +393,7 @@ class _Loader:
             return None
         package = element.attributes.get("ros_pkg")
         if package is None or Path(written).is_absolute():
-            target = self._resolved(element, here / written)
+            target = self._resolve_path(element, here / written)
             return target if target is not None and self._allowed(element, target) else None
         share = _package_share(package)
         if share is None:
@@ -403,7 +403,7 @@ class _Loader:
             return None
         # With a symlink installation, a package's files are outside of its share folder once links are resolved,
         # and so are the files beside this one.
-        target = self._resolved(element, share / written)
+        target = self._resolve_path(element, share / written)
         if target is None or (
             not Path(os.path.normpath(share / written)).is_relative_to(share)
             and not self._allowed(element, target)
@@ -413,7 +413,7 @@ class _Loader:
         admit(target)
         return target
 
-    def _resolved(self, element: Element, path: Path) -> Path | None:
+    def _resolve_path(self, element: Element, path: Path) -> Path | None:
         try:
             return path.resolve()
         except (OSError, RuntimeError, ValueError) as error:  # circular links, an invalid name

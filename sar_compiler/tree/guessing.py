@@ -66,12 +66,12 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
     candidates, lower, folded = (
         [each for each in known if keeps_unit(word, each)],
         word.lower(),
-        _folded(word),
+        _fold(word),
     )
     least = min(least, _LIKE_SHORT) if len(word) <= _SHORT else least
     found = (
         [candidate for candidate in candidates if candidate.lower() == lower]
-        or [candidate for candidate in candidates if _folded(candidate) == folded]
+        or [candidate for candidate in candidates if _fold(candidate) == folded]
         or [
             candidate
             for candidate in difflib.get_close_matches(word, candidates, n=_MOST_NEAR, cutoff=least)
@@ -113,7 +113,7 @@ def _is_near(written: str, meant: str, least: float) -> bool:
         return True
     words, others = (re.findall(_WORDS, each) for each in (written, meant))
     if len(words) != len(others):  # one word extra or missing: the rest has to be nearly equal
-        words, others, least = [_folded(written)], [_folded(meant)], max(least, _LIKE_WHOLE)
+        words, others, least = [_fold(written)], [_fold(meant)], max(least, _LIKE_WHOLE)
     return all(_is_like(*pair, least) for pair in zip(words, others, strict=True))
 
 
@@ -152,5 +152,5 @@ class Guesses:
         return nearest(word, known, least)
 
 
-def _folded(word: str) -> str:
+def _fold(word: str) -> str:
     return re.sub(_BETWEEN, "", word).lower()

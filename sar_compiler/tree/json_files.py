@@ -46,9 +46,9 @@ class JsonFile:
             self.has_duplicates = False
             self.data: Any = json.loads(text, object_pairs_hook=self._mapping)
         except json.JSONDecodeError as error:
-            raise MalformedJsonError(error.msg, self._at(error.pos)) from None
+            raise MalformedJsonError(error.msg, self._location(error.pos)) from None
         except (ValueError, RecursionError) as error:  # a number of thousands of digits
-            raise MalformedJsonError(f"{error}", self._at(0)) from None
+            raise MalformedJsonError(f"{error}", self._location(0)) from None
         self._read = json.JSONDecoder().raw_decode
 
     def _mapping(self, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -67,7 +67,7 @@ class JsonFile:
             elif match[2]:
                 key = json.loads(match[1])
                 if key in around[-1]:
-                    yield key, self._at(match.start())
+                    yield key, self._location(match.start())
                 around[-1].add(key)
 
     def place(self, *path: str | int) -> str:
@@ -81,7 +81,7 @@ class JsonFile:
             if inner is None:
                 break
             at = inner
-        return self._at(at)
+        return self._location(at)
 
     def _find(self, text: str, start: int, step: str | int) -> int | None:
         """Return the offset of an entry in the mapping or list at an offset; None if there is no such entry."""
@@ -110,6 +110,6 @@ class JsonFile:
             at += 1
         return at
 
-    def _at(self, offset: int) -> str:
+    def _location(self, offset: int) -> str:
         line, column = self._source.place(offset)
         return f"{self._source.path}:{line}:{column}"

@@ -260,15 +260,15 @@ def text_of_xml(data: str) -> str:
     """Return the text of a comment, given the characters between `<!--` and `-->`."""
     first, *rest = data.split("\n")
     # The first line begins after the mark, so its indentation is no evidence about the other lines.
-    return _without_blank_ends([first.strip(), *_dedented(rest)])
+    return _without_blank_ends([first.strip(), *_dedent(rest)])
 
 
 def text_of_yaml(lines: Sequence[str]) -> str:
     """Return the text of consecutive comment lines, given the part of each line after `#`."""
-    return _without_blank_ends(_dedented([line.removeprefix(" ") for line in lines]))
+    return _without_blank_ends(_dedent([line.removeprefix(" ") for line in lines]))
 
 
-def _dedented(lines: Iterable[str]) -> list[str]:
+def _dedent(lines: Iterable[str]) -> list[str]:
     expanded = [line.expandtabs().rstrip() for line in lines]
     margin = min((len(line) - len(line.lstrip(" ")) for line in expanded if line), default=0)
     return [line[margin:] for line in expanded]

@@ -12,10 +12,10 @@ def as_json(data: object, indent: int | None = 2) -> str:
 
     The text is indented by *indent* spaces, or on one line if it is None. Numbers that are not finite become null.
     """
-    return re.sub(UNSEEN, _escaped, json_text(data, indent=indent, ensure_ascii=False))
+    return re.sub(UNSEEN, _escape, json_text(data, indent=indent, ensure_ascii=False))
 
 
-def _escaped(match: re.Match[str]) -> str:
+def _escape(match: re.Match[str]) -> str:
     digits = match[0].encode("utf-16-be", "surrogatepass").hex()
     return "".join(f"\\u{digits[start : start + 4]}" for start in range(0, len(digits), 4))
 

@@ -171,17 +171,17 @@ class _TagWalk:
         """Add the parts of a tag, and return its end; 0 if it cannot be parsed."""
         text = self._text
         if text.startswith("<!--", tag):
-            end = _behind(text, "-->", tag + len("<!--"))
+            end = _end_after(text, "-->", tag + len("<!--"))
             found += [(tag + len("<!--"), end - len("-->"), _PartOfFile.COMMENT)] if end else []
             return end
         if text.startswith("<![CDATA[", tag):
-            end = _behind(text, "]]>", tag)
+            end = _end_after(text, "]]>", tag)
             found += [(tag, end, _PartOfFile.BESIDE_ROOT)] if end and not self._opened else []
             return end
         if text.startswith("<?", tag):
-            return _behind(text, "?>", tag)
+            return _end_after(text, "?>", tag)
         if text.startswith("</", tag):
-            end = _behind(text, ">", tag)
+            end = _end_after(text, ">", tag)
             closes = self._opened and text[tag + len("</") : max(end - 1, 0)].rstrip() == self._opened.pop()
             return end if closes else 0
         return self._behind_start(tag, found)
@@ -196,7 +196,7 @@ class _TagWalk:
         return end
 
 
-def _behind(text: str, end: str, start: int) -> int:
+def _end_after(text: str, end: str, start: int) -> int:
     found = text.find(end, start)
     return found + len(end) if found >= 0 else 0
 

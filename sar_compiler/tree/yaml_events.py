@@ -268,7 +268,7 @@ def malformed(source: Source, error: yaml.YAMLError) -> Diagnostic:
         if error.context_mark is not None and re.search(r"quoted|flow|simple key", error.context or ""):
             start = error.context_mark.index if "escape" not in problem else start
             problem = f"{problem} {error.context}" if "flow" in (error.context or "") else problem
-    message, hint = _said(source.text[start : start + 1], problem)
+    message, hint = _reword(source.text[start : start + 1], problem)
     span = source.span(start, min(start + 1, len(source.text)))
     return Diagnostic("malformed-yaml", f"not well-formed YAML: {message}", source, span, hint=hint)
 
@@ -279,7 +279,7 @@ def _rewordings() -> list[dict[str, str]]:
     return list(yaml.load(text, _LOADER))  # noqa: S506 - a safe one
 
 
-def _said(character: str, problem: str) -> tuple[str, str | None]:
+def _reword(character: str, problem: str) -> tuple[str, str | None]:
     if "cannot start any token" in problem and character != "\t":
         return f"a string cannot begin with {character}", "put it in quotes"
     for words in _rewordings():

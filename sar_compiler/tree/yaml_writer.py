@@ -27,7 +27,7 @@ def write_yaml(tree_file: TreeFile) -> str:
     Raises:
         TreeError: If an attribute is named `children`.
     """
-    wrong = [_taken(element) for element in tree_file.root.iterate() if CHILDREN_KEY in element.attributes]
+    wrong = [_clash(element) for element in tree_file.root.iterate() if CHILDREN_KEY in element.attributes]
     if wrong:
         raise TreeError(wrong)
     lines: list[str] = []
@@ -167,7 +167,7 @@ def _escape(character: str) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"  # noqa: PLR2004
 
 
-def _taken(element: Element) -> Diagnostic:
+def _clash(element: Element) -> Diagnostic:
     message = (
         f"an attribute '{CHILDREN_KEY}' cannot be written in YAML, which uses this name for a node's children"
     )

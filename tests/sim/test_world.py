@@ -122,7 +122,7 @@ ROBOT = "robot: {x: 0, y: 0, radius: 0.22}\n"
 # Each: the file, then line, column, code, the end of the message, and what to write instead.
 MISTAKES: list[tuple[str, int, int, str, str, str]] = [
     ("", 1, 1, "empty-file", "the file is empty", "for example robot: "),
-    ("robot: [\n", 2, 1, "malformed-yaml", "something is missing here", "write it"),
+    ("robot: [\n", 2, 1, "malformed-yaml", "something is missing here", "write the missing part"),
     (
         "- 1\n",
         1,

@@ -73,7 +73,7 @@ def _heights(trees: Iterable[BoundTree]) -> dict[BoundTree, int]:
     """Return the depth of each tree in levels; inner trees come before enclosing ones."""
     heights: dict[BoundTree, int] = {}
     for tree in trees:
-        heights[tree] = max((level + _below(node, heights) for node, level in _levels(tree, 0)), default=0)
+        heights[tree] = max((level + _depth(node, heights) for node, level in _levels(tree, 0)), default=0)
     return heights
 
 
@@ -86,12 +86,12 @@ def _follow(start: BoundTree, done: set[BoundTree], collector: FindingCollector)
             done.add(tree)
             del path[tree]
         elif node.subtree in path:
-            _cut(node, list(path), collector)
+            _detach(node, list(path), collector)
         elif node.subtree is not None and node.subtree not in done:
             path[node.subtree] = iter(list(node.subtree.subtrees()))
 
 
-def _cut(node: BoundNode, path: list[BoundTree], collector: FindingCollector) -> None:
+def _detach(node: BoundNode, path: list[BoundTree], collector: FindingCollector) -> None:
     assert node.subtree is not None  # noqa: S101 - checked by the caller
     names = [tree.name for tree in path[path.index(node.subtree) :]] + [node.subtree.name]
     if len(names) > _LONGEST_CIRCLE:
@@ -125,7 +125,7 @@ def _levels(tree: BoundTree, above: int) -> Iterator[tuple[BoundNode, int]]:
         waiting.extend((child, level) for child in reversed(node.children))
 
 
-def _below(node: BoundNode, heights: dict[BoundTree, int]) -> int:
+def _depth(node: BoundNode, heights: dict[BoundTree, int]) -> int:
     return heights[node.subtree] if node.subtree is not None else 0
 
 

@@ -48,7 +48,7 @@ def _failures(bound: NodeView) -> float | None:
     return None if count is None else max(count, 1)
 
 
-def _within(bound: NodeView) -> float | None:
+def _timeout_limit(bound: NodeView) -> float | None:
     """Return the limit of a Timeout in seconds; 0 in BehaviorTree.CPP means no limit."""
     return milliseconds(bound, "msec") or (math.inf if number(bound, "msec") == 0 else None)
 
@@ -202,7 +202,7 @@ BEHAVIORTREE_CPP = [
         "Fails if its child is still running after a time. The child is halted without another tick.",
         input_port("msec", MILLISECONDS, "Time limit of the child, in milliseconds; 0 for no limit."),
         CLOCK,
-        semantics=_with_rewrite(Semantics.limiting(_within), rewrites.timeout),
+        semantics=_with_rewrite(Semantics.limiting(_timeout_limit), rewrites.timeout),
     ),
     _own(
         "Precondition",

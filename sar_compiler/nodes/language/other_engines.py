@@ -15,7 +15,7 @@ class Replacement(NamedTuple):
     hint: str
 
 
-def _of(engine: str, **hints: str) -> dict[str, Replacement]:
+def _replacements(engine: str, **hints: str) -> dict[str, Replacement]:
     return {tag: Replacement(engine, hint) for tag, hint in hints.items()}
 
 
@@ -33,7 +33,7 @@ _SLEEP = 'write <Sleep msec="..."/>, in milliseconds'
 _NO_CHANCE = "there is no random order: write <Fallback>, or let a leaf choose"
 
 REPLACEMENTS = {
-    **_of(
+    **_replacements(
         "py_trees_ros",
         ToBlackboard=_TOPIC,
         EventToBlackboard=_TOPIC,
@@ -46,10 +46,10 @@ REPLACEMENTS = {
         FromBlackboard=_PUBLISH,
         TransformToBlackboard=f'{_ROS}<RosTransform target_frame="..." source_frame="..." x="{{KEY}}"/>',
     ),
-    **_of(
+    **_replacements(
         "BehaviorTree.CPP 3", ManualSelector="write <Fallback>: no node asks the operator to choose a child"
     ),
-    **_of(
+    **_replacements(
         "other engines",
         MemSequence="write <Sequence>, which continues with the child that was running",
         MemSelector=_MEMORY_FALLBACK,

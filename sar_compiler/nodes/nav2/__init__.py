@@ -64,7 +64,7 @@ def type_of_port(name: str) -> ValueType:
     return known
 
 
-def of_port(name: str, value_type: ValueType) -> ValueType:
+def port_type(name: str, value_type: ValueType) -> ValueType:
     """Return the type of a port whose name has a unit, or bounds, in `nodes.yaml`."""
     unit, bounds = _units().get(name), _bounds().get(name)
     if unit is not None and value_type.python is float:
@@ -249,7 +249,7 @@ def _ports(texts: Sequence[str], version: str, *, is_free: bool = False) -> Iter
 
 
 def _parameter(match: "re.Match[str]", *, required: bool) -> Parameter:
-    value_type = of_port(match["name"], type_of_port(match["type"]))
+    value_type = port_type(match["name"], type_of_port(match["type"]))
     default: object = None
     if match["has_default"]:
         text = match["default"] or ""
