@@ -250,7 +250,7 @@ class TickFinder:
             if not 0 < uid <= count:
                 continue
             for parent in [each for each in held if self._shows_end(index, uids[held[each]])] if held else ():
-                if self._was_noticed(index, parent):
+                if self._was_noticed(index, parent, statuses[held[parent]]):
                     moved.setdefault(index, []).append(held[parent])
                 del held[parent]
             parent, status = self._parents[uid], statuses[index]
@@ -304,7 +304,7 @@ class TickFinder:
         )
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
-    def _was_noticed(self, index: int, parent: int) -> bool:
+    def _was_noticed(self, index: int, parent: int, end: int) -> bool:
         """Return whether a parent has learned of the end of a child by a change, and has not halted the child instead."""
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
@@ -312,9 +312,11 @@ class TickFinder:
         at = index
         while at < len(uids) and parent < uids[at] < self._ends[parent] and statuses[at] == IDLE:
             at += 1
-        if at < len(uids) and uids[at] == parent:
-            return statuses[at] != IDLE
         bound = self._nodes[parent - 1].bound
+        if at < len(uids) and uids[at] == parent:
+            # Another child has decided if a control that ticks its children in order ends otherwise.
+            is_in_order = bound.spec.semantics.order is Order.IN_ORDER
+            return statuses[at] == end if is_in_order else statuses[at] != IDLE
         return bound.spec.kind is not Kind.CONTROL or bound.spec.semantics.resumes
 
     def _change(self, index: int, uid: int, was: int, status: int) -> None:

@@ -5,9 +5,9 @@ Their events are those of `recorded_events` without the ones that need more than
 
 from abc import ABC, abstractmethod
 from array import array
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sar_compiler.journal.journal_entries import ASSUMPTION_FAILED, CHANGED, RUN_BEGAN, JournalEntry
 from sar_compiler.journal.mission_state import NodeState
@@ -16,7 +16,15 @@ from sar_compiler.runtime.events import ANSWERED, TICKED, Event
 
 StatusAndLabel = tuple[str, str]
 """A status, and the label of a leaf's outcome; empty for none."""
+RESET_IN_TICK = "\0reset"
+"""In place of a label: the node was reset in the tick."""
 _TickContent = tuple[tuple[tuple[int, StatusAndLabel], ...], str]
+
+
+def outcome_of(data: Mapping[str, Any]) -> StatusAndLabel:
+    """Return the status in the data of an entry, with its label."""
+    label = RESET_IN_TICK if data.get("is_reset") else str(data.get("label") or "")
+    return str(data["status"]), label
 
 
 class LoggedTick(NamedTuple):
@@ -88,8 +96,7 @@ class TickLog(TickSource):
             self._start = entry.time
             return
         if is_status(entry, len(self._nodes)):
-            outcome = data["status"], str(data.get("label") or "")
-            self.add_status(data["node"], data["tick"], entry.time, outcome)
+            self.add_status(data["node"], data["tick"], entry.time, outcome_of(data))
         elif entry.kind == CHANGED and not self._is_first and {"leaf", "tick"} <= data.keys():
             self._begin_tick(entry)
             self._facts.add(data["leaf"])
@@ -149,10 +156,11 @@ class TickLog(TickSource):
         for node, (status, label) in pairs:
             if not self._nodes[node].children:
                 what = GONE.get(status, ANSWERED)
-                answer = (status, label) if what == ANSWERED else ("", "")
+                answer = (status, "" if label == RESET_IN_TICK else label) if what == ANSWERED else ("", "")
                 path = (self._nodes[node].name,)
                 events.append(Event(path, node, what, *answer, tick=number, time_sec=time_sec))
-        statuses = tuple((node, status) for node, (status, _) in pairs)
+        # In an imported run, another engine may have reset a node in the tick that ours resets later.
+        statuses = tuple((node, status) for node, (status, label) in pairs if label != RESET_IN_TICK)
         path = (self._nodes[0].name,)
         end = Event(path, 0, TICKED, root, tick=number, time_sec=time_sec, statuses=statuses)
         return [*events, end]

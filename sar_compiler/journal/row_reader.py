@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from sar_compiler.journal.journal_entries import STATUS, JournalEntry, check_value_types
-from sar_compiler.journal.recorded_ticks import StatusAndLabel, TickLog
+from sar_compiler.journal.recorded_ticks import StatusAndLabel, TickLog, outcome_of
 from sar_compiler.json_values import json_value
 
 RawRow = tuple[Any, ...]
@@ -52,7 +52,7 @@ class _StatusText:
             # Of a running node that is left out, the message is not read.
             known = self.read(text) if self.rest is None else mapping(f'{{"status": "RUNNING"{self.rest}}}')
             if known:
-                self._outcome = str(known["status"]), str(known.get("label") or "")
+                self._outcome = outcome_of(known)
         return self._outcome
 
     def read(self, text: str) -> Mapping[str, Any]:
