@@ -12,7 +12,7 @@ from tests.examples.readme import EXAMPLES
 
 FOLDERS = sorted(path for path in EXAMPLES.iterdir() if path.is_dir() and path.name != "__pycache__")
 # Plain programs, what nobody starts, and a package of its own.
-NOT_LAUNCHED = {"cameras", "failsafes", "mission_test", "scenarios", "photo_patrol"}
+NOT_LAUNCHED = {"cameras", "failsafes", "mission_test", "recorded_runs", "scenarios", "photo_patrol"}
 LAUNCH_FILES = sorted(EXAMPLES.rglob("*.launch.py"))
 
 
