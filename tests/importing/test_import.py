@@ -235,6 +235,13 @@ def test_a_damaged_sqlite_log_is_reported(change, reason, tmp_path, capsys):
     assert (status, reason in said) == (0 if "rest" in reason else 2, True), said
 
 
+def test_a_sqlite_log_whose_schema_is_not_utf_8_is_reported(tmp_path, capsys):
+    log = sqlite_log(FAILED, tmp_path / "run.db3")
+    log.write_bytes(log.read_bytes().replace(b"CREATE TABLE D", b"CREATE\xffTABLE D"))
+    status, said = answer(journal_command, ["import", log, "-o", tmp_path / "run.journal"], capsys)
+    assert (status, "it is no log of SqliteLogger: " in said) == (2, True), said
+
+
 def bag_messages(log):
     """Return the messages that Nav2 publishes of the ticks of a log; the pauses between its ticks are long."""
     (start,), changes = struct.unpack("<q", parts_of(log)[0][-8:]), parts_of(log)[1]
