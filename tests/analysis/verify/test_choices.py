@@ -46,5 +46,5 @@ def test_a_tick_that_does_not_ask_the_same_again_is_refused():
     choices.begin()
     choices.pick(2)
     choices.advance()
-    with pytest.raises(UnsteadyError, match="does not do the same in the same state"):
+    with pytest.raises(UnsteadyError, match="behaves differently in equal states"):
         choices.pick(3)
