@@ -35,6 +35,8 @@ KERNEL_COVERAGE := $(VENV)/.kernel-coverage
 PLAIN := build/plain
 # The driver of BehaviorTree.CPP for `make bench`, built by hand (benchmarks/README.md).
 export BTCPP_DRIVER ?=
+# CPU seconds of each test of the last whole run.
+COSTS := build/test_costs.tsv
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
