@@ -14,7 +14,7 @@ _FROZEN = 1_000
 
 @contextmanager
 def gc_paused(acyclic: int = 0) -> Iterator[None]:
-    """Pause the garbage collector while a structure grows that leaves no garbage.
+    """Pause garbage collection while building a structure that creates no garbage.
 
     For large trees, collection would take as long as all other work together.
 
@@ -41,7 +41,7 @@ def gc_paused(acyclic: int = 0) -> Iterator[None]:
 
 @contextmanager
 def large_imports() -> Iterator[None]:
-    """Disable the garbage collector during large imports; it would search the new objects in vain, also afterwards and at the end."""
+    """Disable garbage collection during large imports; scanning the new objects, then or later, would free nothing."""
     with gc_paused(LARGE):
         yield
     atexit.register(gc.freeze)

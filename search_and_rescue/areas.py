@@ -1,4 +1,4 @@
-"""Parameters of zones beyond their poses: probabilities, and the ground to sweep."""
+"""Read the parameters of zones other than their poses: probabilities, priorities, and the ground to sweep."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,9 @@ _NEAR_DEG = 0.5
 def read_areas(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], sweeps_sec: Mapping[str, float] | None = None
 ) -> dict[str, Area]:
-    """Read the expectations of a search in each zone, `zones.<id>.{poa,pod,look_sec}`: for all zones, or for none.
+    """Read the probabilities and search times of zones, `zones.<id>.{poa,pod,look_sec}`.
+
+    If one zone has any of these parameters, every zone needs `poa` and `pod`. Without them the result is empty.
 
     Args:
         reader: The parameters.
@@ -59,7 +61,7 @@ def read_areas(
 
 
 def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Read `zones.<id>.priority`: zones with a higher one are searched first if the tree chooses; the default is 0."""
+    """Read `zones.<id>.priority` (default 0): if the tree chooses the order, zones with a higher priority are searched first."""
     return {zone["id"]: reader.number(f"zones.{zone['id']}.priority", 0.0) for zone in zones}
 
 
@@ -78,7 +80,7 @@ def read_grounds(
 def note_surprises(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
 ) -> None:
-    """Note probable typos: a pose far from its polygon, and ground with more stops than a sweep can have.
+    """Add notes about probable typos: a pose far from its polygon, or ground that needs more stops than a sweep can have.
 
     Raises:
         ImportError: If there is ground, and shapely is not installed.
@@ -130,7 +132,7 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
 
 
 def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
-    """Read a polygon and report errors in it."""
+    """Read a polygon, and report errors in it."""
     mistakes = len(reader.problems)
     numbers = reader.numbers(key)
     if len(reader.problems) > mistakes:
@@ -148,7 +150,7 @@ def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
 
 
 def outline_objection(corners: Corners, fence: Fence) -> str:
-    """Return the error of a polygon of three corners or more (metres, frame `map`), as a predicate; empty if it is valid.
+    """Return the error in a polygon with at least three corners (metres, frame `map`), as a predicate; empty if it is valid.
 
     Raises:
         ImportError: If shapely is not installed.
@@ -174,7 +176,7 @@ def outline_objection(corners: Corners, fence: Fence) -> str:
 
 
 def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return a point inside the polygon, or between the corners of an invalid one: x and y, metres, frame `map`.
+    """Return a point inside the polygon, or near its corners if it is invalid (x and y in metres, frame `map`).
 
     Raises:
         ImportError: If shapely is not installed.
@@ -187,7 +189,7 @@ def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _are_degrees(parameters: Mapping[str, object], corners: Corners) -> bool:
-    """Return whether all corners are so close to the latitude and longitude of the map's origin that they must be degrees."""
+    """Return whether all corners are so near the latitude and longitude of the map's origin that they must be in degrees."""
     place = [parameters.get(f"georeference.{name}") for name in ("lat", "lon")]
     if not all(isinstance(value, int | float) for value in place):
         return False

@@ -1,11 +1,11 @@
-"""Orders of searched areas that minimise the expected time to the first detection.
+"""Choose the order of searches that minimises the expected time to the first detection.
 
-The cost of an order is Σ over its searches of (time until the search ends) · (probability that it is the first to detect). This equals
+The cost of an order is Σ over its searches of (time until the search ends) · (probability that it makes the first detection). This equals
 Σ over its steps of (time of the step) · (probability of a detection in it or later). So the cost of a step depends only on the set of areas
 before it and on the last of them. Dynamic programming over subsets is therefore exact (Held and Karp's, with another cost).
 
 Its time and memory grow as 2^n, those of a beam search as n³, and those of the index rule (probability per second) as n². The
-number of areas decides which one is used: any number in a parameter file is ordered within 2 s and 200 MB.
+number of areas decides which of them is used. Any number of areas in a parameter file is ordered within 2 s and 200 MB.
 """
 
 import itertools
@@ -31,7 +31,7 @@ _Durations = npt.NDArray[np.float64]
 
 
 def ordered(order: VisitingOrder, tour: Tour) -> list[int]:
-    """Return the indices of a tour's areas in an order."""
+    """Return the area indices sorted by a visiting strategy."""
     count = len(tour.finds)
     if order == "listed" or count < 1:
         return list(range(count))
@@ -43,7 +43,7 @@ def ordered(order: VisitingOrder, tour: Tour) -> list[int]:
 
 
 def approximation(count: int) -> str:
-    """Return the name of the approximation for so many areas; empty if the order is exact."""
+    """Return the name of the approximation for this number of areas; empty if the order is exact."""
     if count <= EXACT_UP_TO:
         return ""
     return "a beam search" if count <= BEAM_UP_TO else "probability per second"
@@ -59,7 +59,7 @@ def _nearest(tour: Tour) -> list[int]:
 
 
 def exact(tour: Tour) -> list[int]:
-    """Return the optimal order by dynamic programming; each further area doubles time and memory."""
+    """Return the optimal order, by dynamic programming; each additional area doubles time and memory."""
     start, between, weights = _steps(tour)
     count = len(weights)
     sets = np.arange(1 << count)
@@ -85,11 +85,11 @@ def exact(tour: Tour) -> list[int]:
 
 
 def beam(tour: Tour, width: int = _BEAM_WIDTH) -> list[int]:
-    """Return a good order: a beam search over beginnings, whose best result is then improved.
+    """Return a good order: the best result of a beam search over partial orders, then improved.
 
     Args:
         tour: The inputs.
-        width: Number of beginnings kept of each length.
+        width: Number of partial orders kept of each length.
     """
     start, between, weights = _steps(tour)
     count = len(weights)
@@ -114,10 +114,10 @@ def beam(tour: Tour, width: int = _BEAM_WIDTH) -> list[int]:
 
 
 def by_index(tour: Tour) -> list[int]:
-    """Return a good order of many areas: the greedy index rule, then each area moved to its best position.
+    """Return a good order of many areas: by the greedy index rule, then with each area moved to its best position.
 
-    The rule always continues with the area of the highest probability per second of drive and search. It takes O(n²) time, and so does a pass
-    that moves areas: prefix sums of weights and times give the cost of a move without walking through the order again.
+    The rule always continues with the area of the highest probability per second of drive and search. It takes O(n²) time. A pass that moves
+    areas takes O(n²), too, because prefix sums of weights and times give the cost of a move without another pass over the order.
 
     Args:
         tour: The inputs.
@@ -134,7 +134,7 @@ def by_index(tour: Tour) -> list[int]:
 
 
 def _moved(order: list[int], start: _Durations, between: _Durations, weights: _Durations) -> list[int]:
-    """Return an order in which each area is at (almost) its best position among the others."""
+    """Return an order in which each area has (almost) its best position among the others."""
     for _ in range(_MOST_PASSES):
         before = order
         for area in before:
@@ -158,7 +158,7 @@ def _moved(order: list[int], start: _Durations, between: _Durations, weights: _D
 def _best_of_each(
     ranked: npt.NDArray[np.intp], states: npt.NDArray[np.intp], costs: _Durations, width: int
 ) -> list[int]:
-    """Return the cheapest of equivalent beginnings, which contain the same areas and end at the same one."""
+    """Return the cheapest of equivalent partial orders, which contain the same areas and end at the same one."""
     kept: dict[bytes, int] = {}
     for index in ranked:
         state = states[index].tobytes()
@@ -172,7 +172,7 @@ def _best_of_each(
 
 
 def _mended(order: list[int], start: _Durations, between: _Durations, weights: _Durations) -> list[int]:
-    """Return an order that no reversal of a part and no move of an area improves."""
+    """Return an order, improved until no reversal of a part and no move of an area lowers its cost."""
 
     def cost(order: Sequence[int]) -> float:
         steps = np.concatenate([start[list(order[:1])], between[list(order[:-1]), list(order[1:])]])
@@ -194,7 +194,7 @@ def _mended(order: list[int], start: _Durations, between: _Durations, weights: _
 
 
 def _steps(tour: Tour) -> tuple[_Durations, _Durations, _Durations]:
-    """Return the durations from the start, those between areas including searches, and the weights of detections.
+    """Return travel times from the start and between areas (search time included), and detection weights.
 
     Areas where detection is almost impossible have a small weight, so that the shorter path to them is preferred.
     """

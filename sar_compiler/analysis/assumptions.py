@@ -1,6 +1,6 @@
 """Read assumptions from files beside a tree: `facts:` and `answers:` of the world, and `controls:`.
 
-The latter name replacements for nodes whose behaviour is unknown.
+`controls:` names replacements for nodes whose behaviour is unknown.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -80,7 +80,7 @@ def read_assumptions(
         document: The file.
         facts: The value of its `facts:`, if it has any.
         answers: The value of its `answers:`, if it has any.
-        simulated: The tree, simulated without any of it.
+        simulated: The tree, simulated without these assumptions.
     """
     said = {} if answers is None else _read_answers(answers, LeafVocabulary(document, simulated))
     used = {use for options in said.values() for answer in options for use in _names_in(answer)}
@@ -229,7 +229,7 @@ def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answ
 
 
 def _can(spec: NodeSpec, status: str) -> bool:
-    """Return whether a leaf can have an outcome; one that names none can have the default ones."""
+    """Return whether a leaf can return `status`; a leaf without declared outcomes can return any default."""
     return status in (spec.outcomes or ("SUCCESS", "FAILURE", "RUNNING"))
 
 

@@ -68,7 +68,7 @@ class SearchBudget:
             self._end_of_share = now + (self._end - now) / trees
 
     def take(self, work: int) -> bool:
-        """Use some work; return False if not enough is left."""
+        """Charge `work` to the budget; return False if it is exhausted."""
         if self._share is not None and self.spent + work > self._share:
             self.is_limited = True
             return False
@@ -81,14 +81,14 @@ class SearchBudget:
 
 
 class NameInTree(str):
-    """The name of a node, by which its error is located in the file."""
+    """A node name that carries its node, so that errors can be located in the file."""
 
     __slots__ = ("bound",)
     bound: BoundNode
 
 
 def mark(binding: Binding) -> None:
-    """Let errors of a bound tree's nodes name the nodes themselves."""
+    """Replace the names in a bound tree by names that carry their nodes."""
     for bound in binding.nodes():
         name = NameInTree(bound.name)
         name.bound = bound
@@ -103,7 +103,7 @@ class _Raised(NamedTuple):
 
 
 def can_prepare(binding: Binding, budget: SearchBudget) -> bool:
-    """Return whether a budget is enough to prepare a tree, and use its cost."""
+    """Charge the preparation of a tree to the budget; return whether it was enough."""
     nodes = count_within_limits(binding.main, FindingCollector())
     return nodes is not None and budget.take(nodes * _PREPARING)
 

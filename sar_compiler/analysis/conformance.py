@@ -451,7 +451,7 @@ class _Judged:
         return (1 << len(self._properties.names)) - (1 << count)
 
     def go_on(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
-        """Evaluate the rest of a run that is no longer possible for the tree, by its events alone."""
+        """Evaluate the rest of the run from its events alone, after the tree can no longer reproduce it."""
         times, names = {}, self._properties.names
         for tick in ticks_of(self._compared_run.record):
             times[tick[-1].tick] = tick[-1].time_sec or 0.0

@@ -13,9 +13,9 @@ class EntryContent(NamedTuple):
     """The content of an entry.
 
     Attributes:
-        kind: Its type, None if it has none of its own, in a tuple; None if it was never named.
+        kind: A tuple with its type, or with None if it has no type of its own; None if it was never named.
         frozen: Its value, as `freeze` returns it; None if nothing was written.
-        stamp: The number of writes if that is monitored; else 1 if it was written.
+        stamp: The number of writes if it is counted; else 1 if the entry was written.
     """
 
     kind: tuple[type | None] | None = None
@@ -59,7 +59,10 @@ class NumberedBoard(Board):
                 board.set(name, values[name])
 
     def memo(self, entries: Sequence[Entry]) -> Memo:
-        """Return a memo of the effects of code on entries of this board, and of those that share its cells."""
+        """Return a memo that caches the effects of code on `entries`.
+
+        It identifies entries by their cells, so it also covers entries of other boards that share these cells.
+        """
         places = {self.cells.place_of(entry.name) for entry in entries}
         return Memo(
             self.cells, sorted(places.union(self.merging.add_switch(entries) if self.merging else ()))
@@ -76,7 +79,7 @@ class NumberedBoard(Board):
         return self._content_of(name).frozen is not None
 
     def get(self, name: str) -> object:
-        """Return an entry's value; a `KeyError` if there is none."""
+        """Return an entry's value; raise a `KeyError` if it has none."""
         frozen = self._content_of(name).frozen
         if frozen is None:
             raise KeyError(name)

@@ -57,11 +57,11 @@ class Origin:
 
 
 class Construction(NamedTuple):
-    """The construction of a behaviour.
+    """How a behaviour was constructed: its node, subtree instance and blackboard values.
 
     Attributes:
         behaviour: Its id.
-        instance: The instance of a subtree that it belongs to.
+        instance: The subtree instance that it belongs to.
         bound: The node that it was constructed for.
         wrapper: The attributes of a wrapper around the node; None for the node itself.
         known: The values of plain attributes that came from the blackboard.
@@ -219,7 +219,7 @@ class Arguments:
         return arguments
 
     def fixed_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
-        """Return the value of an attribute that is fixed at compile time; its default if it is not written."""
+        """Return the value of an attribute that is fixed at compile time; its default if the file does not set it."""
         if parameter.name in bound.keys:
             return self._blackboard_value(instance, bound, parameter)
         return bound.values.get(parameter.name, parameter.default)
@@ -227,7 +227,7 @@ class Arguments:
     def _port(
         self, instance: Instance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
     ) -> None:
-        """Add a port; one that is not written keeps the constructor's default."""
+        """Add a port; a port that is not set in the file keeps the constructor's default."""
         name, value_type = parameter.name, parameter.value_type
         cls = InOut if parameter.direction is _INOUT else Input
         if name in bound.keys:

@@ -1,4 +1,4 @@
-"""Import of runs that other programs recorded: logs of BehaviorTree.CPP become journals."""
+"""Convert logs of BehaviorTree.CPP to journals."""
 
 PUBLIC_MODULES = ("import_run",)
 """The modules that other parts may import."""

@@ -1,7 +1,7 @@
 """Read Nav2's `behavior_tree_log` from a rosbag2 bag (`.mcap`, `.db3`), without ROS.
 
-Each message is of `nav2_msgs/msg/BehaviorTreeLog`: the changes of one tick, each with its time, the node's name and number, and both statuses. The bag has
-no tree.
+Each message is of `nav2_msgs/msg/BehaviorTreeLog`: the changes of one tick, each with its time, the node's name and number, and both statuses. The bag does
+not contain the tree.
 """
 
 import os
@@ -20,7 +20,7 @@ _MOST_BYTES = 16 * 2**20
 
 
 def read_mcap(path: Path) -> Recording:
-    """Read a bag in MCAP.
+    """Read a bag in MCAP format.
 
     Raises:
         UnusableRecordingError: If it cannot be used.
@@ -44,7 +44,7 @@ def read_mcap(path: Path) -> Recording:
 
 
 def read_db3(connection: sqlite3.Connection) -> Recording:
-    """Read a bag in SQLite.
+    """Read a bag in SQLite format.
 
     Raises:
         UnusableRecordingError: If it cannot be used.

@@ -1,8 +1,8 @@
 """Read the logs of BehaviorTree.CPP's `FileLogger2` (`.btlog`).
 
 The format: `BTCPP4-FileLogger2`, a byte with the version 1, the length of the tree's XML (4 bytes), the XML, the start in microseconds since
-1970 (8 bytes), and for each change 9 bytes: microseconds since the start (6), the node's number (2), its status (1). All numbers have their
-least significant byte first. A program that crashes leaves a log that ends anywhere.
+1970 (8 bytes), and for each change 9 bytes: microseconds since the start (6), the node's number (2), its status (1). All numbers are
+little-endian. The log of a crashed program may end anywhere.
 """
 
 import struct
@@ -18,10 +18,10 @@ _LATEST_USEC = 2**53
 
 
 def read_btlog(data: bytes) -> Recording:
-    """Read a log, as far as it goes.
+    """Read a log up to its last complete change.
 
     Raises:
-        UnusableRecordingError: If nothing of it can be used.
+        UnusableRecordingError: If no part of it can be used.
     """
     at = len(MAGIC)
     if data[at : at + 1] != bytes([_VERSION]):

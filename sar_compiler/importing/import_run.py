@@ -1,4 +1,4 @@
-"""Write a run that another program recorded as a journal."""
+"""Convert a run that another program recorded to a journal."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -45,15 +45,15 @@ _NAV2 = "nav2:jazzy"
 
 
 class ImportedRun(NamedTuple):
-    """What was imported.
+    """A summary of the imported run.
 
     Attributes:
         tree: The file of the tree.
         nodes: The number of nodes.
         changes: The number of changes of status.
         ticks: The number of ticks with changes.
-        runs: The number of runs: a halt of the whole tree ends one.
-        unsure: The number of borders between ticks that rest on a pause alone.
+        runs: The number of runs; a halt of the whole tree ends a run.
+        unsure: The number of tick boundaries that were inferred from a pause alone.
         flaws: Problems of the recording.
         options: Options for commands that read the tree file.
     """
@@ -75,11 +75,11 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
         path: The recording.
         journal: The journal to write.
         projects: Loads the tree.
-        trees: The file of the tree that ran, or several, of which the best fitting one counts; by default the tree in the recording is
-            written beside the journal.
+        trees: The file of the tree that ran, or several candidates, of which the best match is used. By default the tree in the
+            recording is written next to the journal.
 
     Raises:
-        UnusableRecordingError: If the recording cannot be used, or is not one of the tree.
+        UnusableRecordingError: If the recording cannot be used, or was made with another tree.
         JournalError: If the journal cannot be written, or already has a run.
         SarError: If the tree cannot be read.
     """
@@ -138,10 +138,10 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a recording, by the form of its content.
+    """Read a recording; its content determines the format.
 
     Raises:
-        UnusableRecordingError: If it has no known form, or cannot be used.
+        UnusableRecordingError: If its format is unknown, or it cannot be used.
         UnreadableFileError: If the file cannot be read.
     """
     try:
@@ -177,7 +177,7 @@ def _write_tree(place: Path, exported: ExportedTree, palette: str) -> None:
 
 
 class _JournalWriter:
-    """Writes the ticks of a recorded run to a journal, as `StatusWatch` writes those of our own runs."""
+    """Writes the ticks of a recorded run to a journal in the same way as `StatusWatch`."""
 
     def __init__(
         self,
@@ -197,7 +197,7 @@ class _JournalWriter:
 
     @property
     def unsure(self) -> int:
-        """The number of borders that rest on a pause alone."""
+        """The number of tick boundaries that were inferred from a pause alone."""
         return self._finder.unsure
 
     def _begin(self) -> None:
@@ -281,7 +281,10 @@ class _JournalWriter:
         (self._standing.add if status in (SUCCESS, FAILURE) else self._standing.discard)(uid)
 
     def _shown_in(self, tick: RecordedTick) -> Iterator[tuple[int, int, int]]:
-        """Yield the index, node and status of the changes that a journal has of a tick: of a leaf each outcome, of another node its last status."""
+        """Yield the index, node and status of the changes of a tick that belong in a journal.
+
+        For a leaf these are all its outcomes, for any other node only its last status.
+        """
         recording, nodes, skipped = self._recording, self._nodes, self._finder.skipped
         last: dict[int, int] = {}
         left_out: set[int] = set()

@@ -26,15 +26,15 @@ _UID, _PATH = "_uid", "_fullpath"
 
 
 class RunNode(NamedTuple):
-    """A node of the tree that ran; a node and its conditions are one.
+    """A node of the recorded tree, including its conditions.
 
     Attributes:
         tag: Its tag.
         name: Its name; of a subtree, its ID.
         parent: The number of its parent; 0 at the root.
         children: The numbers of its children.
-        rows: Its numbers in the journal: those of its conditions, from the outer one, and its own.
-        bound: Its element with its meaning.
+        rows: Its numbers in the journal: those of its conditions, the outermost first, and its own.
+        bound: The bound node.
     """
 
     tag: str
@@ -59,7 +59,7 @@ class ExportedTree:
 
     @property
     def palette(self) -> str:
-        """The installed palette that knows most of its controls and decorators that are not built in; empty if none does."""
+        """The installed palette that defines most of the tree's custom controls and decorators; empty if none."""
         models = [
             each for child in self.file.root.children if child.tag == MODEL_TAG for each in child.children
         ]
@@ -68,7 +68,7 @@ class ExportedTree:
         return known.most_common(1)[0][0] if known else ""
 
     def without_models_of(self, palette: str) -> TreeFile:
-        """Return the tree file without the models of nodes that a palette describes."""
+        """Return the tree file without the node models that a palette describes."""
         children = []
         for child in self.file.root.children:
             if child.tag != MODEL_TAG:
@@ -83,10 +83,10 @@ class ExportedTree:
 
 
 def read_exported(xml: str) -> ExportedTree:
-    """Return the tree in an export with numbers: one `BehaviorTree` for each use of a subtree.
+    """Return the tree of an export with node numbers, which has one `BehaviorTree` for each use of a subtree.
 
     Raises:
-        UnusableRecordingError: If it is no such export.
+        UnusableRecordingError: If the text is not such an export.
     """
     try:
         root = parse_xml(xml, "its tree").root
@@ -142,7 +142,7 @@ def _tag_and_name(element: Element) -> tuple[str, str]:
 
 
 def _plain(element: Element) -> Element:
-    """Return an element without numbers, and all in it."""
+    """Return a copy of an element and its descendants, without node numbers."""
     given = {name: text for name, text in element.attributes.items() if name not in (_UID, _PATH)}
     return replace(element, attributes=given, children=tuple(map(_plain, element.children)))
 
@@ -172,7 +172,7 @@ def run_nodes(tree: Drawable) -> list[RunNode]:
 
 
 def different_nodes(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunNode]) -> list[str]:
-    """Describe the nodes of a tree that are not those of a recording, given by tags and names."""
+    """Describe the nodes whose tags or names differ from those of a recording."""
     wrong = []
     for uid, (there, here) in enumerate(zip_longest(recorded, nodes), 1):
         if there is None or here is None or there != (here.tag, here.name):
@@ -187,10 +187,10 @@ def different_nodes(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunNode
 
 
 def refuse_differences(wrong: Sequence[str], path: Path) -> None:
-    """Raise an error that lists the nodes that differ, if there are any.
+    """Raise an error that lists the different nodes, if there are any.
 
     Raises:
-        UnusableRecordingError: If there are.
+        UnusableRecordingError: If nodes differ.
     """
     if wrong:
         more = [f"  and {len(wrong) - _MOST_NAMED} more"] if len(wrong) > _MOST_NAMED else []
@@ -206,7 +206,7 @@ def refuse_differences(wrong: Sequence[str], path: Path) -> None:
 
 
 def different_names(recorded: Mapping[int, str], nodes: Sequence[RunNode]) -> list[str]:
-    """Describe the nodes of a tree whose names are not those of a recording, given by their numbers."""
+    """Describe the nodes whose names differ from those of a recording with the same numbers."""
     names = {uid: node.name for uid, node in enumerate(nodes, 1) if node.tag != SUBTREE_TAG}
     subtrees = {uid for uid, node in enumerate(nodes, 1) if node.tag == SUBTREE_TAG}
     return [

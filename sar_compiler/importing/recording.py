@@ -1,4 +1,4 @@
-"""A run as another program has recorded it: the tree, and each change of a node's status."""
+"""A run recorded by another program: the tree, and each change of a node's status."""
 
 from array import array
 from dataclasses import dataclass, field
@@ -21,14 +21,14 @@ class Recording:
 
     Attributes:
         form: The name of the format.
-        began: The time that the changes are measured from, in seconds since 1970.
+        began: The time from which the changes are measured, in seconds since 1970.
         tree: The tree as BehaviorTree.CPP exports it, in XML; empty if the recording has none.
         times: The time of each change, in microseconds.
         uids: The number of each changed node, as BehaviorTree.CPP numbers the nodes: from 1, in pre-order.
         statuses: The status of each changed node after the change.
         ticks: The number of the tick of each change; empty if the recording has no ticks.
         names: The names of nodes by their numbers, if the recording has no tree.
-        flaws: Problems of the recording, with their places in the file.
+        flaws: Problems of the recording, with their locations in the file.
     """
 
     form: str

@@ -1,7 +1,7 @@
 """Read the logs of BehaviorTree.CPP's `SqliteLogger` (`.db3`, `.btdb`).
 
-The tables: `Definitions` (`session_id`, `date`, `xml_tree`: the tree as `FileLogger2` has it) and `Transitions` (`timestamp` in microseconds since
-1970, `session_id`, `node_uid`, `state`). A log that was appended to has several sessions, of which the last one is read.
+The tables: `Definitions` (`session_id`, `date`, `xml_tree`: the tree as in `FileLogger2`) and `Transitions` (`timestamp` in microseconds since
+1970, `session_id`, `node_uid`, `state`). If a log has several sessions, the last one is read.
 """
 
 import sqlite3
@@ -21,7 +21,7 @@ _STRIDE, _STEPS_OF_A_BYTE = 10_000, 20
 
 
 def read_sqlite_log(path: Path) -> Recording:
-    """Read a log, or a bag in SQLite.
+    """Read a log, or a bag in SQLite format.
 
     Raises:
         UnusableRecordingError: If it cannot be used.

@@ -1,19 +1,20 @@
-"""Find the ticks of a recorded run, of which a log of BehaviorTree.CPP only has the changes of status.
+"""Find the ticks of a recorded run. A log of BehaviorTree.CPP contains only the changes of status.
 
-A border between two ticks can only be where the tree is settled: each control that is RUNNING has a child that is RUNNING, or waits by itself
-as its kind does. Where it is settled, one of these decides:
+One tick can end, and the next begin, only when the tree is settled: each RUNNING control has a RUNNING child, or is of a kind that can wait
+by itself. If the tree is settled, one of these decides:
 
 - The next change is of a node that the tick has passed: within a tick the nodes are visited in order. (A loop that restarts within a tick is
-  not settled in between.) A leaf that ends just after it has started may have said RUNNING itself before; this is assumed if no leaf of its tag was
-  ever RUNNING when something else changed.
-- The pause before the next change: half of the usual pause at the borders that are certain. A pause alone says nothing, because a leaf may block,
-  and the computer may be busy; and two ticks may follow each other without one.
+  not settled in between.) A leaf that ends just after it has started may have reported RUNNING itself before. This is assumed if no leaf with
+  its tag was ever RUNNING when another node changed.
+- The pause before the next change is at least half of the usual pause at boundaries that are certain. A pause alone is weak evidence: a leaf may block,
+  the computer may be busy, and two ticks may follow each other without a pause.
 - The root has ended, or the program has halted the tree.
 
-A leaf with a thread of its own writes its end at any moment, and its parent learns of it in the next tick. Such an end is moved to where the parent
-continues.
+A leaf with its own thread can write its end at any moment, and its parent processes the end in the next tick. Such an end is moved to the change
+at which the parent continues.
 
-A control that all of whose children were skipped stays RUNNING in a log, though nothing in it runs. It is known by a later sibling that starts.
+If all children of a control were skipped, the control stays RUNNING in a log although none of its children runs. The start of a later sibling
+reveals this.
 """
 
 from array import array
@@ -36,7 +37,7 @@ _NEAR = 3
 
 
 class Wait(Enum):
-    """When a node that is RUNNING may have returned it."""
+    """The conditions under which a RUNNING node may have returned RUNNING."""
 
     FREE = "always: a leaf, or a control of an unknown kind"
     CHILD = "while a child is RUNNING"
@@ -48,7 +49,7 @@ class Wait(Enum):
 
 
 class TickKind(Enum):
-    """What the changes of a tick are."""
+    """The kind of the changes of a tick."""
 
     TICK = "a tick"
     ENDS = "a tick in which the root has ended"
@@ -60,8 +61,8 @@ class RecordedTick(NamedTuple):
 
     Attributes:
         first: The index of its first change.
-        behind: The index behind its last one.
-        kind: What they are.
+        behind: The index after its last change.
+        kind: The kind of these changes.
     """
 
     first: int
@@ -73,12 +74,12 @@ class TickFinder:
     """Finds the ticks of a recorded run.
 
     Args:
-        nodes: The nodes of its tree.
+        nodes: The nodes of the tree.
         recording: The run.
 
     Attributes:
-        skipped: The indices of the changes to RUNNING of nodes that were skipped; complete for the ticks that were yielded.
-        unsure: The number of places where a pause decided that is near the limit.
+        skipped: The indices of changes to RUNNING whose nodes were skipped; complete for the ticks that were yielded.
+        unsure: The number of decisions by a pause that is near the limit.
     """
 
     def __init__(self, nodes: Sequence[RunNode], recording: Recording) -> None:
@@ -128,7 +129,7 @@ class TickFinder:
         self._next_tick()
 
     def end_of(self, uid: int) -> int:
-        """Return the number after that of the last node below a node."""
+        """Return the number after the last descendant of a node."""
         return self._ends[uid]
 
     def ticks(self) -> Iterator[RecordedTick]:
@@ -198,7 +199,7 @@ class TickFinder:
         self._has_turned = False
 
     def _visit(self, uid: int, status: int) -> None:
-        """Note how far the tick has come: it has passed all nodes before `_passed` but those around the last one, `_done`."""
+        """Record the progress of the tick: it has passed all nodes before `_passed`, except the ancestors of the last one, `_done`."""
         is_late = self._is_around(uid)
         if is_late or status != RUNNING or not self._children[uid]:
             self._passed, self._done = self._ends[uid], uid
@@ -206,11 +207,11 @@ class TickFinder:
             self._passed, self._done = uid, 0
 
     def _is_around(self, uid: int) -> bool:
-        """Return whether a node is around the last one that the tick has passed."""
+        """Return whether a node is an ancestor of the last one that the tick has passed."""
         return uid < self._done and self._ends[uid] >= self._passed
 
     def _is_border(self, index: int, pause: int) -> bool:
-        """Return whether a change is the first of a tick, where the tree is settled."""
+        """Return whether a change is the first of a tick, if the tree is settled."""
         uids, statuses = self._recording.uids, self._recording.statuses
         uid, status = uids[index], statuses[index]
         gap = self._recording.times[index] - self._recording.times[index - 1]
@@ -238,7 +239,7 @@ class TickFinder:
         )
 
     def _move_ends_of_threads(self) -> None:
-        """Move the ends of leaves that their parents have learned of later."""
+        """Move the ends of leaves to the ticks in which their parents process them."""
         recording, count = self._recording, len(self._nodes)
         uids, statuses = recording.uids, recording.statuses
         held: dict[int, int] = {}
@@ -276,7 +277,7 @@ class TickFinder:
             self._reorder(moved, left_out)
 
     def _reorder(self, moved: Mapping[int, Sequence[int]], left_out: set[int]) -> None:
-        """Move changes to before others, by their indices, and leave them out in their own places."""
+        """Insert the *moved* changes before others, by their indices, and omit those in *left_out*."""
         recording = self._recording
         ordered = Recording(recording.form, recording.began)
         for index, uid in enumerate(recording.uids):
@@ -287,7 +288,7 @@ class TickFinder:
         recording.times, recording.uids, recording.statuses = ordered.times, ordered.uids, ordered.statuses
 
     def _must_continue(self, parent: int, statuses: Sequence[int]) -> bool:
-        """Return whether a parent continues, or ends, in the tick in which it learns of the end of a child."""
+        """Return whether a parent continues, or ends, in the tick in which it processes the end of a child."""
         if self._rules[parent] in (Wait.FREE, Wait.PARALLEL):
             return False
         # Only a control that ticks its children in order can run several at once, and then need not continue.
@@ -295,7 +296,7 @@ class TickFinder:
         return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
 
     def _shows_end(self, index: int, leaf: int) -> bool:
-        """Return whether a change shows that the parent of a leaf knows of its end: the parent ends, continues, or resets a child."""
+        """Return whether a change shows that the parent has processed the end of a leaf: it ends, continues, or resets a child."""
         uid, parent = self._recording.uids[index], self._parents[leaf]
         is_reset = (
             self._recording.statuses[index] == IDLE
@@ -305,7 +306,7 @@ class TickFinder:
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
     def _was_noticed(self, index: int, parent: int, end: int) -> bool:
-        """Return whether a parent has learned of the end of a child by a change, and has not halted the child instead."""
+        """Return whether a parent had processed the end of a child by a change, instead of halting the child."""
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
             return True
@@ -333,7 +334,7 @@ class TickFinder:
         self._settle(parent)
 
     def _pass_over(self, uid: int) -> None:
-        """Settle the siblings before a node that starts, of which the controls that seem to run were skipped."""
+        """Settle the earlier siblings of a node that starts; controls among them that seem to run were skipped."""
         while self._left and (parent := self._parents[uid]):
             for sibling in self._children[parent] if self._rules[parent] is not Wait.PARALLEL else ():
                 if sibling == uid:
@@ -393,7 +394,7 @@ class TickFinder:
         )
 
     def _is_below_thresholds(self, uid: int, found: list[int]) -> bool:
-        """Return whether a Parallel has ticked all children, and these do not end it."""
+        """Return whether a Parallel has ticked all children without reaching a threshold."""
         successes, failures = self._thresholds[uid]
         if found.count(SUCCESS) >= successes or found.count(FAILURE) >= failures:
             return False
@@ -403,7 +404,7 @@ class TickFinder:
         )
 
     def _is_quick(self, uid: int, parent: int) -> bool:
-        """Return whether a node has started and ended in the present tick, so that its parent continues in the next one."""
+        """Return whether a node has started and ended in the current tick, so that its parent continues in the next one."""
         is_of_tick = self._started[uid] == self._ended[uid] == self._tick
         return is_of_tick and self._outcomes[uid] in self._pauses_after[parent]
 
@@ -426,12 +427,12 @@ def _waiting(node: RunNode) -> Wait:
 
 
 def _pauses_after(node: RunNode) -> tuple[int, ...]:
-    """Return the ends of children after which a control or decorator may return RUNNING."""
+    """Return the results of children after which a control or decorator may return RUNNING."""
     return tuple(status for status, bit in ((SUCCESS, S), (FAILURE, F)) if _result(node, bit) & R)
 
 
 def _result(node: RunNode, bit: int) -> int:
-    """Return the results that a node may have if all of its children have the same one."""
+    """Return the possible results of a node whose children all have the same result."""
     possible = node.bound.spec.semantics.possible
     return possible(node.bound, [bit] * len(node.children), ALLOWED) if possible and node.children else 0
 
@@ -442,14 +443,14 @@ def _may_skip(node: RunNode) -> bool:
 
 
 def _halts(node: RunNode) -> bool:
-    """Return whether a node may halt what is below it before anything else of a tick."""
+    """Return whether a node may halt its descendants at the start of a tick."""
     means = node.bound.spec.semantics
     is_unknown = means.possible is None and bool(node.children)
     return is_unknown or means.limit_sec is not None or "_while" in node.bound.element.attributes
 
 
 def _thresholds(node: RunNode) -> tuple[int, int]:
-    """Return how many children's successes, and how many failures, end a Parallel at once; more than it has if that is unknown."""
+    """Return how many successes, and how many failures, end a Parallel at once; more than its children if unknown."""
     ports, count = node.bound.spec.semantics.counts, len(node.children)
     if len(ports) != 2:  # noqa: PLR2004 - successes and failures
         return count + 1, count + 1

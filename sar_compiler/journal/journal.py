@@ -94,7 +94,7 @@ class Journal:
 
     While the file cannot be written, because the disk is full or another process has locked it, the mission continues.
     Entries wait in memory, events also in the journal's `SpillFile`, and writing is tried again with each event and each
-    second. The start is reported by `on_failure`, the end by `on_recovery`.
+    second. `on_failure` reports the start of this state, and `on_recovery` its end.
 
     Args:
         file: The file, open and locked; None for a journal without a file, such as the initial one of a mission's state.
@@ -169,7 +169,7 @@ class Journal:
     def listen(self, listener: Listener) -> None:
         """Call a function with each entry after it is written, also without a file.
 
-        It is called in the thread of the mission, and must return at once. One that raises is not called again. In addition to
+        It is called in the thread of the mission, and must return at once. A function that raises an error is not called again. In addition to
         events and observations it receives the run's start and end; `JournalFile.stream` yields the same from a file.
         """
         self._listeners.append(listener)
@@ -232,7 +232,7 @@ class Journal:
         self._state, self._apply, self._kinds = state, state.apply, tuple(kinds)
 
     def begin(self, about: Mapping[str, object], run_about: Mapping[str, object]) -> None:
-        """Start the run: from here on it can be resumed.
+        """Start the run; from then on it can be resumed.
 
         Args:
             about: The mission's description, by key; the values of an earlier run are kept.
@@ -270,7 +270,7 @@ class Journal:
         self._reserve.keep(SpilledEntries(self._began), {})
 
     def note(self, kind: str, /, **data: object) -> None:
-        """Write an event; it is on disk when this returns, and only then may anything act on it.
+        """Record an event. It is on disk when this returns; act on it only then.
 
         Args:
             kind: Its kind, such as `photo_taken`.
@@ -282,7 +282,7 @@ class Journal:
         self._note(self._entry(kind, data))
 
     def raise_alarm(self, text: str, kind: str, /, **data: object) -> None:
-        """Write an event that is not the mission's own, and an alarm that is shown with the mission's from then on.
+        """Record an event from outside the mission, and show an alarm from then on.
 
         Args:
             text: The alarm, which is also the sentence of the event.
@@ -325,7 +325,7 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Record a command's author and reason with the events written in this block. Yields the list of their kinds."""
+        """Record a command's author and reason with the events of this block; yield the list of their kinds."""
         self._author, self._led_to = author, []
         try:
             yield self._led_to
@@ -334,7 +334,7 @@ class Journal:
 
     @property
     def author(self) -> CommandAuthor:
-        """The author of the present command; without a name if there is none, or it is unknown."""
+        """The author of the current command; without a name if there is no command, or its author is unknown."""
         return self._author
 
     def _order(self, kind: str) -> Mapping[str, str]:
@@ -345,7 +345,7 @@ class Journal:
         return {"by": by, "reason": reason} if reason else {"by": by}
 
     def keep_number(self, kind: str, number: int) -> None:
-        """Record the highest number in use, such as in names: the next run continues above it even if events are lost.
+        """Record the highest number in use, for example in names: the next run continues above it even if events are lost.
 
         Args:
             kind: The numbered kind.
@@ -471,7 +471,7 @@ class Journal:
         )
 
     def _keep(self, kept: SpilledEntries) -> None:
-        """Put events into the reserve; give up if that is impossible as well."""
+        """Write events to the reserve; give up if that is impossible as well."""
         if self._reserve is not None:
             try:
                 self._reserve.keep(kept, self._numbers)

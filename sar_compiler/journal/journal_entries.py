@@ -153,7 +153,7 @@ class Ending(str, Enum):
 
 
 class JournalRun(NamedTuple):
-    """One run of the mission, a process.
+    """One run of the mission, executed by one process.
 
     Attributes:
         number: Its number, from 1.

@@ -64,7 +64,7 @@ class _IdleBudget(SearchBudget):
         self._interrupted = interrupted
 
     def take(self, work: int) -> bool:
-        """Use some work; return False if not enough is left, or the text has changed."""
+        """Charge `work` to the budget; return False if it is exhausted or the text has changed."""
         return not self._interrupted.is_set() and super().take(work)
 
 
@@ -130,7 +130,7 @@ class TreeServer(LanguageServer):
         self._loop.call_soon_threadsafe(self.window_log_message, lsp.LogMessageParams(kind, text))
 
     def _read(self, path: Path) -> TreeFile:
-        """Read a file in the editor's version; an unchanged one only once, as each change also checks other files."""
+        """Read a file in the editor's version; an unchanged file only once, because each change also checks other files."""
         text = self._texts.get(real_path(path))
         content = read_file(path, TREE) if text is None else None
         version = text if content is None else content.identity
@@ -230,7 +230,7 @@ class TreeServer(LanguageServer):
             self._checked = asyncio.Event()
 
     def _recheck(self, uri: str, because: str) -> None:
-        """Check a file that depends on another one, once for each of the other's texts."""
+        """Queue a dependent file for checking, once per version of the file it depends on."""
         stamp = (because, self._open[because].version)
         if self._open[uri].seen.get(because) != stamp[1]:
             self._open[uri].seen[because] = stamp[1]

@@ -332,7 +332,7 @@ FIELDS = ValueType(
 """The type of the fields that are sent: of a request, a goal or a message."""
 DESTINATIONS = ValueType(
     "destinations",
-    "fields with the keys that they are written to",
+    "a map from fields to keys",
     read_destinations,
     python=Destinations,
     cpp="std::string",

@@ -24,7 +24,7 @@ VERSIONS = ("jazzy",)
 _HERE = "sar_compiler.ros.leaves.by_attributes"
 _WRITES = KeyRole(AccessKind.WRITE)
 _SENDS = "The {}'s fields as YAML, in which `{{key}}` is a key: `{}`. Or the key of a message."
-_VALUE = output_port("value", object, "The key that the value is written to.", None)
+_VALUE = output_port("value", object, "The key to which the value is written.", None)
 _SERVER = attribute("server_timeout_sec", Seconds, "Time to wait for a server, in seconds.", 10.0)
 _SCOPE = handed_over("scope", SCOPE.target_path, SCOPE.doc, required=False)
 _RESULT = ("value", "fields")
@@ -37,7 +37,7 @@ def _field(of: str, example: str) -> Any:
 
 
 def _fields(keyword: str, of: str, example: str) -> Any:
-    doc = f"Fields of the {of} with the keys to write: `{example}`."
+    doc = f"{of.capitalize()} fields, each with the key it is written to: `{example}`."
     return attribute(keyword, DESTINATIONS, doc, None)
 
 

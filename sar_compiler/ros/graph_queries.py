@@ -1,7 +1,7 @@
 """Queries of the ROS graph: which nodes provide a name, similar names, and whether messages reach a node.
 
-Readiness, the watch, leaves' messages and `ros2 doctor` ask here before they guess. Nothing blocks and nothing is subscribed to: the
-answers are what discovery has found until now.
+The readiness check, the monitoring, leaves' messages and `ros2 doctor` use these queries. They do not block or subscribe to anything: the
+answers contain what discovery has found so far.
 """
 
 import math
@@ -207,7 +207,7 @@ class RosGraph:
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
     def several_publishers(self, topic: str) -> str:
-        """Describe that several nodes publish on a topic that should have one source; empty if that is not so."""
+        """Report that a topic that should have one source has several publishers; otherwise return an empty string."""
         full = self._node.resolve_topic_name(topic)
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
@@ -215,7 +215,7 @@ class RosGraph:
         return f"topic {with_full_name(topic, full)}: published by {names_in_words(nodes)}. Stop all but one"
 
     def contested_topics(self) -> list[str]:
-        """Describe each topic in sight of which one source is meant, and that several nodes publish."""
+        """Report each discovered topic that should have one source but has several publishers."""
         several = {topic: nodes for topic, nodes in self._publishing().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
@@ -225,7 +225,7 @@ class RosGraph:
         ]
 
     def transforms(self) -> str:
-        """Describe why the transforms of this robot do not reach the node; empty if they do, or if there are none.
+        """Explain why the node does not receive this robot's transforms; empty if it does, or if there are none.
 
         The topic is `/tf` as written; a namespaced robot has its transforms in its namespace.
         """
@@ -237,7 +237,7 @@ class RosGraph:
         return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
 
     def missing_transforms(self) -> str:
-        """Describe why no transform reaches the node: they are elsewhere, or do not exist; empty if some can."""
+        """Explain why the node receives no transforms (other topic, or no publisher); empty if it can receive some."""
         there = self.publishers("/tf") or self.publishers("/tf_static")
         here = self._node.resolve_topic_name("/tf")
         return self.transforms() or ("" if there else f"transforms: no publisher on {here} or {here}_static")
@@ -265,7 +265,7 @@ class RosGraph:
         return missing
 
     def unused_clock(self) -> str:
-        """Describe that another node publishes simulated time which this node does not use, if so; else empty."""
+        """Report simulated time that another node publishes and this node does not use; empty if there is none."""
         nodes = self.publishers("/clock")
         if not nodes or self._node.get_clock().ros_time_is_active:
             return ""
@@ -326,7 +326,7 @@ class RosGraph:
         return GraphAnswer(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
 
     def _unheard_service(self, service: str) -> str:
-        """Describe that requests do not reach a service, or answers do not return; empty if not so or unknown."""
+        """Report that requests do not reach a service, or responses do not return; empty if they do, or if that is unknown."""
         from rclpy.qos import qos_profile_services_default as own
 
         for topic, hears in ((f"rq{service}Request", True), (f"rr{service}Reply", False)):
@@ -364,7 +364,7 @@ class RosGraph:
         return GraphAnswer(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
 
     def _rules_in(self, answers: Sequence[GraphAnswer], space: str) -> list[str]:
-        """Return the rules that a run in a namespace needs; an empty namespace means the present one."""
+        """Return the rules that a run in a namespace needs; an empty namespace means the current one."""
         rules = [f"-r __ns:={space}"] if space else []
         if space not in ("", "/") and f"{space}/tf" in self._topics() and self._resolves_tf_globally:
             rules.append(_REMAP_TRANSFORMS)

@@ -191,7 +191,7 @@ class McapRecorder:
         return cls(path, file, complain)
 
     def listen(self, node: Node) -> None:
-        """Record the topics of a mission, under its node's names, from when they exist with a known type."""
+        """Record a mission's topics, each as soon as it appears with a known type."""
         left = {node.resolve_topic_name(name): name for name in RECORDED}
 
         def look() -> None:
@@ -234,7 +234,7 @@ class McapRecorder:
         Args:
             topic: The full name of its topic.
             message: The message.
-            latched: Whether late subscribers receive it as well when it is played.
+            latched: Whether late subscribers receive it, too, when it is played back.
         """
         if latched:
             self._offers.setdefault(
@@ -315,7 +315,7 @@ _ELSEWHERE = (STATUS, *OF_ROBOT)
 
 
 class MissionRecording(RunExtension):
-    """Records a mission in an MCAP file, whether or not any of it is published.
+    """Records a mission in an MCAP file, even if the mission publishes nothing.
 
     In addition to the topics of `ros.mission_recording.RECORDED` it records `behavior_tree_log` and `~/tree` as in
     `ros.mission_publisher`, and `mission_log` (`rcl_interfaces/msg/Log`): the other entries of the run's journal.
@@ -355,7 +355,7 @@ class MissionRecording(RunExtension):
         self._write("mission_log", message)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Record the result and close the file; remove the file of a run that never started, for the next try."""
+        """Record the result and close the file; if the run never started, remove the file."""
         try:
             if has_begun and self._tree_log is not None:
                 self._tree_log.end()

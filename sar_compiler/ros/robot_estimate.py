@@ -1,6 +1,6 @@
 """The single estimate of a robot: its pose, motion, localisation, and the states of its nodes.
 
-Leaves, watch, readiness, journal and the end of a run read it. Each topic is subscribed to once for each node.
+Leaves, the monitoring, the readiness check, the journal and the end of a run read it. Each topic is subscribed to once for each node.
 """
 
 import math
@@ -61,7 +61,7 @@ class RobotEstimate:
         odometry: The last usable pose of `odometry/filtered`, in the frame `odom`; None if none has come.
         odometry_at_pose: The odometry when `pose` arrived.
         speed: The speeds in the last odometry: m/s and rad/s.
-        settle_timeout_sec: How long to wait for the robot to stand, seconds.
+        settle_timeout_sec: Time to wait for the robot to stand still, in seconds.
         arrival_tolerance_m: The tolerance for an arrival at a goal, metres; None for Nav2's tolerance and half a metre.
         lacks: The reason why the robot cannot drive, in words, set by `ros.dependency_monitor`; empty if it can.
         transform_at: The arrival of the last transform from `map`, steady seconds; None before the first one.
@@ -141,9 +141,9 @@ class RobotEstimate:
         return self.pose is not None or self.transform_at is not None
 
     def lost_transforms(self) -> str:
-        """Return in words that transforms from `map` have stopped; empty if they arrive, or never have.
+        """Report that transforms from `map` have stopped; empty if they arrive, or have never arrived.
 
-        While simulated time stands still they count neither as lost nor as found: only the clock is reported.
+        While simulated time stands still, they are neither lost nor found, and only the clock is reported.
         """
         silent_sec = self._clocked.now() - self._transform_clocked_at
         if self.transform_at is None or silent_sec <= TRANSFORM_SEC:
@@ -162,7 +162,7 @@ class RobotEstimate:
         return self._states[name]
 
     def place(self) -> PlanarPose | None:
-        """Return the last pose of the robot by its localisation, in the frame `map`; None if it is unknown."""
+        """Return the robot's last localised pose, in the frame `map`; None if it is unknown."""
         return self._place_by_transforms() or self.pose
 
     def current_place(self) -> PlanarPose | None:
@@ -199,7 +199,7 @@ class RobotEstimate:
             listener()
 
     def _use(self, message: bytes) -> None:
-        """Use the values of odometry, as far as they are valid.
+        """Use the valid values of odometry.
 
         Raises:
             UnusableValueError: If a value is invalid.
@@ -226,7 +226,7 @@ class RobotEstimate:
     def localisation_conflict(self) -> str:
         """Describe why the received localisation may belong to another robot; empty if nothing indicates it.
 
-        Until this is settled no initial pose is sent or requested: the localisation could be the other robot's.
+        Until this is resolved, no initial pose is sent or requested, because the localisation could be the other robot's.
         """
         graph = ros_graph(self._node)
         conflict = graph.foreign_localisation() or frame_sources(self._node).conflict()
@@ -253,13 +253,13 @@ class RobotEstimate:
             self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
 
     def _is_of_another_robot(self, message: bytes) -> bool:
-        """Return whether transforms lead to none of this odometry's frames but to others: robots may share `/tf`."""
+        """Return whether transforms lead only to frames of other robots, which may share `/tf`."""
         leads_here = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
         self._has_own_transforms = self._has_own_transforms or leads_here
         return self._has_own_transforms and not leads_here
 
     def _place_by_transforms(self) -> PlanarPose | None:
-        """Return the pose from the last transform from `map`, extended by the odometry if that leads to its frame."""
+        """Return the pose from the latest `map` transform, composed with odometry if it ends at the odometry frame."""
         from rclpy.serialization import deserialize_message
         from tf2_msgs.msg import TFMessage
 
@@ -271,7 +271,7 @@ class RobotEstimate:
         return None
 
     def _placed_by(self, message: Any) -> PlanarPose | None:
-        """Return the pose from a transform; None if it is not from `map`, or not to a frame of the odometry.
+        """Return the pose from a transform; None if it does not start at `map` or does not end at a frame of the odometry.
 
         Raises:
             UnusableValueError: If its numbers are invalid, or it is outdated.
@@ -297,13 +297,13 @@ def robot_estimate(node: "Node") -> RobotEstimate:
 
 
 class Standstill:
-    """Waits while the odometry shows a movement, for `settle_timeout_sec` at most; not at all without odometry.
+    """Waits while the odometry shows a movement, at most for `settle_timeout_sec`. Without odometry it does not wait.
 
     Args:
         leaf: The leaf after its setup; it logs the wait, and a wait in vain.
         wake: Requests a tick.
         since: The event after which the robot must stand, in words.
-        with_goals: Whether the goals of the leaf's node must have ended as well; else only the caller's.
+        with_goals: Whether all goals of the leaf's node must have ended, not only the caller's.
     """
 
     def __init__(self, leaf: RosLeaf, wake: Wake, since: str, *, with_goals: bool = False) -> None:

@@ -77,7 +77,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
 
 
 def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:
-    """Return robots that are solid to each other, in the order of their steps.
+    """Return robots that are obstacles for each other, in the order of their steps.
 
     Raises:
         PlacementError: If they cannot start as placed.
@@ -93,7 +93,7 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
 
 
 def seed_of(seed: int, number: int) -> int:
-    """Return the seed of one robot's noise; that of the first (number 0) is that of a single robot."""
+    """Return the noise seed of a robot; robot 0 uses `seed` unchanged."""
     if number == 0:
         return seed
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
@@ -167,7 +167,7 @@ class SimulatedRobot:
             self._navigator.step(step, now_ns)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one, whose client must still be notified."""
+        """End the current goal; return whether there was one. Its client must still be notified."""
         return self._navigator is not None and self._navigator.stop()
 
     def _lose_localisation(self, until: float | None) -> None:
@@ -211,13 +211,13 @@ class SimulationError(SarError):
 class Simulation:
     """Runs a world in its own thread, or in that of an executor which steps it, until stopped.
 
-    Simulated time advances in steps of 0.05 s, none of which is ever skipped: *speed* is an upper bound, and
-    simulated time slows down if the machine cannot keep up.
+    Simulated time advances in steps of 0.05 s, and no step is skipped. *speed* is an upper bound: simulated time
+    slows down if the machine cannot keep up.
 
     Args:
         world: The world. If it names no map, there is no Nav2 substitute, only the robots' own topics.
-        robots: The robots in it, in the order of their steps, each in the namespace of its name, including `/tf`
-            and `/tf_static`. By default one without a name at the world's start.
+        robots: The robots in it, in the order of their steps. Each is in the namespace of its name, including `/tf`
+            and `/tf_static`. By default there is one robot without a name, at the world's start.
         speed: Simulated seconds per second.
         faults: The faults of navigation, the same for every robot; each robot consumes its own copy.
         seed: Seed of all noise. The same seed and commands give the same states, bit for bit.
@@ -294,7 +294,7 @@ class Simulation:
         self._kept = kept
 
     def wait_for(self, listener: ROSClock) -> None:
-        """Limit the speed so that a clock of another thread's node, in simulated time, can follow.
+        """Limit the speed so that the simulated clock of another thread's node can follow.
 
         Otherwise time limits in simulated seconds would expire when the machine, or a leaf, is slower than requested.
         """
@@ -406,7 +406,7 @@ class Simulation:
                 self._own.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
     def _stop_robots(self) -> bool:
-        """End all goals; return whether there was one, whose client must still be notified."""
+        """End all goals; return whether there were any. Their clients must still be notified."""
         return any([robot.stop() for robot in self._robots.values()])  # noqa: C419 - all have to stop
 
 

@@ -52,8 +52,8 @@ def keeps_unit(written: str, meant: str) -> bool:
 def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
     """Return the known word that was probably intended, or None.
 
-    A number is never suggested for another one, nor a name with another unit, or without one, for a name with a unit
-    (`delay_msec`): the written value would then have another meaning.
+    A number is never suggested for another number. For a name with a unit (`delay_msec`), no name with another unit or
+    without one is suggested, because the written value would then have another meaning.
 
     Args:
         word: The written word.
@@ -82,7 +82,7 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
 
 
 def is_typo(written: str, meant: str) -> bool:
-    """Return whether a word is another one with a typo: wrong case, or one letter extra, missing, wrong or swapped."""
+    """Return whether a word is a typo of another one: wrong case, or one letter extra, missing, wrong or swapped."""
     one, other = written.lower(), meant.lower()
     if one == other:
         return True
@@ -125,7 +125,10 @@ def _is_misspelt(written: str, meant: str) -> bool:
 
 
 def _is_like(word: str, other: str, least: float) -> bool:
-    """Return whether one word may be a typo for another; `unlock` is none for `lock`, nor `get` for `set`."""
+    """Return whether one word may be a typo of another.
+
+    `unlock` does not count as a typo of `lock`, nor `get` of `set`.
+    """
     one, two = word.lower(), other.lower()
     if one[:1] != two[:1]:
         return min(len(one), len(two)) > _SHORT and is_typo(one, two)
@@ -139,7 +142,7 @@ def did_you_mean(near: str | None) -> str:
 
 
 class Guesses:
-    """Suggestions for misspelt words, limited in number because they take long in a large file."""
+    """Suggestions for misspelt words. Their number is limited, because they take long in a large file."""
 
     def __init__(self) -> None:
         self._left = MOST_COMPARED

@@ -97,7 +97,7 @@ WARNINGS = {
     "cut-text": "a string in YAML that a `#` cuts off",
     "endless-restart": "a child that repeatedly interrupts another one",
     "explicit-node": "a node in explicit form where BehaviorTree.CPP does not find it",
-    "idle-statement": "a statement of a script that has no effect",
+    "idle-statement": "a script statement that has no effect",
     "ignored-attribute": "an attribute that is ignored: of a root, an include or a tree, or an output without a key",
     "interrupted-action": "an action that is interrupted in every tick in which it runs",
     "key-as-text": "the name of a key for a subtree, without its braces",

@@ -1,6 +1,6 @@
-"""The check of the files of one command: by kept results, in copies of the process, and with fixes.
+"""Check the files of one command, with cached results, worker processes and fixes.
 
-`Validation` is its application; `sar-compile validate` parses its options and prints its findings.
+`Validation` runs the check; `sar-compile validate` parses the options and prints the findings.
 """
 
 PUBLIC_MODULES = ("check_cache", "validation")

@@ -1,8 +1,8 @@
-"""Results of checks, kept between commands in the user's cache folder.
+"""Results of checks, stored between commands in the user's cache folder.
 
-A result is reused if everything on which it depends is unchanged. That is the answers to all queries of the file
-system during the check (`opener.Observation`): the contents of files, and which files are missing. Modules of leaves
-and libraries count as files that were read. The other dependencies are part of the name of the file with the results:
+A result is reused if everything on which it depends is unchanged. It depends on all answers of the file system during
+the check (`opener.Observation`): the contents of files, and which files are missing. Modules of leaves and libraries
+count as files that were read. The other dependencies are part of the name of the file with the results:
 the options, the current folder, the versions of this package and of Python, and the installed packages. A file
 contains JSON after a checksum; a damaged file, or one of another owner, is ignored.
 """
@@ -51,17 +51,17 @@ class FileCheck:
         palettes: Findings about the palettes of its project.
         findings: Findings about the file, or about the configuration that prevents its check.
         further: The findings of the further checks.
-        raised: Findings about ticks that raise.
+        raised: Findings about ticks that raise an error.
         fixes: The fixes of its findings.
         fixable: The number of fixes that do not overlap.
-        used_palettes: Palettes around it that were used without being named.
-        used_trees: Tree files around it that were used without being named.
+        used_palettes: Palettes around it that were used although the user did not name them.
+        used_trees: Tree files around it that were used although the user did not name them.
         notes: Further notes for the user.
-        problem: Why the file, or a file that it needs, cannot be read; empty if all could be read.
+        problem: The reason why the file, or a file that it needs, cannot be read; empty if all could be read.
         spent: The work done to explore its runs.
-        is_limited: Whether more work could have found more.
-        is_cut: Whether its user has stopped the check.
-        is_read: Whether it could be read.
+        is_limited: Whether a larger limit could have led to more findings.
+        is_cut: Whether the user has stopped the check.
+        is_read: Whether the file could be read.
         is_whole: Whether the check is complete.
         sources: The queries of the file system made to read the file and its includes.
     """
@@ -98,10 +98,10 @@ _RECENT_NS = 30 * 10**9
 
 
 def environment_key(options: Sequence[object]) -> str:
-    """Return a digest of everything that determines the findings about any file, except for the queries of checks.
+    """Return a digest of everything that determines the findings, except for the queries of checks.
 
     Args:
-        options: The options of the command that determine them, as JSON values.
+        options: The options of the command that determine the findings, as JSON values.
     """
     here = os.stat(os.curdir)  # noqa: PTH116
     variables = [os.environ.get(name) for name in ("HOME", "AMENT_PREFIX_PATH", "PYTHONPATH", "SAR_KERNEL")]
@@ -120,7 +120,7 @@ def environment_key(options: Sequence[object]) -> str:
 
 
 def _names_in(folder: str) -> list[str]:
-    """Return the names that can be imported from a folder or are installed there."""
+    """Return the names in a folder that do not begin with `.` or `_`."""
     with suppress(OSError):
         return sorted(each for each in os.listdir(folder) if each[0] not in "._")  # noqa: PTH208 - returns strings
     return []
@@ -142,7 +142,7 @@ class CheckCache:
 
     Args:
         key: The result of `environment_key`.
-        named: A digest of the files that were named together; a result may depend on each of them.
+        named: A digest of all files of the command; a result may depend on each of them.
     """
 
     def __init__(self, key: str, named: str) -> None:
@@ -156,7 +156,7 @@ class CheckCache:
 
     @classmethod
     def of(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
-        """Return the results of checks with some additions; None if the additions are not only names.
+        """Return the cache for checks with some additions; None if the additions do not consist of names only.
 
         Args:
             additions: The user's additions to the projects of the files.
@@ -219,8 +219,8 @@ class CheckCache:
 
         Args:
             checks: The new results, by file.
-            surroundings: The queries made for them, except those in each result.
-            reads_set: Whether they may depend on each file that was named together.
+            surroundings: The queries that these checks made, except those in each result.
+            reads_set: Whether the results may depend on every file of the command.
         """
         add_modules(surroundings)
         for question, answer in surroundings.items():
@@ -262,7 +262,7 @@ def _is_own(identity: Any) -> bool:
 
 
 def add_modules(observation: Observation) -> None:
-    """Add the modules that this process has imported, except those of Python and of this package, which the key covers."""
+    """Record the modules that this process has imported, except those of Python and of this package, which the key covers."""
     standard, own = os.path.dirname(os.__file__), str(Path(__file__).parents[1])  # noqa: PTH120
     with observation.recording():
         for module in [*sys.modules.values()]:

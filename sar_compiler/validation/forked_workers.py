@@ -1,4 +1,4 @@
-"""Copies of this process that process a list of items, and return a text for each."""
+"""Worker processes that compute a text for each item of a list."""
 
 import math
 import os
@@ -26,17 +26,17 @@ class _Copy(NamedTuple):
 
 
 class ForkedWorkers:
-    """Copies of this process.
+    """Worker processes, forked from this process.
 
-    A copy has everything that this process has imported and read, so it starts immediately. It has only the thread
-    that created it: create the copies before any other thread is started. They leave Ctrl-C to this process, and end
-    with it however it ends.
+    A worker has everything that this process has imported and read, so it starts immediately. It has only the thread
+    that created it, so create the workers before any other thread is started. Workers ignore Ctrl-C, and end with
+    this process, even if it is killed.
 
     Args:
         work: Returns the text for a number; None if this process must compute it itself.
         numbers: The numbers.
-        count: The number of copies.
-        max_sec: The processor time of each copy, seconds.
+        count: The number of workers.
+        max_sec: The processor time of each worker, in seconds.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class ForkedWorkers:
 
     @staticmethod
     def are_possible() -> bool:
-        """Return whether this system can copy this process in its current state."""
+        """Return whether this process can be forked in its current state."""
         return hasattr(os, "fork") and threading.active_count() == 1
 
     def _start(self) -> None:
@@ -95,7 +95,7 @@ class ForkedWorkers:
                 os.write(copy.orders, copy.pending[-1].to_bytes(_NUMBER, "big"))
 
     def results(self, is_over: Callable[[], bool]) -> Iterator[tuple[int, str | None]]:
-        """Yield each number with its text, in any order; None if no copy could compute it and this process must.
+        """Yield each number with its text, in any order; None if this process must compute the text itself.
 
         Args:
             is_over: Returns whether no more results are needed; called repeatedly.
@@ -124,7 +124,7 @@ class ForkedWorkers:
             yield number, text.decode("utf-8", "surrogatepass") or None
 
     def end(self) -> None:
-        """Terminate the copies, regardless of their state."""
+        """Terminate the workers, regardless of their state."""
         for copy in self._copies:
             with suppress(ProcessLookupError):
                 os.kill(copy.process, signal.SIGKILL)

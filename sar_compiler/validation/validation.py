@@ -1,4 +1,4 @@
-"""The check of files as one set, and their fixes."""
+"""Check files as one set, and fix them."""
 
 import os
 import sys
@@ -56,10 +56,10 @@ class CheckOptions(NamedTuple):
     """The options of a check of files.
 
     Attributes:
-        is_tried: Whether the runs of files are tried, to find errors raised in ticks.
+        is_tried: Whether the runs of files are explored for errors raised in ticks.
         trial_sec: The processor time for the runs of a file, seconds; None for a fixed amount of work.
-        is_cached: Whether results are stored, and stored ones are used.
-        max_sec: The processor time for each copy of the process, seconds.
+        is_cached: Whether results are stored and reused.
+        max_sec: The processor time of each worker process, in seconds.
     """
 
     is_tried: bool
@@ -69,7 +69,7 @@ class CheckOptions(NamedTuple):
 
 
 class Validation:
-    """The check of files as one set: trees missing in one file are searched in the others.
+    """A check of files as one set: trees that are missing in one file are searched for in the others.
 
     Args:
         names: The files and folders, as the user names them.
@@ -81,7 +81,7 @@ class Validation:
     Attributes:
         files: The files.
         findings: The findings, each once.
-        fixes: The findings that have fixes, each with its fix.
+        fixes: The fixable findings, each with its fix.
         fixable: Number of findings that can be fixed.
         checked: Number of files that could be read.
         clean: The files without findings, except those found in a folder.
@@ -121,11 +121,11 @@ class Validation:
         self._additions = additions._replace(trees=trees, names=self.files, folders=tuple(folders))
 
     def processor_sec(self) -> float:
-        """Return the processor time of this process and its copies, seconds."""
+        """Return the processor time of this process and its worker processes, in seconds."""
         return time.process_time() + (0.0 if self._run is None else self._run.others_sec)
 
     def _find_files(self, name: str, folders: list[Path]) -> Iterator[Path]:
-        """Yield the files of a name, and add it to the folders if it is one."""
+        """Yield the files of a name; record the name if it is a folder."""
         try:
             files = tree_files_in(Path(name)) if name and is_folder(name) else []
             # A package of leaves can have the name of a shipped tree.
@@ -148,7 +148,7 @@ class Validation:
             self._on_error(why)
 
     def fix(self, on_fix: "Callable[[Fix], object]") -> None:
-        """Apply all possible fixes to the files; other errors are found by the check.
+        """Apply all possible fixes to the files; `check` finds the remaining errors.
 
         Args:
             on_fix: Called with each fix that was applied.
@@ -171,7 +171,7 @@ class Validation:
                 self._report([failure_of_file(path, error, "mending")])
 
     def check(self, options: CheckOptions, budget: Budget) -> None:
-        """Check the files within a budget, whose clock is `processor_sec`."""
+        """Check the files within a budget that `processor_sec` measures."""
         work: int | None = 0
         is_tried = options.is_tried and is_here("analysis")
         if is_tried:
@@ -248,7 +248,7 @@ class Validation:
             self.clean.append(path)
 
     def _report(self, findings: Iterable[Diagnostic]) -> None:
-        """Add findings, each once: several files may include a file, and several trees may use a tree."""
+        """Add findings without duplicates: several files may include one file, and several trees may use one tree."""
         new = []
         for finding in findings:
             if finding.identity not in self._said:
@@ -276,7 +276,7 @@ def _fix_file(workspace: "Workspace", path: Path, on_fix: "Callable[[Fix], objec
 
 
 def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
-    """Apply fixes to a file; all other bytes are unchanged."""
+    """Apply fixes to a file, and leave all other bytes unchanged."""
     from sar_compiler.checks.fixing import apply_fixes
     from sar_compiler.writing import WriteError, write_bytes
 
@@ -296,13 +296,13 @@ class CheckRun:
 
     Args:
         files: The files.
-        make_checker: Creates their checker; called only if results are missing.
-        cache: Stored results; None for none.
+        make_checker: Creates the checker; called only if results are missing.
+        cache: The stored results; None without a cache.
         work: The limit for exploring the runs of a file, in units of work; None for no limit.
         budget: The limits of the checks.
 
     Attributes:
-        others_sec: The processor time that copies of this process have used, seconds.
+        others_sec: The processor time that the worker processes have used, in seconds.
     """
 
     def __init__(
@@ -330,10 +330,10 @@ class CheckRun:
         self._cpu: dict[int, float] = {}
 
     def make_copies(self, max_sec: float) -> None:
-        """Create copies of this process if there is enough work for them; call it before any thread is started.
+        """Start worker processes if there is enough work for them; call it before any thread is started.
 
         Args:
-            max_sec: The processor time of each copy, seconds.
+            max_sec: The processor time of each worker process, in seconds.
         """
         if len(self._missing) < FEWEST_FOR_COPIES:
             return
@@ -404,7 +404,7 @@ class CheckRun:
             yield path, self._results[number]
 
     def end(self) -> None:
-        """Terminate the copies, and store the results for the next command."""
+        """Stop the worker processes and cache the results for the next command."""
         if self._copies is not None:
             self._copies.end()
         if self._cache is not None and self._checker is not None:
@@ -423,7 +423,7 @@ class CheckRun:
 
 
 class FileChecker:
-    """Checks files one by one, and continues if one check fails.
+    """Checks files one by one, and continues after a failed check.
 
     Args:
         additions: The user's additions to the projects of the files.
@@ -431,8 +431,8 @@ class FileChecker:
         try_runs: Explores the runs of a file within limits; None to explore none.
 
     Attributes:
-        surroundings: The queries made by the checks of all files so far, except those in the `sources` of each check.
-            Files share them, because they share configurations, palettes, sets of trees and nodes.
+        surroundings: The queries of the checks so far, except those in the `sources` of each check. The files share them,
+            because they share configurations, palettes, sets of trees and nodes.
     """
 
     def __init__(

@@ -88,11 +88,10 @@ class NavigateTo(ActionLeaf):
         zone_manager: The mission's zones.
         record: Records the drive.
         action: The action's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
-        feedback_timeout_sec: How long a server may be silent, seconds.
-        hold_timeout_sec: How long to wait, seconds, until the goal can be judged: for Nav2 and its localisation, or the end of another
-                client's goal.
+        server_timeout_sec: Time to wait for a server, in seconds.
+        acceptance_timeout_sec: Time to wait for the goal to be accepted, in seconds.
+        feedback_timeout_sec: Longest time that the server may be silent, in seconds.
+        hold_timeout_sec: Time to wait, in seconds, for Nav2 and its localisation, or for the end of another client's goal.
     """
 
     name: str

@@ -118,7 +118,7 @@ class DeliverReports(ReportLeaf):
         kept_reports: The stored reports.
         record: Records acknowledgements.
         clock: The clock that measures the back-off.
-        timeout_sec: How long to wait for each response, seconds.
+        timeout_sec: Time to wait for each response, in seconds.
         backoff_sec: Pause after the first failure, seconds; 0 to send again immediately.
     """
 

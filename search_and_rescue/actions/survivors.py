@@ -143,8 +143,8 @@ class DetectSurvivor(ServiceLeaf):
         zone_manager: The mission's zones.
         record: Records detections.
         service: The service's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the response, seconds.
+        server_timeout_sec: Time to wait for a server, in seconds.
+        timeout_sec: Time to wait for the response, in seconds.
     """
 
     name: str
@@ -493,8 +493,8 @@ class ReportLeaf(ServiceLeaf):
     Args:
         record: Records the acknowledgement.
         service: The service's name.
-        server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the response, seconds.
+        server_timeout_sec: Time to wait for a server, in seconds.
+        timeout_sec: Time to wait for the response, in seconds.
     """
 
     name: str

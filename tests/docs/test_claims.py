@@ -189,7 +189,7 @@ HELD_BY = {
     },
     RELIABILITY: {
         "A test holds each row": ("test_every_promise_names_its_tests",),
-        "A goal has ended when": (
+        "The run considers a goal ended when": (
             "test_a_result_that_is_lost_is_known_by_the_status_topic", "test_a_server_that_was_restarted_does_not_know_the_goal",
         ),
         "If the run has not seen the end": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),

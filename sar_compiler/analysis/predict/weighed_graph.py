@@ -110,7 +110,7 @@ class WeighedGraph:
     def _not_followed(
         self, graph: Graph, source: Indices, answers: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return the places and outcomes after which ticks need an unknown value, and these ticks' share of each."""
+        """Return the places and outcomes after which ticks need an unknown value, and the share of these ticks in each."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + answers, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
@@ -139,10 +139,10 @@ class WeighedGraph:
     def _optimum(self, goal: Flags, sign: int) -> tuple[Reals, Reals]:
         """Return the largest probability of reaching a goal from each place, and the probabilities that lead to it.
 
-        If *sign* is below 0, it is the least one.
+        If *sign* is negative, return the least one.
 
         Raises:
-            UndecidableError: If it is not found: intermediate results may be no bounds.
+            UndecidableError: If it is not found. Intermediate results are not always bounds.
         """
         probabilities = self._interior_probabilities()
         left_out = (
@@ -398,11 +398,11 @@ class _Equations:
         self._solver = splu(sparse.identity(size, format="csc") - matrix) if size else None
 
     def mean(self, values: Reals) -> Reals:
-        """Return for each place the mean over its steps of a quantity of each step."""
+        """Return each place's probability-weighted mean of a per-step quantity."""
         return np.bincount(self._source, self._likely * values, self._count)[self.places]
 
     def solve(self, known: Reals) -> Reals:
-        """Return the quantity of each place, given its own contribution."""
+        """Return the solution x of x = A x + known, one value for each place."""
         return self._solver.solve(known) if self._solver else known
 
     def reach(self, goal: Flags) -> Reals:
@@ -420,7 +420,7 @@ class _Equations:
 
 
 def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
-    """Return the source and the target of each step, as places, and the number of its label."""
+    """Return three arrays: the source, the target and the label's number of every step."""
     sources, targets, waits = [], [], []
     for steps, first in ((graph.steps, 0), (graph.middles, len(graph.states))):
         counts = [int(steps.count(place)) for place in range(len(steps))]
@@ -458,7 +458,7 @@ def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[fl
 
 
 def _sum_by_place(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
-    """Return the places of some parts, each once, with the sum of its values."""
+    """Return each place once, with the sum of the values of its parts."""
     places, inverse = np.unique(np.concatenate([each[0] for each in parts]), return_inverse=True)
     return places, np.bincount(inverse, np.concatenate([each[1] for each in parts]), len(places))
 

@@ -16,7 +16,7 @@ _VERBS = {S: "succeeds", F: "fails", R: "runs"}
 
 
 def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that no tick reaches, and nodes that never end."""
+    """Report nodes that no tick reaches, and nodes that never end."""
     if not context.is_telling:
         return
     outcomes = context.outcomes
@@ -62,7 +62,7 @@ def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
 
 
 def _check_last_reachable(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield the first child that follows one whose results never let a tick continue to the next."""
+    """Report the first unreachable child: its predecessor never lets the tick continue."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
         answers = outcomes.may_return(before)
@@ -85,7 +85,7 @@ _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first ti
 
 
 def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield nodes that are not needed, or that prevent their children from working."""
+    """Report nodes that are not needed, or that prevent their children from working."""
     # Notes are given neither for trees that another program runs nor for trees with errors.
     is_own = context.sound and not context.is_foreign
     for bound in context.parents():
@@ -148,7 +148,7 @@ def _check_interrupting(
 
 
 def _check_one_shot(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield loops around a node that is executed only once."""
+    """Report loops around a node that is executed only once."""
     retries = bound.spec.semantics.repeats == F
     once, within = _find_one_shot(child)
     if once is None or (retries and not outcomes.may_return(within) & F):

@@ -197,7 +197,7 @@ PY_TREES = [
     ),
     _stock(
         "TickCounter",
-        "Runs for a number of ticks, then completes. The count starts over whenever it is started.",
+        "Runs for a number of ticks, then completes. The count resets each time the node starts.",
         attribute("duration", int, "The number of ticks to run; 0 or less to complete at once."),
         attribute("completion_status", StatusName, "The status to return after that."),
         semantics=Semantics(outcome_sets.ticks_counted),

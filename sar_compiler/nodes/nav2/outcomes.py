@@ -26,7 +26,7 @@ def _one_by_one(children: Sequence[int], told: int, goes_on: int) -> tuple[int, 
 
 
 def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a node that ticks its first child again after a success of the second one."""
+    """Return the possible outcomes of a node that ticks its first child again after a success of the second one."""
     main, recovering = children
     retries = bound.value("number_of_retries")
     found = main & ~F
@@ -38,7 +38,7 @@ def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a node that ticks all its children again, up to the furthest one that was reached."""
+    """Return the possible outcomes of a node that ticks all its children again, up to the furthest one reached so far."""
     if sure:
         # For children after a branch it is unknown whether it lets them end: it is not reset in between.
         leaves = [child.is_leaf for child in bound.children]
@@ -54,7 +54,7 @@ def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def round_robin(bound: NodeView, children: Sequence[int], sure: bool, *, wraps: bool | None) -> int:
-    """Return the set of a node that ticks its children in turn.
+    """Return the possible outcomes of a node that ticks its children in turn.
 
     Args:
         bound: The node.
@@ -91,7 +91,7 @@ def _not_wrapping(children: Sequence[int]) -> int:
 
 
 def nonblocking(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a node that ticks all its children in every tick."""
+    """Return the possible outcomes of a node that ticks all its children in every tick."""
     found, comes_through = _one_by_one(children, F, S | R)
     if not comes_through:
         return found
@@ -100,7 +100,7 @@ def nonblocking(_bound: NodeView, children: Sequence[int], _sure: bool) -> int:
 
 
 def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a sequence whose current index is on the blackboard."""
+    """Return the possible outcomes of a sequence whose current index is on the blackboard."""
     if not sure:
         return union(children) & (F | R) | S
     found, comes_through = _one_by_one(children, F | R, S | K)
@@ -108,19 +108,19 @@ def persistent(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def paused(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a node that works with its first child until it is paused."""
+    """Return the possible outcomes of a node that ticks its first child until it is paused."""
     work = children[0]
     own = (S if work & (S | K) else 0) | work & (F | R)
     return own | R | (0 if sure else union(children[1:]) & F)
 
 
 def now_and_then(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that ticks its child at the start and then repeatedly, and has results of its own."""
+    """Return the possible outcomes of a decorator that ticks its child at the start and at intervals, and also has its own results."""
     return children[0] | own | (0 if sure else R)
 
 
 def once_until_reset(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that fails once its child has ended, until it is reset."""
+    """Return the possible outcomes of a decorator that fails after its child has ended, until it is reset."""
     return children[0] | (F if not sure and children[0] & (S | F) else 0)
 
 

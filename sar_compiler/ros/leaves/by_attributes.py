@@ -1,4 +1,4 @@
-"""Leaves that need no Python: the tree file names the server or topic and the values. Palette `ros:jazzy`."""
+"""Leaves that need no Python: the tree file names the server or topic and the values (palette `ros:jazzy`)."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -42,12 +42,12 @@ _FLUSH_SEC = 0.5
 
 
 class _Sent:
-    """The fields of an outgoing message, with the keys in them.
+    """The fields of an outgoing message, which may contain keys.
 
     Args:
         leaf: The leaf.
-        attribute: The attribute that has the fields, for messages.
-        port: The fields; or the key of a message, of a mapping, or of such a string; None for none.
+        attribute: The attribute with the fields, named in error messages.
+        port: The fields, or the key of a message, a mapping or a string with fields; None for no fields.
         scope: Where keys are looked up.
     """
 
@@ -60,7 +60,7 @@ class _Sent:
             scope.resolve(key).declare()
 
     def check(self, cls: Any) -> None:
-        """Check the fields that are known from the file against a message's class.
+        """Check the fields that the file contains against a message's class.
 
         Raises:
             InterfaceError: If a field does not exist, or a value does not fit.
@@ -99,11 +99,11 @@ class _Sent:
 
 
 class _Received:
-    """The fields of an incoming message, with the keys to write them to.
+    """The fields of an incoming message, each with the key it is written to.
 
     Args:
         scope: Where the keys of *fields* are looked up.
-        fields: Fields with their keys; None for none.
+        fields: The fields with their keys; None for no fields.
         field: One more field, for *value*; None for the whole message.
         value: The key for *field*; None for no key.
     """
@@ -125,7 +125,7 @@ class _Received:
             self._outputs.append((field, value))
 
     def __bool__(self) -> bool:
-        """Return whether anything is written."""
+        """Return whether any key is written."""
         return bool(self._outputs)
 
     def check(self, cls: Any) -> None:
@@ -142,7 +142,7 @@ class _Received:
         """Check the fields against the definition of the message.
 
         Raises:
-            UnusableValueError: If one of them is outside its definition.
+            UnusableValueError: If a value violates its definition.
         """
         for path, _ in self._outputs:
             if path is not None:
@@ -150,7 +150,7 @@ class _Received:
                     read_field(message, path.text)
 
     def write(self, message: Any) -> str:
-        """Write the fields; return the reason why one cannot be written, empty if all were."""
+        """Write the fields; return the reason if a field cannot be written, else an empty string."""
         missing = ""
         for path, output in self._outputs:
             try:
@@ -161,11 +161,11 @@ class _Received:
 
 
 class _GraphName:
-    """The name of a server or a topic: a string, or the value of a key when the leaf is entered.
+    """The name of a server or topic: a string, or the value of a key when the leaf starts.
 
     Args:
         port: The name.
-        attribute: Its attribute, for messages.
+        attribute: Its attribute, named in error messages.
     """
 
     def __init__(self, port: Input[str], attribute: str) -> None:
@@ -173,12 +173,12 @@ class _GraphName:
 
     @property
     def known(self) -> str:
-        """The name before the first tick; empty if a key has none then."""
+        """The name before the first tick; empty if its key is not written yet."""
         return str(self._port.get("")) if self._port.entry is not None else self._port.get()
 
     @property
     def is_fixed(self) -> bool:
-        """Whether the file has the name itself."""
+        """Whether the file contains the name itself, not a key."""
         return self._port.entry is None
 
     @property
@@ -187,7 +187,7 @@ class _GraphName:
         return self.known or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
 
     def read_name(self) -> str:
-        """Return the name.
+        """Return the topic or service name, read from its key if it has one.
 
         Raises:
             PortError: If nothing was written to its key, or its value is not a valid name.
@@ -202,7 +202,7 @@ class _GraphName:
 
 
 def _objection_to(name: object) -> str:
-    """Return why a value is not a valid name of a server or a topic; empty if it is valid."""
+    """Return why a value is not a valid name of a server or topic; empty if it is valid."""
     from rclpy.exceptions import NameValidationException
     from rclpy.validate_topic_name import validate_topic_name
 
@@ -217,7 +217,7 @@ def _objection_to(name: object) -> str:
 
 
 def _defined(kind: str, name: _GraphName, written: str) -> Any:
-    """Return the class of a leaf's type. The name of its server or topic is used as far as it is known."""
+    """Return the class of a leaf's type; the name of its server or topic is used if it is known."""
     objection = name.is_fixed and _objection_to(name.known)
     if objection:
         raise InterfaceError(objection)
@@ -226,7 +226,7 @@ def _defined(kind: str, name: _GraphName, written: str) -> Any:
 
 @contextmanager
 def _definition_of(leaf: RosLeaf) -> Iterator[None]:
-    """Convert the errors of a check of a leaf's attributes to the error that a start reports."""
+    """Convert errors in a leaf's attributes to the error that is reported at the start."""
     try:
         yield
     except InterfaceError as error:
@@ -234,18 +234,18 @@ def _definition_of(leaf: RosLeaf) -> Iterator[None]:
 
 
 class RosService(ServiceLeaf):
-    """Call a service: SUCCESS when it has answered and not reported a failure.
+    """Call a service: SUCCESS when it has responded, unless the response reports failure.
 
     Args:
         service: The service's name.
         type_: Its type, such as `std_srvs/srv/SetBool`.
         request: The request's fields as YAML, in which `{key}` is a key: `data: true`.
-        success: A field of the answer that must be true; empty for none.
-        field: The field of the answer to write to `value`, such as `location.x`; empty for the whole answer.
+        success: A field of the response that must be true; empty for none.
+        field: The field of the response to write to `value`, such as `location.x`; empty for the whole response.
         value: The key to write it to.
-        fields: Further fields of the answer with the keys to write: `x: {x}, y: {y}`.
-        server_timeout_sec: How long to wait for a server, seconds.
-        timeout_sec: How long to wait for the answer, seconds.
+        fields: Further fields of the response, each with the key it is written to: `x: {x}, y: {y}`.
+        server_timeout_sec: Time to wait for a server, in seconds.
+        timeout_sec: Time to wait for the response, in seconds.
         scope: Where keys are looked up.
     """
 
@@ -279,7 +279,7 @@ class RosService(ServiceLeaf):
         super().setup(**kwargs)
 
     def require_definition(self) -> None:
-        """Check the request, and the fields of the answer."""
+        """Check the request, and the fields of the response."""
         with _definition_of(self):
             interface = _defined("srv", self._name, self.service_type)
             self._sent.check(interface.Request)
@@ -288,7 +288,7 @@ class RosService(ServiceLeaf):
                 check_path(interface.Response, self._success)
 
     def initialise(self) -> None:
-        """Call the server that currently has the name."""
+        """Call the currently configured server."""
         name = self._name.read_name()
         if name != self.service_name:
             self._drop()
@@ -309,11 +309,11 @@ class RosService(ServiceLeaf):
         return self._sent.message(self.interface.Request)
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE without an answer."""
+        """Return FAILURE, because there is no response."""
         return self.answer(super().on_failure(reason), "no answer")
 
     def on_response(self, response: Any) -> Status:
-        """Write the answer's fields; return SUCCESS unless the server reports a failure."""
+        """Write the response's fields; return SUCCESS unless the response reports failure."""
         missing = self._received.write(response)
         if self._success and not self._is_true(response, self._success):
             said = _reason_beside(response, self._success) or str(self._success)
@@ -332,7 +332,7 @@ class RosService(ServiceLeaf):
 
 
 def _reason_beside(response: Any, field: FieldPath) -> str:
-    """Return why a field of an answer is not true, from the neighbouring text fields or from the answer."""
+    """Return why a field of a response is not true, from the neighbouring text fields or from the whole response."""
     around, dot, _ = field.text.rpartition(".")
     beside = ""
     if dot:
@@ -346,7 +346,7 @@ def _reason_beside(response: Any, field: FieldPath) -> str:
 class RosAction(ActionLeaf):
     """Send a goal to an action: RUNNING until it has ended, SUCCESS if it has succeeded.
 
-    The result's fields are written on every end that has a result, also when the goal was aborted or canceled.
+    The result's fields are written whenever there is a result, even if the goal was aborted or cancelled.
 
     Args:
         action: The action's name.
@@ -354,10 +354,10 @@ class RosAction(ActionLeaf):
         goal: The goal's fields as YAML, in which `{key}` is a key: `time: {sec: 5}`.
         field: The field of the result to write to `value`; empty for the whole result.
         value: The key to write it to.
-        fields: Further fields of the result with the keys to write: `error_code: {code}, error_msg: {text}`.
-        feedback: Fields of the feedback with the keys to write, at each tick: `distance_remaining: {left}`.
-        server_timeout_sec: How long to wait for a server, seconds.
-        acceptance_timeout_sec: How long to wait for the goal to be accepted, seconds.
+        fields: Further fields of the result, each with the key it is written to: `error_code: {code}, error_msg: {text}`.
+        feedback: Fields of the feedback, each with the key it is written to in each tick: `distance_remaining: {left}`.
+        server_timeout_sec: Time to wait for a server, in seconds.
+        acceptance_timeout_sec: Time to wait for the goal to be accepted, in seconds.
         scope: Where keys are looked up.
     """
 
@@ -400,7 +400,7 @@ class RosAction(ActionLeaf):
             self._feedback.check(interface.Feedback)
 
     def initialise(self) -> None:
-        """Send a goal to the server that currently has the name."""
+        """Send a goal to the currently configured server."""
         name = self._name.read_name()
         if name != self.action_name:
             self._drop()
@@ -438,11 +438,11 @@ class RosAction(ActionLeaf):
         self._feedback.write(feedback)
 
     def on_failure(self, reason: str) -> Status:
-        """Return FAILURE without a result."""
+        """Return FAILURE, because there is no result."""
         return self.answer(super().on_failure(reason), "no result")
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE, with the result if the goal has one: it has succeeded, but the robot has not arrived."""
+        """Return FAILURE, and write the result if there is one: the goal has succeeded, but the robot has not arrived."""
         failed, goal = super().on_unavailable(reason), self._exchange
         if (
             goal is None
@@ -468,18 +468,18 @@ class RosAction(ActionLeaf):
 
 
 class RosTopic(TopicLeaf):
-    """Check for a message of a topic: SUCCESS if there is one, with fields of the latest one written to keys.
+    """Check for a message on a topic: SUCCESS if there is one, and fields of the latest one are written to keys.
 
     Args:
         topic: The topic's name.
         type_: Its type, such as `sensor_msgs/msg/BatteryState`.
         field: The field to write to `value`, such as `pose.position.x`; empty for the whole message.
         value: The key to write it to.
-        fields: Further fields with the keys to write: `pose.position.x: {x}`.
-        max_age_sec: The largest accepted age of a message, seconds of the node's clock; by default 5, and any age with
+        fields: Further fields, each with the key it is written to: `pose.position.x: {x}`.
+        max_age_sec: Maximum age of a message, in seconds of the node's clock; 5 by default, unlimited with
             `transient_local`.
-        qos: `sensor_data`, `reliable`, or `transient_local` for messages that were published before.
-        waits: Whether it is RUNNING, instead of FAILURE, while there is no message.
+        qos: `sensor_data`, `reliable`, or `transient_local` for messages published earlier.
+        waits: Whether it returns RUNNING, instead of FAILURE, while there is no message.
         scope: Where keys are looked up.
     """
 
@@ -517,7 +517,7 @@ class RosTopic(TopicLeaf):
             self._received.check(_defined("msg", self._name, self.topic_type))
 
     def initialise(self) -> None:
-        """Subscribe to the topic that currently has the name."""
+        """Subscribe to the currently configured topic."""
         name = self._name.read_name()
         if name != self.topic_name:
             self.topic_name = name
@@ -525,7 +525,7 @@ class RosTopic(TopicLeaf):
         super().initialise()
 
     def subscribe(self) -> None:
-        """Subscribe to the topic; later if its name is not known yet."""
+        """Subscribe to the topic if its name is already known."""
         if self.topic_name:
             super().subscribe()
 
@@ -534,7 +534,7 @@ class RosTopic(TopicLeaf):
         self._received.require_usable(message)
 
     def on_message(self, message: Any) -> Status:
-        """Return SUCCESS, and write the fields."""
+        """Write the fields and return SUCCESS."""
         missing = self._received.write(message)
         if missing:
             self.complain(f"'{self.name}': {missing}")
@@ -549,9 +549,9 @@ class RosPublish(RosLeaf):
         topic: The topic's name.
         type_: Its type, such as `std_msgs/msg/String`.
         message: The message's fields as YAML, in which `{key}` is a key: `data: hello`.
-        qos: `reliable`, `sensor_data`, or `transient_local` for subscribers that come later as well.
-        waits: Whether it is RUNNING until there is a subscriber; one that is `transient_local` never waits.
-        timeout_sec: How long to wait for one, seconds; then FAILURE.
+        qos: `reliable`, `sensor_data`, or `transient_local` to reach later subscribers, too.
+        waits: Whether it returns RUNNING until there is a subscriber; with `transient_local` it never waits.
+        timeout_sec: Time to wait for a subscriber, in seconds; then FAILURE.
         scope: Where keys are looked up.
     """
 
@@ -593,7 +593,7 @@ class RosPublish(RosLeaf):
             self._sent.check(_defined("msg", self._name, self._type))
 
     def initialise(self) -> None:
-        """Publish on the topic that currently has the name."""
+        """Create the publisher for the currently configured topic, and start the timeout."""
         self._publisher = self._publisher_of(self._name.read_name())
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
@@ -613,7 +613,10 @@ class RosPublish(RosLeaf):
         return Status.SUCCESS
 
     def shutdown(self) -> None:
-        """Let subscribers acknowledge the messages; the publisher exists as long as the node, for all leaves."""
+        """Wait until subscribers have acknowledged the messages.
+
+        The publisher is shared by all leaves, and exists as long as the node.
+        """
         from rclpy.duration import Duration
 
         if self._publisher is not None and alive(self.node):
@@ -622,7 +625,7 @@ class RosPublish(RosLeaf):
         super().shutdown()
 
     def _publisher_of(self, topic: str) -> Any:
-        """Return the node's publisher of a topic: one for all leaves, so that the last message is the last of all."""
+        """Return the node's publisher of a topic. All leaves share it, so `transient_local` keeps the last message of any leaf."""
         kind = generated_type("msg", self._type)
         qos = qos_profile(type(self).__name__, self._qos)
         qos.depth = 1 if self._qos == "transient_local" else _DEPTH
@@ -635,13 +638,13 @@ _DEPTH = 10
 
 
 class RosTransform(RosLeaf):
-    """Look up a frame's pose in another one on `/tf`: SUCCESS if it is known and written, else RUNNING.
+    """Look up a frame's pose in another frame on `/tf`: SUCCESS if it is known and written, else RUNNING.
 
     Args:
         target_frame: The frame of the written pose, such as `map`.
         source_frame: The frame to locate, such as `base_link`.
-        max_age_sec: The largest accepted age of the transforms, seconds of the node's clock.
-        timeout_sec: How long to wait for them, seconds; then FAILURE.
+        max_age_sec: Maximum age of the transforms, in seconds of the node's clock.
+        timeout_sec: Time to wait for the transforms, in seconds; then FAILURE.
         x: The key for x, metres.
         y: The key for y, metres.
         z: The key for z, metres.
@@ -679,7 +682,7 @@ class RosTransform(RosLeaf):
         self._deadline = Deadline(timeout_sec)
 
     def setup(self, **kwargs: Any) -> None:
-        """Listen to transforms from now on, even if the leaf is not ticked.
+        """Start listening to transforms, even if the leaf is not ticked.
 
         Args:
             **kwargs: `node` and optionally `wake`, see `RosLeaf`.
@@ -717,7 +720,7 @@ class RosTransform(RosLeaf):
         super().shutdown()
 
     def _look_up(self) -> Transform | str:
-        """Return the pose of the frame, or the reason in words why it is unknown."""
+        """Return the frame's pose, or the reason why it is unknown."""
         found = frame_tree(self.node).look_up(self._target, self._source, self.max_age_sec)
         return found if isinstance(found, str) else found.transform
 
