@@ -155,4 +155,4 @@ def test_a_node_that_an_installed_palette_knows_is_said_to_be_there(capsys, tmp_
     assert "add a palette that describes it: --model nav2:jazzy or nav2:kilted or nav2:main" in out
     status, _, err = run(capsys, "nodes", "FollowPath")
     assert status == 2
-    assert "add a palette that describes it: --model nav2:jazzy or nav2:kilted or nav2:main" in err
+    assert "Add a palette that describes it: --model nav2:jazzy or nav2:kilted or nav2:main" in err

@@ -79,7 +79,7 @@ def test_a_service_that_nobody_brings_is_named(start, tree):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--until", "complete"], "for this tree write end, success, failure or forever"),
+        (["--until", "complete"], "For this tree write end, success, failure or forever"),
         (["--mission", "serch_and_rescue"], "did you mean 'search_and_rescue'?"),
         (
             ["--sim", "--fault", "report_survivor:drop=1"],

@@ -515,6 +515,9 @@ LONG: dict[str, dict[str, Phase]] = {
     },
     "sar-journal": {
         "explaining": Phase(["why", "{journal}", "--tree-file", "{tree}", "--nodes", "endless"], "blocked"),
+        "importing": Phase(
+            ["import", "delivery_failed", "-o", "{folder}/run.journal", "--nodes", "endless"], "blocked"
+        ),
         "replaying": Phase(["replay", "{journal}", "--web-port", "0"], "The page:"),
         "watching": Phase(["watch", "{journal}", "--web-port", "0"], "The page:"),
     },

@@ -298,13 +298,13 @@ class TestWhatAFileNames:
         Path("project/world.yaml").write_text(f"{WORLD}map: {text}\n", encoding="utf-8")
         assert sim_command(["map", "project/world.yaml"]) == 2
         err = capsys.readouterr().err
-        assert f"project/world.yaml:3:6: error[setting-outside]: map: '{text}' lies outside the folder" in err
+        assert f"project/world.yaml:3:6: error[setting-outside]: map: '{text}' is outside the folder" in err
         assert self.SECRET not in err
 
     def test_a_map_names_no_picture_outside_its_folder(self):
         Path("project/map.yaml").write_text(f"image: ../secret\n{MAP}", encoding="utf-8")
         with pytest.raises(
-            TreeError, match=r"setting-outside\]: image: '../secret' lies outside the folder"
+            TreeError, match=r"setting-outside\]: image: '../secret' is outside the folder"
         ) as error:
             read_map(Path("project/map.yaml"))
         assert self.SECRET not in str(error.value)
@@ -321,7 +321,7 @@ class TestWhatAFileNames:
         Path("project/s.yaml").write_text("expect: {trace: ../secret}\n", encoding="utf-8")
         assert compile_command(["simulate", "project/tree.xml", "--scenario", "project/s.yaml"]) == 1
         out, err = capsys.readouterr()
-        assert "error[setting-outside]: trace: '../secret' lies outside" in out + err
+        assert "error[setting-outside]: trace: '../secret' is outside" in out + err
         assert self.SECRET not in out + err
 
 

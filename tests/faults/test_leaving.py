@@ -80,7 +80,7 @@ def test_a_thread_that_does_not_end_is_named_and_keeps_no_command(command):
     done = run(program)
     assert done.returncode == 0
     assert (
-        "a-command: thread 'charger' is still running in <string>:5, in recharge; the process ends"
+        "a-command: thread 'charger' is still running in <string>:5, in recharge, so the process ends"
         in done.stderr
     )
 

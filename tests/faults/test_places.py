@@ -46,6 +46,7 @@ WITHOUT_PLACE = {
     "the image of a map": "a picture; the place is that of its name in the map",
     "the poses of robots": "written by the project",
     "a journal": "written by the project",
+    "a recorded run": "written by another program, in binary: findings name the byte or the message",
     "a journal that is judged": "written by the project",
     "the log beside a journal": "written by SQLite",
     "the reserve of a journal": "written by the project",

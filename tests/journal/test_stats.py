@@ -134,7 +134,7 @@ def test_a_journal_of_another_tree_is_refused_in_words(place, tmp_path, capsys, 
     fly(place)
     other = fly(tmp_path / "other.journal", tree={**TREE, "children": children})
     assert main(["stats", str(place), str(other)]) == 2
-    assert f"{other} is of another tree than {place}: {words}; " in capsys.readouterr().err
+    assert f"{other} is of another tree than {place}: {words}. " in capsys.readouterr().err
 
 
 def test_a_tree_whose_file_was_moved_is_the_same(place, tmp_path, capsys):

@@ -51,7 +51,7 @@ def test_the_node_continues_while_the_tree_is_held_and_resuming_wakes_the_tree(r
     breakpoints.resume()
     ros.spin_until(lambda: runner.count == 1, "the end of the tick")
     assert log == [
-        "A breakpoint holds the tree before 'one': it is not ticked until it goes on",
+        "A breakpoint pauses the tree at 'one': continue to tick it",
         "the tree is ticked again",
     ]
 
