@@ -78,7 +78,7 @@ demo: env
 # where bytecode is not kept. Coverage is reported where all has passed, so that what failed stands last.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: env $(KERNEL_COVERAGE)
-	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 --costs $(COSTS)
+	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 --costs=$(COSTS)
 	$(BIN)/python -m coverage combine --quiet --keep --append $(KERNEL_COVERAGE)
 	$(BIN)/python -m coverage report
 
