@@ -54,9 +54,11 @@ def assemble(folder: Path, cache: Path) -> None:
 
 
 def _package() -> "list[Path]":
-    """Return the files of the package, without what is compiled."""
-    kinds = {".py", ".css", ".xsd", ".yaml"}
-    return sorted(path for path in (ROOT / "sar_compiler").rglob("*") if path.suffix in kinds)
+    """Return the files of the package and of the shipped mission, without what is compiled."""
+    kinds = {".py", ".css", ".json", ".xsd", ".yaml"}
+    folders = (ROOT / "sar_compiler", ROOT / "search_and_rescue")
+    found = (path for folder in folders for path in folder.rglob("*") if path.suffix in kinds)
+    return sorted(path for path in found if path.name != "compiled.json")
 
 
 def _pyodide(cache: Path) -> Path:
