@@ -32,7 +32,7 @@ SCREEN = {"sar-run": 45}
 # The pages that say more, by command, or command and option.
 MORE = {
     "sar-compile validate": ["tree-files.md", "configuration.md"],
-    "sar-compile validate --fix": ["configuration.md#what---fix-changes"],
+    "sar-compile validate --fix": ["configuration.md#changes-made-by---fix"],
     "sar-compile validate --print-fixed": ["../how-to/agents.md#fixing"],
     "sar-compile validate --deep": ["../findings/failing-tick.md"],
     "sar-compile show": ["../how-to/draw-a-tree.md"],
@@ -57,8 +57,8 @@ MORE = {
     "sar-run --record": ["../how-to/other-tools.md#a-recording"],
     "sar-run --check": ["../missions/search-and-rescue.md#before-the-run"],
     "sar-run --guardian": ["../concepts/security.md#the-guardian"],
-    "sar-run --engine": ["../how-to/run-on-a-robot.md#what-ticks-the-tree"],
-    "sar-run --executor": ["../how-to/run-on-a-robot.md#what-ticks-the-tree"],
+    "sar-run --engine": ["../how-to/run-on-a-robot.md#choose-the-engine"],
+    "sar-run --executor": ["../how-to/run-on-a-robot.md#choose-the-engine"],
     "sar-run --journal": ["journal.md"],
     "sar-run --properties": ["../how-to/watch-a-run.md"],
     "sar-run --approved": ["../how-to/agents.md#the-gate"],

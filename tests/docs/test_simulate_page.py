@@ -28,13 +28,13 @@ def test_every_key_of_a_scenario_is_in_the_table():
 
 
 def test_every_expectation_is_in_the_table():
-    assert {code.split(":")[0] for code in first_codes("What is expected")} == set(
+    assert {code.split(":")[0] for code in first_codes("Expectations")} == set(
         SCHEMA["properties"]["expect"]["properties"]
     )
 
 
 def test_every_key_of_a_step_is_shown():
-    shown = " ".join(first_codes("What leaves answer"))
+    shown = " ".join(first_codes("Outcomes of leaves"))
     assert [key for key in SCHEMA["definitions"]["step"]["properties"] if f"{key}:" not in shown] == []
 
 
