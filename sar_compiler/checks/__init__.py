@@ -25,6 +25,7 @@ from sar_compiler.checks.rules import (
     subtrees,
     version_differences,
 )
+from sar_compiler.checks.schema_acceptance import is_surely_accepted
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.collector import FindingCollector
@@ -125,11 +126,13 @@ def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list
     """Return the schema's findings that add to those of the rules; none in a browser, which has no lxml."""
     if sys.platform == "emscripten":
         return []
-    from sar_compiler.checks.schema_validation import check_schema
-
     forest, registry, findings = context.forest, context.registry, [*found]
     described = described_specs([*forest.files, *context.palettes], registry)
     for tree_file in forest.files:
+        if is_surely_accepted(tree_file, registry, described):
+            continue
+        from sar_compiler.checks.schema_validation import check_schema
+
         schema = functools.partial(check_schema, tree_file, registry, described, findings)
         findings += itertools.islice(_guard(check_schema.__name__, schema, forest, findings), MOST)
     return findings[len(found) :]

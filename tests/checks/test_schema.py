@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.checks import RULES, check
 from sar_compiler.checks.rules import CheckContext
+from sar_compiler.checks.schema_acceptance import is_surely_accepted
 from sar_compiler.checks.schema_validation import check_schema, schema_errors
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
@@ -92,3 +93,44 @@ def test_the_rules_find_everything_that_the_schema_refuses(element):
     if schema_errors(tree, default_registry()):
         assert found
     assert not list(check_schema(tree, default_registry(), (), found)) or found
+
+
+@pytest.mark.parametrize("name", CORRECT)
+def test_a_correct_file_is_accepted_without_the_schema(name):
+    tree = parse_xml(document(CORRECT[name]))
+    assert is_surely_accepted(tree, default_registry())
+
+
+# What the schema, or the library that validates with it, refuses although a tag or an attribute alone looks fine.
+UNUSUAL = {
+    "a namespace": document("<AlwaysSuccess/>").replace("<root", '<root xmlns="urn:x"'),
+    "an unbound prefix": document('<SubTree ID="Other" a:b="1"/>'),
+    "text after a tag": document("<Sequence><AlwaysSuccess/> text </Sequence>"),
+    "text that looks like a value": document('<Sequence><AlwaysSuccess/> " > " </Sequence>'),
+    "text that ends like a tag": document("<Sequence><AlwaysSuccess/> text > </Sequence>"),
+    "text with an apostrophe and quotes": document("<Sequence><AlwaysSuccess/> ' > \" </Sequence>"),
+    "an include with a line break": '<root BTCPP_format="4"><include path="a.xml">\n</include></root>',
+    "an instruction": document("<Sequence><?sar?><AlwaysSuccess/></Sequence>"),
+    "a marked section": document("<Sequence><![CDATA[text]]><AlwaysSuccess/></Sequence>"),
+    "two trees of one ID": '<root BTCPP_format="4">'
+    + 2 * '<BehaviorTree ID="A"><AlwaysSuccess/></BehaviorTree>'
+    + "</root>",
+    "a tree without nodes": '<root BTCPP_format="4"><BehaviorTree ID="A"/></root>',
+    "no trees": '<root BTCPP_format="4"/>',
+    "another format": document("<AlwaysSuccess/>").replace('"4"', '"3"'),
+    "a condition outside of a tree": document("<AlwaysSuccess/>").replace("<root", '<root _skipIf="1"'),
+    "a child of a subtree": document('<SubTree ID="Other"><AlwaysSuccess/></SubTree>'),
+    "an explicit form without an ID": document("<Action/>"),
+    "a note that is empty for a condition": document('<AlwaysSuccess _skipIf=" "/>'),
+}
+
+
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_a_file_that_is_unusual_is_left_to_the_schema(name):
+    assert not is_surely_accepted(parse_xml(UNUSUAL[name]), default_registry())
+
+
+@given(ELEMENTS, st.sampled_from(["", "\n", " x", "<!-- > \" ' -->", "&#160;"]))
+def test_a_file_that_is_accepted_without_the_schema_is_accepted_by_it(element, text):
+    tree = parse_xml(document(f"<Sequence>{written(element)}{text}<AlwaysSuccess/></Sequence>"))
+    assert not is_surely_accepted(tree, default_registry()) or not schema_errors(tree, default_registry())
