@@ -50,7 +50,8 @@ PARTS = {
     "execution": {"analysis", "journal", "missions", "ros", "sim", "views"},
     "web": {"analysis", "execution", "journal", "missions", "reports", "ros", "views"},
     "agent": {"analysis", "missions", "views"},
-    "lsp": {"analysis", "missions", "views"},
+    "editing": set(),
+    "lsp": {"analysis", "editing", "missions", "views"},
     "validation": {"analysis"},
 }
 """What each part may import of the others; besides that, all of the core."""
@@ -504,6 +505,7 @@ HOMES = (
 )
 NAMED_ELSEWHERE = {
     "tree/model.py": {"SubTree"},  # a part of the file's grammar, before any node has a meaning
+    "editing/operations.py": {"Fallback", "Inverter", "Sequence"},  # the usual ones around another node
     "tree/yaml_fields.py": {
         "Condition",  # the explicit form, <Condition ID="...">, not py_trees' decorator
         "RosAction",  # whose attributes are YAML themselves, which is read before any node has a meaning

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcInvalidParams
 
 from sar_compiler.budget import Budget
+from sar_compiler.editing.names import check_renaming, renamed
 from sar_compiler.errors import SarError
-from sar_compiler.lsp.names import check_renaming, renamed
 from sar_compiler.lsp.server import COMMANDS, TreeServer
 from sar_compiler.project import CommandLineSettings, ProjectTree
 from sar_compiler.tree.conversion import canonical_bytes
@@ -81,13 +82,22 @@ def _add_help(server: TreeServer) -> None:
         file = await server.settled(params.text_document.uri)
         return server.hover(file, params.position) if file else None
 
-    kinds = [lsp.CodeActionKind.QuickFix, lsp.CodeActionKind.SourceFixAll]
+    kinds = [lsp.CodeActionKind.QuickFix, lsp.CodeActionKind.SourceFixAll, lsp.CodeActionKind.Refactor]
 
-    @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(kinds))
+    @server.feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(kinds, resolve_provider=True))
     async def actions(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
         uri = params.text_document.uri
         file = await server.settled(uri)
         return server.actions(uri, file, params.range) if file else []
+
+    @server.feature(lsp.CODE_ACTION_RESOLVE)
+    async def action(params: lsp.CodeAction) -> lsp.CodeAction:
+        data: dict[str, Any] = dict(params.data or {})
+        tree = await _tree(server, data.get("uri", ""))
+        if tree is not None:
+            with _refusing():
+                params.edit = server.operation_edit(tree, **data)
+        return params
 
     @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
     async def formatting(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit] | None:

@@ -6,12 +6,13 @@ the process that it has started.
 """
 
 import asyncio
+import bisect
 import contextlib
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from lsprotocol import types as lsp
 from pygls.lsp.server import LanguageServer
@@ -21,8 +22,10 @@ from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.budget import WORK, Budget, BudgetSpentError
 from sar_compiler.checks import failure_of_file
 from sar_compiler.checks.fixing import Fix, each_fix, fixes
+from sar_compiler.editing.names import NamedThing, Spot, name_at
+from sar_compiler.editing.operations import edits_of, refactorings_at
+from sar_compiler.editing.text_edits import TextEdit
 from sar_compiler.errors import SarError
-from sar_compiler.lsp.names import NamedThing, Spot, name_at
 from sar_compiler.lsp.offers import offers_at, page_of_tag, place_in
 from sar_compiler.lsp.open_text import OpenText, Placed
 from sar_compiler.missions.tree_check import check_mission
@@ -49,6 +52,7 @@ _KINDS = {
 }
 COMMANDS = {"verify": "sar.verify", "simulate": "sar.simulate"}
 """The subcommands of `sar-compile` for the lenses, with the commands that an editor requests."""
+_REFACTORINGS = {"extract": lsp.CodeActionKind.RefactorExtract, "inline": lsp.CodeActionKind.RefactorInline}
 _IDLE_SEC = 0.5
 """The pause in typing before runs are tried."""
 
@@ -434,9 +438,28 @@ class TreeServer(LanguageServer):
         if safe:
             edit = self._edit(uri, tree.source, safe)
             found.append(lsp.CodeAction("Apply all safe fixes", lsp.CodeActionKind.SourceFixAll, edit=edit))
-        return found
+        return [*found, *self._refactorings(uri, tree, first)]
 
-    def _edit(self, uri: str, source: Source, chosen: Iterable[Fix]) -> lsp.WorkspaceEdit:
+    def _refactorings(self, uri: str, tree: ProjectTree, offset: int) -> Iterator[lsp.CodeAction]:
+        """Yield the operations on the element at an offset; their edits follow when one is chosen."""
+        elements = [*tree.forest.main.root.iterate()]
+        number = bisect.bisect_right(elements, tree.source.place(offset), key=lambda each: each.place) - 1
+        for each in refactorings_at(tree.forest.main, number) if number > 0 else ():
+            kind = _REFACTORINGS.get(each.operation, lsp.CodeActionKind.RefactorRewrite)
+            data = {"uri": uri, "operation": each.operation, "arguments": dict(each.arguments)}
+            yield lsp.CodeAction(each.title, kind, data=data)
+
+    def operation_edit(
+        self, tree: ProjectTree, uri: str, operation: str, arguments: Mapping[str, Any]
+    ) -> lsp.WorkspaceEdit:
+        """Return the edit of an operation on a file.
+
+        Raises:
+            EditError: If it is impossible.
+        """
+        return self._edit(uri, tree.source, edits_of(tree.forest.main, operation, **arguments))
+
+    def _edit(self, uri: str, source: Source, chosen: Iterable[Fix | TextEdit]) -> lsp.WorkspaceEdit:
         edits = [lsp.TextEdit(self.range_of(source, each.start, each.end), each.text) for each in chosen]
         return lsp.WorkspaceEdit({uri: edits})
 

@@ -24,7 +24,7 @@ def write_xml(tree_file: TreeFile) -> str:
     for comment in tree_file.comments:
         if comment.index == 0:
             lines += _comment(comment, "", after_blank_line=comment.after_blank_line and len(lines) > 1)
-    lines += _element(
+    lines += element_lines(
         tree_file.root, "", after_blank_line=len(lines) > 1 and tree_file.root.follows_blank_line
     )
     for comment in tree_file.comments:
@@ -38,7 +38,8 @@ def comment_in_xml(text: str) -> str:
     return re.sub("-(?=-)", "- ", text)
 
 
-def _element(element: Element, indent: str, *, after_blank_line: bool) -> Iterator[str]:
+def element_lines(element: Element, indent: str = "", *, after_blank_line: bool = False) -> Iterator[str]:
+    """Yield the lines of an element."""
     if after_blank_line:
         yield ""
     for comment in element.comments:
@@ -66,7 +67,7 @@ def _content(content: list[Comment | Element], indent: str) -> Iterator[str]:
         if isinstance(each, Comment):
             yield from _comment(each, indent, after_blank_line=each.after_blank_line and number > 0)
         else:
-            yield from _element(each, indent, after_blank_line=number > 0 and each.follows_blank_line)
+            yield from element_lines(each, indent, after_blank_line=number > 0 and each.follows_blank_line)
 
 
 def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterator[str]:
@@ -111,6 +112,12 @@ def _comment(comment: Comment, indent: str, *, after_blank_line: bool) -> Iterat
     for line in (first, *rest):
         yield f"{indent}  {line}".rstrip()
     yield f"{indent}-->"
+
+
+def escape_value(value: str, quote: str = '"') -> str:
+    """Return a value as it is written between quotation marks."""
+    escaped_value = _escape(value, _ESCAPES)
+    return escaped_value if quote == '"' else escaped_value.replace(quote, "&apos;")
 
 
 def _escape(text: str, escapes: dict[str, str]) -> str:

@@ -258,6 +258,11 @@ class Events:
             self.report("yaml-tag", message, start, end, hint=hint)
 
 
+def masked_events(text: str) -> Iterator[Any]:
+    """Yield the events of a valid tree file's text; each is at its offset in it."""
+    yield from yaml.parse(masked(text), Loader=_LOADER)
+
+
 def malformed(source: Source, error: yaml.YAMLError) -> Diagnostic:
     """Return the finding for a text that the YAML parser rejects."""
     problem, start = str(error), 0

@@ -37,7 +37,7 @@ def write_yaml(tree_file: TreeFile) -> str:
     root = tree_file.root
     if before and root.follows_blank_line:
         lines.append("")
-    lines += _node(root, "", "")
+    lines += node_lines(root, "", "")
     after = [comment for comment in tree_file.comments if comment.index > 0]
     for index, comment in enumerate(after):
         lines += _comment(comment, "", after_blank_line=index > 0 or comment.after_blank_line)
@@ -58,7 +58,7 @@ def scalar(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
 
 
-def _node(element: Element, indent: str, dash: str) -> Iterator[str]:
+def node_lines(element: Element, indent: str = "", dash: str = "- ") -> Iterator[str]:
     """Yield the lines of an element; the content of its tag is indented four columns from its dash."""
     key = scalar(element.tag)
     below = indent + ("    " if dash else "  ")
@@ -96,7 +96,7 @@ def _children(element: Element, indent: str) -> Iterator[str]:
         else:
             if last is not None and each.follows_blank_line:
                 yield ""
-            yield from _node(each, indent, "- ")
+            yield from node_lines(each, indent, "- ")
         last = each
 
 

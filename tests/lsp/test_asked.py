@@ -267,8 +267,22 @@ def test_a_finding_comes_with_the_fix_that_it_suggests(editor, files):
     context = lsp.CodeActionContext([])
     question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), context)
     answer = editor.ask(editor.client.text_document_code_action_async(question))
-    written = {each.title: each.edit.changes[main.as_uri()][0].new_text for each in answer}
+    fixes = [each for each in answer if each.edit]
+    written = {each.title: each.edit.changes[main.as_uri()][0].new_text for each in fixes}
     assert written == {"Write memory": "memory", "Apply all safe fixes": "memory"}
+
+
+def test_an_operation_on_a_node_is_offered_and_its_edit_follows_when_it_is_chosen(editor, files):
+    main, _ = files
+    place = at(main, "Sequence")
+    question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), lsp.CodeActionContext([]))
+    offered = {
+        each.title: each for each in editor.ask(editor.client.text_document_code_action_async(question))
+    }
+    chosen = editor.ask(editor.client.code_action_resolve_async(offered["Extract to a subtree"]))
+    assert chosen.kind == lsp.CodeActionKind.RefactorExtract
+    written = "".join(each.new_text for each in chosen.edit.changes[main.as_uri()])
+    assert '<BehaviorTree ID="Sequence">' in written
 
 
 def test_the_fix_of_a_tag_is_that_of_its_end_tag_as_well(editor, files):

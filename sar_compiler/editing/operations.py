@@ -1,0 +1,409 @@
+"""The operations on the elements of a tree file, each as edits of its text.
+
+An element is named by its number: its place in the order of the file, from 0 for the root element. Every operation has been
+read back before its edits are returned, so the edited text can be parsed.
+"""
+
+import itertools
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from sar_compiler.editing.text_edits import (
+    EditError,
+    Snippet,
+    SnippetLine,
+    TextEdit,
+    apply_edits,
+    edit_between,
+)
+from sar_compiler.editing.xml_text import XmlText
+from sar_compiler.editing.yaml_text import YamlText
+from sar_compiler.tree.diagnostic import Form, TreeError
+from sar_compiler.tree.discovery import parse_tree
+from sar_compiler.tree.model import SUBTREE_TAG, TREE_TAG, Element, TreeFile, synthetic_element
+
+_KEY = re.compile(r"\{(@?\w+)\}")
+_SCRIPTS = re.compile(r"_(?:skipIf|successIf|failureIf|while|on[A-Z]\w*)|code|if|condition")
+_AUTOREMAP, _MAIN = "_autoremap", "main_tree_to_execute"
+_OF_SUBTREE = ("ID", "name", _AUTOREMAP)
+
+
+@dataclass(frozen=True)
+class Siblings:
+    """Consecutive children of an element.
+
+    Attributes:
+        parent: The element.
+        first: The index of the first of them.
+        last: The index of the last one.
+    """
+
+    parent: Element
+    first: int
+    last: int
+
+    @property
+    def ends(self) -> tuple[Element, Element]:
+        """The first and the last of them."""
+        return self.parent.children[self.first], self.parent.children[self.last]
+
+
+class EditedFile:
+    """A file on which operations are applied.
+
+    Args:
+        tree_file: The file.
+    """
+
+    def __init__(self, tree_file: TreeFile) -> None:
+        self.tree_file = tree_file
+        self.elements = [*tree_file.root.iterate()]
+        self.text: XmlText | YamlText = (
+            XmlText(tree_file) if tree_file.source.form is Form.XML else YamlText(tree_file)
+        )
+        # The parent of each element and its index in it, by the element's offset.
+        self._places = {
+            child.offset: (each, index) for each in self.elements for index, child in enumerate(each.children)
+        }
+
+    def element(self, number: int) -> Element:
+        """Return an element.
+
+        Raises:
+            EditError: If there is none with this number.
+        """
+        if not 0 <= number < len(self.elements):
+            message = f"there is no element {number}. The text has changed"
+            raise EditError(message)
+        return self.elements[number]
+
+    def number(self, element: Element) -> int:
+        """Return an element's number."""
+        return next(index for index, each in enumerate(self.elements) if each is element)
+
+    def siblings(self, number: int, last: int | None = None) -> Siblings:
+        """Return an element, or those up to another one, as children of their parent.
+
+        Raises:
+            EditError: If it is the root element, or the other one is no later sibling.
+        """
+        first, end = self.element(number), self.element(number if last is None else last)
+        if first.offset not in self._places:
+            message = f"<{first.tag}> contains the whole file, and stays"
+            raise EditError(message)
+        (parent, index), (other, behind) = (self._places[each.offset] for each in (first, end))
+        if other is not parent or behind < index:
+            message = "these elements are no siblings. Choose neighbours below one parent"
+            raise EditError(message)
+        return Siblings(parent, index, behind)
+
+    def tree_around(self, element: Element) -> Element:
+        """Return the tree that contains an element.
+
+        Raises:
+            EditError: If it is in no tree.
+        """
+        while element.tag != TREE_TAG:
+            if element.offset not in self._places:
+                message = "this element is in no tree"
+                raise EditError(message)
+            element = self._places[element.offset][0]
+        return element
+
+
+def move(file: EditedFile, element: int, parent: int, index: int) -> list[TextEdit]:
+    """Move an element to a position among the children of another one, counted before it has moved.
+
+    Raises:
+        EditError: If the other one is in it.
+    """
+    moved, target, here = file.element(element), file.element(parent), file.siblings(element)
+    if any(each is target for each in moved.iterate()):
+        message = f"<{moved.tag}> cannot be moved into itself"
+        raise EditError(message)
+    _require_index(target, index)
+    if here.parent is target and here.first <= index <= here.first + 1:
+        return []
+    lines = file.text.copy(moved, moved)
+    return [*file.text.insert(target, index, lines), *file.text.delete_element(moved)]
+
+
+def insert(
+    file: EditedFile, parent: int, index: int, tag: str, attributes: Mapping[str, str] | None = None
+) -> list[TextEdit]:
+    """Insert a new element at a place among the children of another one."""
+    target = file.element(parent)
+    _require_index(target, index)
+    return file.text.insert(target, index, file.text.new(synthetic_element(tag, attributes)))
+
+
+def wrap(
+    file: EditedFile,
+    element: int,
+    tag: str,
+    attributes: Mapping[str, str] | None = None,
+    last: int | None = None,
+) -> list[TextEdit]:
+    """Put an element, or those from it up to another one, into a new one."""
+    first, end = file.siblings(element, last).ends
+    lines = file.text.wrap(synthetic_element(tag, attributes), file.text.copy(first, end))
+    return file.text.replace(first, end, lines)
+
+
+def unwrap(file: EditedFile, element: int) -> list[TextEdit]:
+    """Put the children of an element in its place.
+
+    Raises:
+        EditError: If it has none.
+    """
+    outer = file.element(element)
+    file.siblings(element)
+    if not outer.children:
+        message = f"<{outer.tag}> has no children. Delete it instead"
+        raise EditError(message)
+    return file.text.replace(outer, outer, file.text.contents(outer), with_comments=False)
+
+
+def delete(file: EditedFile, element: int) -> list[TextEdit]:
+    """Delete an element with everything in it and the comments directly above it."""
+    file.siblings(element)
+    return file.text.delete_element(file.element(element))
+
+
+def duplicate(file: EditedFile, element: int) -> list[TextEdit]:
+    """Insert a copy of an element after it."""
+    here, copied = file.siblings(element), file.element(element)
+    return file.text.insert(here.parent, here.first + 1, file.text.copy(copied, copied))
+
+
+def extract(file: EditedFile, element: int, tree: str) -> list[TextEdit]:
+    """Move an element into a new tree, and tick that tree in its place, with the same keys.
+
+    Raises:
+        EditError: If there is such a tree, or the element uses private keys.
+    """
+    moved, root = file.element(element), file.tree_file.root
+    around = file.tree_around(moved)
+    if moved is around:
+        message = f"'{around.attributes.get('ID', '')}' is a tree already"
+        raise EditError(message)
+    if any(each.attributes.get("ID") == tree for each in file.tree_file.trees):
+        message = f"there is already a tree '{tree}'. Choose another name"
+        raise EditError(message)
+    keys = set(_keys(moved))
+    if private := sorted(key for key in keys if key.startswith("_")):
+        message = f"the private key '{private[0]}' is not shared with a subtree. Rename it first"
+        raise EditError(message)
+    remap = {_AUTOREMAP: "true"} if keys or any(_scripts(moved)) else {}
+    call = synthetic_element(SUBTREE_TAG, {"ID": tree, **remap})
+    new = file.text.wrap(synthetic_element(TREE_TAG, {"ID": tree}), file.text.copy(moved, moved))
+    name = around.attributes.get("ID")
+    is_only = _MAIN not in root.attributes and len(file.tree_file.trees) == 1 and name
+    return [
+        *file.text.replace(moved, moved, file.text.new(call)),
+        *file.text.insert(root, file.siblings(file.number(around)).first + 1, new),
+        *(file.text.set_attribute(root, _MAIN, name) if is_only else ()),
+    ]
+
+
+def inline(file: EditedFile, element: int) -> list[TextEdit]:
+    """Put a copy of the content of a subtree in the place of the node that ticks it.
+
+    Raises:
+        EditError: If the tree is not in this file, or its keys cannot be written in place of its ports.
+    """
+    call = file.element(element)
+    name = call.attributes.get("ID", "")
+    tree = next((each for each in file.tree_file.trees if each.attributes.get("ID") == name), None)
+    if call.tag != SUBTREE_TAG or tree is None or not tree.children:
+        message = f"<{call.tag}> ticks no tree of this file"
+        raise EditError(message)
+    if tree is file.tree_around(call):
+        message = f"the tree '{name}' ticks itself"
+        raise EditError(message)
+    lines = _with_ports(file.text.contents(tree), _ports(call, tree, file.tree_around(call)))
+    return file.text.replace(call, call, lines, with_comments=False)
+
+
+def set_attribute(file: EditedFile, element: int, name: str, value: str | None = None) -> list[TextEdit]:
+    """Give an attribute a value, or with None remove it."""
+    return file.text.set_attribute(file.element(element), name, value)
+
+
+OPERATIONS: Mapping[str, Callable[..., list[TextEdit]]] = {
+    each.__name__: each
+    for each in (move, insert, wrap, unwrap, delete, duplicate, extract, inline, set_attribute)
+}
+"""The operations, by the names that editors use for them."""
+
+
+def edits_of(tree_file: TreeFile, operation: str, /, **arguments: Any) -> list[TextEdit]:
+    """Return the edits of an operation.
+
+    Args:
+        tree_file: The file.
+        operation: Its name in `OPERATIONS`.
+        **arguments: Its arguments.
+
+    Raises:
+        EditError: If it is impossible, or its arguments are wrong.
+    """
+    function = OPERATIONS.get(operation)
+    if function is None:
+        message = f"there is no operation '{operation}'. Choose one of {', '.join(OPERATIONS)}"
+        raise EditError(message)
+    text = tree_file.source.text
+    expanded = _without_brackets(tree_file, operation, arguments)
+    try:
+        edits = function(EditedFile(expanded), **arguments)
+    except (TypeError, AttributeError) as error:
+        message = f"the arguments of '{operation}' are wrong: {error}"
+        raise EditError(message) from error
+    edited = apply_edits(expanded.source.text, edits)
+    try:
+        parse_tree(edited, tree_file.source.path)
+    except TreeError as error:
+        message = f"this cannot be written here: {error.findings[0].message}"
+        raise EditError(message) from error
+    return edits if expanded is tree_file else edit_between(text, edited)
+
+
+def _without_brackets(tree_file: TreeFile, operation: str, arguments: Mapping[str, Any]) -> TreeFile:
+    """Return a file in which the elements of an operation have lines of their own; in YAML they may be between brackets."""
+    if tree_file.source.form is Form.XML or operation == set_attribute.__name__:
+        return tree_file
+    names = [
+        arguments[each] for each in ("element", "parent", "last") if isinstance(arguments.get(each), int)
+    ]
+    while True:
+        file = EditedFile(tree_file)
+        text = file.text
+        if not isinstance(text, YamlText):
+            return tree_file
+        concerned = [each for number in names for each in _concerned(file, file.element(number), operation)]
+        found = next(filter(None, map(text.outermost_flow, concerned)), None)
+        if found is None:
+            return tree_file
+        edited = apply_edits(tree_file.source.text, text.expand(found))
+        tree_file = parse_tree(edited, tree_file.source.path)
+
+
+def _concerned(file: EditedFile, element: Element, operation: str) -> Iterator[Element]:
+    """Yield an element, and others that have to have lines of their own for an operation on it."""
+    yield element
+    if operation == inline.__name__:
+        for tree in file.tree_file.trees:
+            if tree.attributes.get("ID") == element.attributes.get("ID"):
+                yield from (tree, *tree.children)
+    if operation == extract.__name__:
+        yield from (file.tree_file.root, file.tree_around(element))
+    yield from element.children if operation == unwrap.__name__ else ()
+
+
+def _require_index(parent: Element, index: int) -> None:
+    if not 0 <= index <= len(parent.children):
+        message = f"<{parent.tag}> has {len(parent.children)} children, and no place {index}"
+        raise EditError(message)
+
+
+def _keys(element: Element) -> Iterator[str]:
+    """Yield the keys in braces in an element and below it."""
+    for each in element.iterate():
+        for value in each.attributes.values():
+            yield from (found[1] for found in _KEY.finditer(value))
+
+
+def _scripts(element: Element) -> Iterator[str]:
+    """Yield the scripts in an element and below it."""
+    for each in element.iterate():
+        yield from (value for name, value in each.attributes.items() if _SCRIPTS.fullmatch(name))
+
+
+def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
+    """Return the text in place of each key in braces when a subtree's content is written in its place.
+
+    Raises:
+        EditError: If a key would have another meaning there.
+    """
+    given = {name: value for name, value in call.attributes.items() if name not in _OF_SUBTREE}
+    condition = next((name for name in given if name.startswith("_")), None)
+    if condition is not None:
+        message = f"<{call.tag}> has '{condition}'. Move it to another node first"
+        raise EditError(message)
+    changed = {name: value for name, value in given.items() if value != f"{{{name}}}"}
+    in_scripts = set(re.findall(r"[A-Za-z_]\w*", " ".join(_scripts(tree))))
+    clash = next((key for key in changed if key in in_scripts), None)
+    if clash is None and call.attributes.get(_AUTOREMAP, "false") not in ("true", "1"):
+        own = (set(_keys(tree)) | in_scripts) - given.keys()
+        outer = set(_keys(around)) | set(re.findall(r"[A-Za-z_]\w*", " ".join(_scripts(around))))
+        clash = next(iter(sorted(own & outer)), None)
+    if clash is not None:
+        message = f"the key '{clash}' has another meaning around <{call.tag}>. Rename it first"
+        raise EditError(message)
+    return {f"{{{name}}}": value for name, value in changed.items()}
+
+
+def _with_ports(lines: Snippet, ports: Mapping[str, str]) -> list[SnippetLine]:
+    """Return lines with other values for keys in braces."""
+
+    def replace(match: re.Match[str]) -> str:
+        return ports.get(match[0], match[0])
+
+    return [each._replace(text=_KEY.sub(replace, each.text)) for each in lines]
+
+
+class Refactoring(NamedTuple):
+    """An operation that is possible at an element.
+
+    Attributes:
+        title: What it does, for a menu.
+        operation: Its name in `OPERATIONS`.
+        arguments: Its arguments.
+    """
+
+    title: str
+    operation: str
+    arguments: Mapping[str, Any]
+
+
+_WRAPPERS = ("Sequence", "Fallback", "Inverter")
+
+
+def refactorings_at(tree_file: TreeFile, number: int) -> list[Refactoring]:
+    """Return the operations at an element that need no further arguments."""
+    file = EditedFile(tree_file)
+    element = file.element(number)
+    try:
+        here, around = file.siblings(number), file.tree_around(element)
+    except EditError:
+        return []
+    name = element.attributes.get("name") or element.attributes.get("ID") or element.tag
+    at: dict[str, Any] = {"element": number}
+    parent = file.number(here.parent)
+    ways = [
+        (way, index)
+        for way, index in (("up", here.first - 1), ("down", here.first + 2))
+        if 0 <= index <= len(here.parent.children)
+    ]
+    found = [
+        *((f"Move {name} {way}", "move", {**at, "parent": parent, "index": index}) for way, index in ways),
+        (f"Duplicate {name}", "duplicate", at),
+        (f"Delete {name}", "delete", at),
+    ]
+    if element is not around:
+        found += [(f"Wrap {name} in {tag}", "wrap", {**at, "tag": tag}) for tag in _WRAPPERS]
+        found += [(f"Unwrap {name}", "unwrap", at)] if element.children else []
+        found += [("Extract to a subtree", "extract", {**at, "tree": _free_name(tree_file, name)})]
+    if element.tag == SUBTREE_TAG:
+        found += [("Inline the subtree", "inline", at)]
+    return [Refactoring(*each) for each in found]
+
+
+def _free_name(tree_file: TreeFile, name: str) -> str:
+    """Return a name like one that no tree of a file has."""
+    taken = {each.attributes.get("ID") for each in tree_file.trees}
+    plain = re.sub(r"[^\w.-]", "", name) or "Part"
+    names = itertools.chain([plain], (f"{plain}{number}" for number in itertools.count(2)))
+    return next(each for each in names if each not in taken)
