@@ -17,6 +17,7 @@ from sar_compiler.leaves import (
     robot_estimate,
     stamped_pose,
 )
+from search_and_rescue.actions.survivors import MapExtent, map_extent_of
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.record import DetectionVerdict, MissionRecord
 from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
@@ -60,10 +61,12 @@ class NotHeld(RosLeaf):
 
     def __post_init__(self) -> None:
         super().__init__(self.name)
+        self._extent: MapExtent | None = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Offer the services."""
+        """Subscribe to the map, and offer the services."""
         super().setup(**kwargs)
+        self._extent = map_extent_of(self.node)
         carry_out: dict[str, Callable[[Any], str | None]] = {
             "pause": lambda _: self.orders.give("pause"),
             "resume": lambda _: self.orders.give("resume"),
@@ -120,8 +123,11 @@ class NotHeld(RosLeaf):
             pose = stamped_pose(request.pose, MAP_FRAME)
         except UnusableValueError as error:
             return str(error)
-        if not self.fence.contains(pose.x, pose.y):
-            return f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
+        objection = self._extent.objection(pose.x, pose.y) if self._extent is not None else ""
+        if objection or not self.fence.contains(pose.x, pose.y):
+            return objection or f"({pose.x:.2f}, {pose.y:.2f}) is outside the geofence"
+        if (same := self.zone_manager.zone_at(pose.x, pose.y)) is not None:
+            return f"{same} is at ({pose.x:.2f}, {pose.y:.2f}) already: choose another position"
         # Even if the robot is already on its way home, the mission starts over with this zone.
         if not self.zone_manager.has_remaining():
             self.orders.change_plan(f"{zone_id} was added by {self.orders.author}")

@@ -202,7 +202,8 @@ COMMANDS = (
             "skip_zone",
             "Skip zone",
             "The current zone is abandoned.",
-            confirm="The current zone will not be searched. Anyone in it will not be found by this mission.",
+            confirm="This zone will not be searched. Anyone in it will not be found by this mission.",
+            named="Skip {}",
         ),
         ("NotHeld",),
         search_events.ZONE_ABANDONED,
@@ -215,7 +216,7 @@ COMMANDS = (
             "A further zone is added at the end of the plan.",
             "sar_interfaces/srv/AddZone",
             (
-                CommandField("zone", "Name"),
+                CommandField("zone", "Name", landmark="zone"),
                 CommandField("x", "x, metres", "number"),
                 CommandField("y", "y, metres", "number"),
                 CommandField("heading", "heading, degrees counterclockwise from x", "number"),
@@ -233,7 +234,7 @@ COMMANDS = (
             "A further area is swept. An area whose search has not started can be changed.",
             "sar_interfaces/srv/AddArea",
             (
-                CommandField("zone", "Name; an existing name changes that area"),
+                CommandField("zone", "Name; an existing name changes that area", landmark="zone"),
                 CommandField("corners", "Corners", "polygon", optional=True),
                 CommandField("poa", "probability that a person is there, 0 to 1", "number", optional=True),
                 CommandField(
@@ -254,7 +255,10 @@ COMMANDS = (
             "sar_interfaces/srv/AddHint",
             (
                 CommandField(
-                    "zone", "Zone; empty for the one at the position, or the nearest", optional=True
+                    "zone",
+                    "Zone; empty for the one at the position, or the nearest",
+                    optional=True,
+                    landmark="zone",
                 ),
                 CommandField("x", "x, metres", "number", optional=True),
                 CommandField("y", "y, metres", "number", optional=True),

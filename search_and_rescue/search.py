@@ -202,7 +202,26 @@ class Search(MissionRun):
         alarms = [Alarm(text) for text in (*self.record.alarms, *self.record.unplaced())]
         if self.record.homing_for:
             alarms.append(Alarm(_home_first(self.record.homing_for, self.record.homing_to), level=_WARNING))
-        return Display(landmarks, figures, alarms=alarms, phase=self._phase(), rasters=self.sweeps.layers())
+        phase = self._phase()
+        return Display(
+            landmarks,
+            figures,
+            alarms=alarms,
+            phase=phase,
+            rasters=self.sweeps.layers(),
+            objects=self._objects(phase),
+        )
+
+    def _objects(self, phase: MissionPhase) -> dict[str, str]:
+        """Return the objects of commands: the next zone, the state that a command changes, and the plan."""
+        zones, plan = self.zones, ", ".join(self._plan)
+        state = " ".join(filter(None, (phase.name or "active", phase.reason)))
+        return {
+            "resume": state,
+            "go_home": f"{state}, zones {plan}",
+            "add_hint": f"zones {plan}",
+            **({"skip_zone": zones.current_zone()["id"]} if zones.has_remaining() else {}),
+        }
 
     def _phase(self) -> MissionPhase:
         orders, at_base = self.orders, BASE if self.record.home else ""

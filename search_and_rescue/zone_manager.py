@@ -30,6 +30,8 @@ _POINT = ("x", "y")
 
 DETOUR = 1.5
 """Ratio of path length to straight line, assumed for paths without a plan."""
+SAME_M = 0.1
+"""Distance below which two zones are at the same position, metres."""
 _LARGEST_RATIO, _MOST_TOGETHER = 1000.0, 1e9
 MOST_PLANNED = 30
 """Largest number of zones for which one choice asks the planner: 30 zones have 495 paths."""
@@ -188,6 +190,15 @@ class ZoneManager:
         zones = (zone for zone in (*self._zones, *self._abandoned) if zone["id"] in names)
         place = (x, y)
         return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), place), default={"id": ""})["id"]
+
+    def zone_at(self, x: float, y: float) -> str | None:
+        """Return the remaining zone whose pose is at a position (metres, frame `map`); None if there is none."""
+        here = (
+            zone["id"]
+            for zone in self.remaining_zones()
+            if math.dist((zone["x"], zone["y"]), (x, y)) < SAME_M
+        )
+        return next(here, None)
 
     def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> Tour:
         """Return the inputs for ordering the given zones: travel times, durations and probabilities.

@@ -3,8 +3,9 @@
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
+from sar_compiler.journal.command_objects import SeenObjects
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.missions.mission import OperatorCommand, VerbError
 from sar_compiler.ros.leaves.leaf import find_interface
@@ -13,6 +14,33 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 _UNKNOWN = CommandAuthor()
+_NOTHING_SEEN: SeenObjects = {}
+
+
+class Sign(Protocol):
+    """Announces a command to its mission before it is sent."""
+
+    def __call__(
+        self,
+        verb: str,
+        author: CommandAuthor,
+        then: Callable[[], object],
+        seen: SeenObjects = ...,
+        refuse: Callable[[str], object] = ...,
+        /,
+    ) -> object:
+        """Announce a command, its author and what they saw, and call *then*, which sends it, or *refuse* with the reason."""
+        ...
+
+
+def _send_at_once(
+    _verb: str,
+    _author: CommandAuthor,
+    then: Callable[[], object],
+    _seen: SeenObjects = _NOTHING_SEEN,
+    _refuse: object = None,
+) -> None:
+    then()
 
 
 class CommandClient:
@@ -21,7 +49,7 @@ class CommandClient:
     Args:
         node: The node that calls; by default the mission's own, which also has the services.
         verbs: The commands.
-        sign: Called in the executor's thread with a command, its author, and a function that calls the service.
+        sign: Called in the executor's thread with a command.
         of: The name of the mission's node.
     """
 
@@ -29,9 +57,7 @@ class CommandClient:
         self,
         node: "Node",
         verbs: Sequence[OperatorCommand],
-        sign: Callable[[str, CommandAuthor, Callable[[], None]], object] = lambda _verb, _author, then: (
-            then()
-        ),
+        sign: Sign = _send_at_once,
         of: str = "~",
     ) -> None:
         self._sign = sign
@@ -49,7 +75,11 @@ class CommandClient:
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
     def give(
-        self, verb: str, values: Mapping[str, Any], author: CommandAuthor = _UNKNOWN
+        self,
+        verb: str,
+        values: Mapping[str, Any],
+        author: CommandAuthor = _UNKNOWN,
+        seen: SeenObjects = _NOTHING_SEEN,
     ) -> "Future[tuple[bool, str]]":
         """Give a command, from any thread.
 
@@ -57,6 +87,7 @@ class CommandClient:
             verb: The name of a command.
             values: The values that come with it.
             author: Its author and reason.
+            seen: What they saw; the mission refuses the command if it has changed.
 
         Returns:
             Whether it was accepted, with the response's message; it can be cancelled until it is sent.
@@ -74,7 +105,7 @@ class CommandClient:
         request = client.srv_type.Request()
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()
-        self._waiting.append(lambda: self._send(known, client, request, answer, author))
+        self._waiting.append(lambda: self._send(known, client, request, answer, author, seen))
         # With an executor of its own, the services exist once the tree is set up.
         from sar_compiler.ros.executors import call_soon
 
@@ -92,11 +123,18 @@ class CommandClient:
         request: Any,
         answer: "Future[tuple[bool, str]]",
         author: CommandAuthor,
+        seen: SeenObjects,
     ) -> None:
         # The caller of a cancelled command was told that it is not executed; from here on it can no longer be cancelled.
         if not answer.set_running_or_notify_cancel():
             return
-        self._sign(verb.name, author, lambda: self._call_service(client, request, answer))
+        self._sign(
+            verb.name,
+            author,
+            lambda: self._call_service(client, request, answer),
+            seen,
+            lambda reason: answer.set_result((False, reason)),
+        )
 
     def _call_service(self, client: Any, request: Any, answer: "Future[tuple[bool, str]]") -> None:
         def take(called: Any) -> None:

@@ -5,9 +5,11 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import iscoroutinefunction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from sar_compiler.journal.command_objects import SeenObjects, parse_seen
 from sar_compiler.journal.journal_entries import ORDERED, CommandAuthor
+from sar_compiler.json_values import json_text
 from sar_compiler.missions.mission import OperatorCommand
 
 if TYPE_CHECKING:
@@ -18,13 +20,28 @@ if TYPE_CHECKING:
     from sar_compiler.journal.journal import Journal
 
 # The services of commands have no field for the author, so that `std_srvs/srv/Trigger` suffices and all commands work alike. Before a client
-# calls `~/pause`, it sets the parameter `ordered_by.pause` of the node to a name, or to a name and a reason.
+# calls `~/pause`, it sets the parameter `ordered_by.pause` of the node to a name, or to a name, a reason, and what the sender saw (JSON).
 _PARAMETER = "ordered_by"
 _A_CALL = "a service call"
 # Longest time from the announcement to the call, in seconds of the steady clock, and longest text.
 _SIGNED_SEC, _LONGEST = 10.0, 200
 # Longest wait for the mission's response to the announcement, in the same units.
 _HEARD_SEC = 1.0
+
+
+_NOTHING_SEEN: SeenObjects = {}
+
+
+def _ignore(_: str) -> None:
+    """Accept a reason that nobody needs."""
+
+
+class _Announcement(NamedTuple):
+    """The announcement of a command: its author, what they saw, and the time of the steady clock."""
+
+    author: CommandAuthor
+    seen: SeenObjects
+    at: float = 0.0
 
 
 class OrderRecord:
@@ -39,7 +56,8 @@ class OrderRecord:
     def __init__(self, node: "Node", verbs: Sequence[OperatorCommand], journal: "Journal") -> None:
         self._node, self._journal = node, journal
         self._verbs = {verb.name: verb for verb in verbs}
-        self._signed: defaultdict[str, deque[tuple[CommandAuthor, float]]] = defaultdict(deque)
+        self._signed: defaultdict[str, deque[_Announcement]] = defaultdict(deque)
+        self._last_seen: dict[str, _Announcement] = {}
         node.add_on_set_parameters_callback(self._hear)
 
     def begin(self) -> None:
@@ -50,19 +68,40 @@ class OrderRecord:
             if verb is not None and not iscoroutinefunction(service.callback):
                 service.callback = partial(self._carry_out, verb, service.callback)
 
-    def sign(self, verb: str, author: CommandAuthor, then: Callable[[], object]) -> None:
-        """Store the author of the next call of a command's service, then run *then*, which calls it."""
-        self._signed[verb].append((CommandAuthor(*map(one_line, author)), time.monotonic()))
+    def sign(
+        self,
+        verb: str,
+        author: CommandAuthor,
+        then: Callable[[], object],
+        seen: SeenObjects = _NOTHING_SEEN,
+        refuse: Callable[[str], object] = _ignore,  # noqa: ARG002 - an announcement in this process cannot fail
+    ) -> None:
+        """Store the author of the next call of a command's service, and what they saw, then run *then*, which calls it."""
+        self._store(verb, author, seen)
         then()
 
-    def _signature(self, verb: str) -> CommandAuthor:
-        """Return the author of the current call of a command's service."""
+    def _store(self, verb: str, author: CommandAuthor, seen: SeenObjects) -> None:
+        signature = _Announcement(CommandAuthor(*map(one_line, author)), seen, time.monotonic())
+        self._signed[verb].append(signature)
+        if seen:
+            self._last_seen[verb] = signature
+
+    def _signature(self, verb: str) -> "_Announcement":
+        """Return the author of the current call of a command's service, and what they saw.
+
+        A call without an announcement may have consumed that of another call. So what was announced last applies to each call without one.
+        """
         signed, oldest = self._signed[verb], time.monotonic() - _SIGNED_SEC
+        last = self._last_seen.get(verb)
+        unsigned = _Announcement(
+            CommandAuthor(_A_CALL), last.seen if last and last.at > oldest else _NOTHING_SEEN
+        )
         while signed:
-            author, said = signed.popleft()
-            if any(author) and said > oldest:
-                return author._replace(name=author.name or _A_CALL)
-        return CommandAuthor(_A_CALL)
+            signature = signed.popleft()
+            if signature.at > oldest and (any(signature.author) or signature.seen):
+                author = signature.author
+                return signature._replace(author=author._replace(name=author.name or _A_CALL))
+        return unsigned
 
     def _hear(self, parameters: "list[Parameter]") -> "SetParametersResult":
         from rcl_interfaces.msg import SetParametersResult
@@ -70,16 +109,27 @@ class OrderRecord:
         for each in parameters:
             group, _, verb = each.name.partition(".")
             if group == _PARAMETER and verb in self._verbs:
-                said = each.value if isinstance(each.value, list) else [each.value]
-                self.sign(verb, CommandAuthor(*map(str, said[:2])), lambda: None)
+                said = [*map(str, each.value if isinstance(each.value, list) else [each.value])]
+                try:
+                    seen = parse_seen(said[2]) if len(said) > 2 else _NOTHING_SEEN  # noqa: PLR2004 - after name and reason
+                except ValueError as error:
+                    return SetParametersResult(
+                        successful=False, reason=f"{each.name}: the third value is {error}"
+                    )
+                self._store(verb, CommandAuthor(*said[:2]), seen)
         return SetParametersResult(successful=True)
 
     def _carry_out(
         self, verb: OperatorCommand, answer: Callable[[Any, Any], Any], request: Any, response: Any
     ) -> Any:
-        author = self._signature(verb.name)
+        author, seen, _ = self._signature(verb.name)
         with self._journal.ordered_by(author) as noted:
-            answered = answer(request, response)
+            changed = self._journal.describe_change(verb.name, seen)
+            if changed:
+                response.success, response.message = False, f"{changed}. Check it, and repeat the command"
+                answered = response
+            else:
+                answered = answer(request, response)
         # Any response of a user's own service must not end the mission.
         refusal = "" if getattr(answered, "success", True) else str(getattr(answered, "message", ""))
         by, reason = author
@@ -107,27 +157,51 @@ class RemoteSignature:
         self._node = node
         self._client: Any = node.create_client(SetParameters, f"{of}/set_parameters")
 
-    def sign(self, verb: str, author: CommandAuthor, then: Callable[[], object]) -> None:
+    def sign(
+        self,
+        verb: str,
+        author: CommandAuthor,
+        then: Callable[[], object],
+        seen: SeenObjects = _NOTHING_SEEN,
+        refuse: Callable[[str], object] = _ignore,
+    ) -> None:
         """Announce the author of the next call of a command's service, and run *then*, which calls it, after the response.
 
         A node without parameters gets no announcement. If the response is lost, which happens when two nodes have just discovered each other, the
-        command is delayed, but still sent.
+        command is delayed, but still sent, unless it has an object: then it might be carried out on another one, and *refuse* is called with the
+        reason.
         """
         from rclpy.parameter import Parameter
 
         from sar_compiler.ros.clock import steady_timer
 
+        def send(*, is_heard: bool) -> None:
+            if is_heard or not seen:
+                then()
+            else:
+                refuse(
+                    "the mission has not confirmed the object of the command, so it was not sent. Repeat it"
+                )
+
         if not self._client.service_is_ready():
-            then()
+            send(is_heard=False)
             return
 
-        def go_on(_: object = None) -> None:
+        def go_on(answered: Any = None) -> None:
             if not timer.is_canceled():
                 timer.cancel()
                 self._node.destroy_timer(timer)
-                then()
+                send(is_heard=answered is not None and _is_accepted(answered))
 
         timer = steady_timer(self._node, _HEARD_SEC, go_on)
         request = self._client.srv_type.Request()
-        request.parameters = [Parameter(f"{_PARAMETER}.{verb}", value=[*author]).to_parameter_msg()]
+        announced = [*author, *([json_text(dict(seen))] if seen else [])]
+        request.parameters = [Parameter(f"{_PARAMETER}.{verb}", value=announced).to_parameter_msg()]
         self._client.call_async(request).add_done_callback(go_on)
+
+
+def _is_accepted(answered: Any) -> bool:
+    try:
+        return all(each.successful for each in answered.result().results)
+    except Exception:  # noqa: BLE001 - a failing call raises arbitrary exceptions
+        return False

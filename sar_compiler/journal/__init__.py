@@ -6,6 +6,7 @@ Only the mission's own process writes to the file. All later displays of the mis
 PUBLIC_MODULES = (
     "attention",
     "chain",
+    "command_objects",
     "database",
     "display",
     "errors",

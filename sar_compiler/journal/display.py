@@ -21,6 +21,8 @@ _TENTHS = "-abcdefghij"
 _RUNS = re.compile(r"(?:(?:[1-9][0-9]{0,5})?[-a-j])+")
 _RUN = re.compile(r"([0-9]*)[-a-j]")
 _MOST_CELLS = 100_000
+# An outline is identified by its first corners.
+_IDENTIFYING_CORNERS = 8
 
 
 class Level(IntEnum):
@@ -114,6 +116,12 @@ class Landmark(NamedTuple):
     corners: Sequence[tuple[float, float]] = ()
     shade: float | None = None
     task: str = ""
+
+    @property
+    def identity(self) -> str:
+        """What a command about it depends on: `candidate at (1.00, 2.00)`; equal texts mean that it is unchanged."""
+        outline = "".join(f" ({x:.2f}, {y:.2f})" for x, y in self.corners[:_IDENTIFYING_CORNERS])
+        return f"{self.state or 'known'} at ({self.x:.2f}, {self.y:.2f}){outline and f', outline{outline}'}"
 
 
 class RasterLayer(NamedTuple):
@@ -224,7 +232,12 @@ class MissionPhase(NamedTuple):
 
 
 class Display(NamedTuple):
-    """The complete display of a mission at one time."""
+    """The complete display of a mission at one time.
+
+    Attributes:
+        objects: The object of each command that has one, by the command's name: the place that is skipped, the state that is resumed.
+            A command is refused if its object has changed since the operator saw it.
+    """
 
     landmarks: Sequence[Landmark] = ()
     figures: Sequence[Figure] = ()
@@ -232,6 +245,7 @@ class Display(NamedTuple):
     alarms: Sequence[Alarm] = ()
     phase: MissionPhase = MissionPhase()
     rasters: Sequence[RasterLayer] = ()
+    objects: Mapping[str, str] = {}
 
 
 def changes(before: Display, after: Display) -> dict[str, Any]:
@@ -246,8 +260,12 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
         "rasters": [_plain(each) for each in after.rasters if each not in before.rasters],
         "alarms": [*map(_plain, _raised(before.alarms, after.alarms))],
         "phase": _plain(after.phase) if after.phase != before.phase else None,
+        "objects": dict(after.objects) if after.objects != before.objects else None,
     }
-    return {key: value for key, value in parts.items() if value or (key == "phase" and value is not None)}
+    may_be_empty = ("phase", "objects")
+    return {
+        key: value for key, value in parts.items() if value or (key in may_be_empty and value is not None)
+    }
 
 
 def with_author(text: str, author: CommandAuthor) -> str:
@@ -308,6 +326,7 @@ class DisplayState:
         rasters: Its raster layers by name.
         alarms: Its alarms by text, with the entry's number of each.
         phase: Its phase.
+        objects: The object of each command that has one, by the command's name.
     """
 
     def __init__(self, starts: Mapping[int, float] | None = None) -> None:
@@ -319,6 +338,7 @@ class DisplayState:
         self.rasters: dict[str, RasterLayer] = {}
         self.alarms: dict[str, Alarm] = {}
         self.phase = MissionPhase()
+        self.objects: Mapping[str, str] = {}
 
     def _detail(self, value: Any) -> Any:
         if not isinstance(value, Mapping):
@@ -336,7 +356,7 @@ class DisplayState:
         rasters: Iterable[Mapping[str, Any]] = (),
         alarms: Iterable[Mapping[str, Any]] = (),
         phase: Mapping[str, Any] | None = None,
-        **_more: object,
+        **more: Any,
     ) -> None:
         """Apply the data of an entry.
 
@@ -367,6 +387,8 @@ class DisplayState:
         self.alarms.update((each["text"], Alarm(**each)) for each in alarms)
         if phase is not None:
             self.phase = MissionPhase(**phase)
+        if isinstance(objects := more.get("objects"), Mapping):
+            self.objects = {str(command): str(text) for command, text in objects.items()}
 
     def of_kind(self, name: str) -> list[Landmark]:
         """Return the landmarks of a kind."""

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from sar_compiler.journal.command_objects import OBJECT, RUN, SeenObjects, describe_change, run_identity
 from sar_compiler.journal.display import Alarm, Display, LandmarkKind, beginning, changes_by
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import (
@@ -153,6 +154,7 @@ class Journal:
         self._is_failing = False
         self._left_out = 0
         self._began = 0.0
+        self._run_about: Mapping[str, object] = {}
         self._listeners: list[Listener] = []
         self._told = 0
 
@@ -242,7 +244,7 @@ class Journal:
             JournalError: If the file cannot be created or written.
         """
         of_run = {"pid": os.getpid(), "time": self.clock.now(), **run_about}
-        self._about, self._has_begun = self._about or dict(about), True
+        self._about, self._has_begun, self._run_about = self._about or dict(about), True, of_run
         if self._file is not None:
             self._begin_in(self._file, about, of_run)
         self._tell(self._entry(RUN_BEGAN, {**self._about, "run": of_run}))
@@ -318,6 +320,12 @@ class Journal:
         if self._state is not None:
             sentence = sentence or self._state.sentence(fact)
         return changes_by(fact, sentence, before, self._shown)
+
+    def describe_change(self, command: str, seen: SeenObjects) -> str:
+        """Return what has changed since the sender of a command saw its objects; empty if nothing has."""
+        now = {RUN: run_identity(self._run, self._run_about), OBJECT: self._shown.objects.get(command, "")}
+        landmarks = {f"{each.kind}/{each.name}": each for each in self._shown.landmarks}
+        return describe_change(seen, now, landmarks)
 
     def _display(self) -> Display:
         shown = self._state.display() if self._state is not None else Display()

@@ -90,12 +90,14 @@ class KnownEvent(NamedTuple):
         kind: Its kind, such as `photo_taken`.
         data: Its data, as JSON values.
         text: The event as a sentence.
+        by: The author of the command that led to it; empty for none.
     """
 
     at: EventTime
     kind: str
     data: Mapping[str, Any]
     text: str
+    by: str = ""
 
 
 class WatchedProperty(NamedTuple):
@@ -490,7 +492,7 @@ class MissionState:
             data = {"verb": verb, "label": label, "by": by, "reason": reason, "refusal": refusal}
             author = CommandAuthor(by or "an operator", reason)
             words = f"{with_author(label or verb, author)}{f': refused, {refusal}' if refusal else ''}"
-            self.facts.append(KnownEvent(self.now, events.ORDERED, data, words))
+            self.facts.append(KnownEvent(self.now, events.ORDERED, data, words, author.name))
 
     def _on_properties_watched(self, properties: Iterable[Mapping[str, Any]], **_more: object) -> None:
         watched = [WatchedProperty(str(each["name"]), str(each["if_broken"])) for each in properties]
@@ -541,7 +543,8 @@ class MissionState:
             if isinstance(value, int | float) and math.isfinite(value):
                 self.figure_history.setdefault(name, []).append((self.now, value))
         if said and self.facts:
-            self.facts[-1] = self.facts[-1]._replace(text=with_author(str(said), CommandAuthor.of(data)))
+            author = CommandAuthor.of(data)
+            self.facts[-1] = self.facts[-1]._replace(text=with_author(str(said), author), by=author.name)
 
     _HANDLERS: ClassVar[Mapping[str, Callable[..., None]]] = {
         events.RUN_BEGAN: _on_run_began,

@@ -45,6 +45,7 @@ class CommandField(NamedTuple):
             map: its corners in their order, each x and y in metres.
         choices: For `choice`: pairs of a value and its label.
         optional: Whether it may be empty: a number is then None, a polygon has no corners, and any other field is an empty string.
+        landmark: The kind of the landmark that its value names, of which the command is refused if it has changed; empty for none.
     """
 
     name: str
@@ -52,6 +53,7 @@ class CommandField(NamedTuple):
     kind: Literal["text", "number", "choice", "found", "polygon"] = "text"
     choices: Sequence[tuple[str, str]] = ()
     optional: bool = False
+    landmark: str = ""
 
 
 class OperatorCommand(NamedTuple):
@@ -60,6 +62,7 @@ class OperatorCommand(NamedTuple):
     Attributes:
         name: The name of the service on the mission's node: `pause` for `~/pause`. The response has `success` and `message`.
         label: The text of its button.
+        named: The same with the command's object, `Skip {}`; see `Display.objects`. Empty for a command without an object's name.
         help: Its effect, in a sentence.
         service_type: The service's type, `std_srvs/srv/Trigger` for a command without fields.
         fields: Its fields.
@@ -77,6 +80,7 @@ class OperatorCommand(NamedTuple):
     confirm: str = ""
     fill: Callable[[Any, Mapping[str, Any]], None] = lambda _request, _values: None
     role: Literal["", "stop", "hold", "release"] = ""
+    named: str = ""
 
     def check(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Check and return the values of a command.

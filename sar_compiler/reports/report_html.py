@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import EventTime, Landmark, Level
-from sar_compiler.journal.mission_state import MissionState, RobotPose
+from sar_compiler.journal.mission_state import KnownEvent, MissionState, RobotPose
 from sar_compiler.journal.status_line import GOOD, condition
 from sar_compiler.reports.mission_report import georeference, not_done, to_visit
 from sar_compiler.reports.why import CauseOfFailure, likeliest_cause
@@ -28,6 +28,8 @@ _PLOT = (640, 140, 60, 30)
 _SHARES = (0, 50, 100)
 _CLOCK = "%H:%M:%S"
 _NONE = "-"
+# The number of events on the pages for coordinators.
+_MOST_EVENTS = 12
 _POSITION = ("x, y in map (m)", "latitude, longitude")
 
 
@@ -60,7 +62,8 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
 
     now, drawing = condition(state), _drawing(state)
     seeks = any(kind.is_found for kind in state.situation.kinds.values())
-    simulated = f"Simulated{': no real people were involved' if seeks else ''}"
+    simulated = f"SIMULATED. Do not act on it{': no real people were involved' if seeks else ''}."
+    is_simulated = bool(state.about.get("simulated"))
     about = state.runs[-1].about if state.runs else {}
     software = f"sar_compiler {about.get('version') or ''}, node {about.get('node') or _NONE}"
     if head := state.head:
@@ -69,7 +72,7 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
         "title": f"Report: {state.title}, {_day(state.runs[0].began) if state.runs else 'not begun'}",
         "css": Markup(style() + files(__package__).joinpath("report.css").read_text("utf-8")),  # noqa: S704 - ours
         "mission": state.title,
-        "simulated": simulated if state.about.get("simulated") else "",
+        "simulated": simulated if is_simulated else "",
         "is_good": now.level == GOOD,
         "outcome": now.text(state.now.time),
         "facts": [*_head(state)],
@@ -82,11 +85,19 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
         "map": drawing,
         "legend": _legend(state) if drawing else (),
         "others": [*_landmarks(state, is_found=False)],
-        "next_steps": [*next_steps(state)],
+        "next_steps": [] if is_simulated else [*next_steps(state)],
+        "commands": [each for each in state.facts if each.by],
+        "events": _first_and_last(state.facts, _MOST_EVENTS),
         "first": likeliest_cause(why) if why is not None else "",
         "software": software,
     }
     return f"{_macros().page(report, state, functools.partial(_when, state))}\n"
+
+
+def _first_and_last(facts: Sequence[KnownEvent], count: int) -> list[KnownEvent]:
+    """Return at most *count* events: the first third, and the last ones."""
+    first = count // 3
+    return [*facts] if len(facts) <= count else [*facts[:first], *facts[first - count :]]
 
 
 def _head(state: MissionState) -> Iterator[tuple[str, str]]:

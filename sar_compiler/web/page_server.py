@@ -26,12 +26,13 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from sar_compiler import style
 from sar_compiler.errors import SarError
+from sar_compiler.journal.command_objects import parse_seen
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.web.feed import Feed, ReplayFeed, as_json
 
 # With any port, because it may be tunnelled. Other names are rejected: a foreign site may resolve its name to this machine.
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
-_LONGEST_ORDER, _LONGEST_NAME, _LONGEST_REASON = 10_000, 60, 200
+_LONGEST_ORDER, _LONGEST_NAME, _LONGEST_REASON, _LONGEST_SEEN = 10_000, 60, 200, 10_000
 # How long a command may take, in seconds. The page waits somewhat longer (`orders.js`).
 _ANSWER_SEC = 10.0
 
@@ -62,12 +63,14 @@ class OrderGiver(NamedTuple):
         robot: The index of the robot among those of the page.
         address: The address of the browser.
         reason: The reason; empty if not given.
+        seen: What the sender saw of the command's objects.
     """
 
     name: str = ""
     robot: int = 0
     address: str = ""
     reason: str = ""
+    seen: Mapping[str, str] = {}
 
     def author(self, page: str) -> CommandAuthor:
         """Return the description of a sender on a page."""
@@ -171,7 +174,13 @@ async def _order(orders: Orders | None, token: str, request: Request) -> Respons
         "".join(filter(str.isprintable, unquote(request.headers.get(header, ""))[:longest])).strip()
         for header, longest in (("x-operator", _LONGEST_NAME), ("x-reason", _LONGEST_REASON))
     )
-    giver = OrderGiver(by, robot, request.client.host if request.client else "", reason)
+    try:
+        seen = parse_seen(unquote(request.headers.get("x-seen", "")[:_LONGEST_SEEN]))
+    except ValueError as error:
+        return _answer(
+            400, f"the header X-Seen is {error}. Write the objects of the command that the sender saw"
+        )
+    giver = OrderGiver(by, robot, request.client.host if request.client else "", reason, seen)
     return await _give_order(orders, request.path_params["verb"], values, giver)
 
 

@@ -6,6 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
 from sar_compiler.journal.attention import open_tasks
+from sar_compiler.journal.command_objects import run_identity
 from sar_compiler.journal.display import EventTime, Landmark, with_author
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CommandAuthor, JournalEntry
@@ -124,7 +125,7 @@ class GrowingList:
 class PageState:
     """The page's view of a robot after some entries.
 
-    Its parts, as a page has them: `run`, `condition`, `tasks`, `place`, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
+    Its parts, as a page has them: `run`, `condition`, `tasks`, `place`, `objects` of commands, `estimate`, `nodes`, `states` by node, `pose`, `plan`,
     `drive`, `map`, `times` of these, `kinds` by name, `landmarks` by kind and name (null for one that has disappeared),
     `rasters` by name, `figures`, `gauges`, `alarms`, `properties`, `why`, `log` and `trail`, from an index on. `begin` drops earlier values.
 
@@ -320,6 +321,7 @@ class PageState:
             return {"number": 0}
         return {
             "number": run.number,
+            "id": run_identity(run.number, run.about),
             "began": self._began,
             "wall": self._mission.runs[0].began.wall,
             "mission": self._mission.title,
@@ -360,7 +362,7 @@ class PageState:
             for name, each in known.details.items()
             if each not in (None, "")
         }
-        return {**known._asdict(), "level": int(known.level), "details": details}
+        return {**known._asdict(), "level": int(known.level), "details": details, "identity": known.identity}
 
     def _raster(self, name: str) -> PageChange:
         return self._mission.situation.rasters[name]._asdict()
@@ -439,7 +441,7 @@ class PageState:
         events.ASSUMPTION_FAILED: ("properties",),
     }
     _TIMED = (events.POSE, events.PLAN, events.MAP)
-    _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms"))
+    _SITUATION = frozenset(("kinds", "figures", "gauges", "alarms", "objects"))
     # The parts that are replaced as a whole, in the order of transmission.
     _READ: ClassVar[Mapping[str, Callable[["PageState"], Any]]] = {
         "run": _run,
@@ -451,6 +453,7 @@ class PageState:
         "condition": lambda self: condition(self._mission)._asdict(),
         "tasks": lambda self: [task._asdict() for task in open_tasks(self._mission)],
         "place": lambda self: self._mission.situation.phase.place,
+        "objects": lambda self: dict(self._mission.situation.objects),
         "estimate": lambda self: {"end": self._mission.likely_end, "limit": self._mission.time_limit_sec},
         "times": lambda self: self._times,
         "north": _north,

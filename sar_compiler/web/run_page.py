@@ -156,7 +156,7 @@ class _OwnOrders:
         if self.has_ended:
             message = "the run has ended"
             raise SarError(message)
-        return self._calls.give(verb, values, giver.author(f"page, {giver.address}"))
+        return self._calls.give(verb, values, giver.author(f"page, {giver.address}"), giver.seen)
 
 
 def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:

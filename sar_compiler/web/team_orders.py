@@ -56,7 +56,7 @@ class TeamOrders:
         """
         if giver.robot not in self._calls:
             raise VerbError("no commands to this robot: its mission is not installed here")
-        return self._calls[giver.robot][1].give(verb, values, giver.author(self._page))
+        return self._calls[giver.robot][1].give(verb, values, giver.author(self._page), giver.seen)
 
 
 @contextmanager

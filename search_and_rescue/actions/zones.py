@@ -15,6 +15,7 @@ from sar_compiler.leaves import (
     planar_point,
     register,
 )
+from search_and_rescue.actions.survivors import map_extent_of
 from search_and_rescue.background_calls import run_in_background
 from search_and_rescue.orders import OperatorOrders
 from search_and_rescue.planned_paths import PlannedWays
@@ -119,6 +120,7 @@ class ChooseZone(RosLeaf):
         self._release()
         super().setup(**kwargs)
         if self._zones.areas:
+            map_extent_of(self.node)
             self._orders.offer(self.node, "add_hint", self._on_hint)
         if self._order != "listed":
             self._ways = PlannedWays(
@@ -166,7 +168,7 @@ class ChooseZone(RosLeaf):
         ratio, zone, refusal = request.likelihood_ratio, request.zone_id, ""
         if not zone:
             try:
-                x, y = planar_point(request.point, MAP_FRAME)
+                x, y = map_extent_of(self.node).check(*planar_point(request.point, MAP_FRAME))
                 zone = self._zones.nearest(x, y, self._sweeps.around(x, y))
             except UnusableValueError as error:
                 refusal = str(error)

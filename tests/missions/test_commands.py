@@ -1,8 +1,9 @@
 """Every command, in every situation, with every leaf that heeds commands: what it answers is declared, and everything said of it has its author."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from random import Random
+from typing import Any, NamedTuple
 
 import pytest
 from py_trees.common import Status
@@ -11,21 +12,25 @@ from sar_compiler import load
 from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
 from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.execution.order_record import OrderRecord
+from sar_compiler.journal.command_objects import OBJECT, RUN, run_identity
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.status_line import condition
 from sar_compiler.runtime.answers import DeclaredAnswers
 from search_and_rescue import SPECS
+from search_and_rescue.actions.survivors import map_extent_of
 from search_and_rescue.actions.sweeping import PlanSweep
 from search_and_rescue.actions.zones import ChooseZone
 from search_and_rescue.failsafes import NotAborted, NotRecalled
 from search_and_rescue.operating import NotHeld
 from search_and_rescue.orders import COMMANDS, VERBS, CommandSpec
+from search_and_rescue.record import DetectionVerdict
 from search_and_rescue.search import _SENTENCES, Search
 from search_and_rescue.search_events import COMMAND_GIVEN
 from search_and_rescue.search_theory import Area, Ground
 from search_and_rescue.zone_manager import Zone, ZoneManager
+from tests.chance import rounds
 
 pytestmark = pytest.mark.ros
 
@@ -41,6 +46,16 @@ VALUES: dict[str, dict[str, Any]] = {
     "add_hint": {"zone": "zone_b", "times": 2.0},
     "judge_survivor": {"survivor": "survivor_1", "verdict": "REJECTED"},
 }
+
+
+NAMED: dict[str, dict[str, str]] = {
+    "add_zone": {"zone": "zone"},
+    "add_area": {"zone": "zone"},
+    "add_hint": {"zone": "zone"},
+    "judge_survivor": {"survivor": "survivor"},
+}
+"""The landmarks that the values of commands name: field by kind."""
+NOTHING_SEEN: Mapping[str, str] = {}
 
 
 class CommandedMission:
@@ -93,7 +108,22 @@ class CommandedMission:
         for leaf in self.leaves.values():
             leaf.shutdown()
 
-    def give(self, command: CommandSpec, by: CommandAuthor = ANN) -> tuple[bool, str]:
+    def see(self, command: CommandSpec) -> dict[str, str]:
+        """Return what a page would show of a command's objects."""
+        run, situation = self.state.runs[-1], self.state.situation
+        seen = {
+            RUN: run_identity(run.number, run.about),
+            OBJECT: situation.objects.get(command.verb.name, ""),
+        }
+        for kind, field in NAMED.get(command.verb.name, {}).items():
+            name = VALUES[command.verb.name][field]
+            landmark = situation.landmarks.get((kind, name))
+            seen[f"{kind}/{name}"] = landmark.identity if landmark else ""
+        return seen
+
+    def give(
+        self, command: CommandSpec, by: CommandAuthor = ANN, seen: Mapping[str, str] = NOTHING_SEEN
+    ) -> tuple[bool, str]:
         """Give a command as its service would take it, signed; return whether it was accepted, and what was said."""
         verb = command.verb
         name = self.node.resolve_service_name(f"~/{verb.name}")
@@ -102,7 +132,10 @@ class CommandedMission:
         verb.fill(request, verb.check(VALUES.get(verb.name, {})))
         responses: list[Any] = []
         self.record.sign(
-            verb.name, by, lambda: responses.append(service.callback(request, service.srv_type.Response()))
+            verb.name,
+            by,
+            lambda: responses.append(service.callback(request, service.srv_type.Response())),
+            seen,
         )
         (response,) = responses
         return response.success, response.message
@@ -224,3 +257,123 @@ def test_every_command_has_a_sentence_and_stands_in_the_documentation() -> None:
         assert command.verb.label in manual, command.verb.label
     lasting = [each.verb.name for each in COMMANDS if each.fact == COMMAND_GIVEN]
     assert all(f"`{name}`" in facts for name in lasting)
+
+
+def named(name: str) -> CommandSpec:
+    return next(each for each in COMMANDS if each.verb.name == name)
+
+
+def find_again(mission: CommandedMission) -> None:
+    if mission.search.record.survivor("survivor_1") is None:
+        find(mission)
+
+
+CHANGES: tuple[Callable[[CommandedMission], object], ...] = (
+    lambda mission: mission.search.zones.advance(),
+    lambda mission: mission.search.zones.postpone(),
+    lambda mission: mission.search.zones.abandon(),
+    find_again,
+    *(lambda mission, command=command: mission.give(command, BOB) for command in COMMANDS),
+)
+"""What may happen while a command waits for its confirmation."""
+
+
+class Shown(NamedTuple):
+    """The state that commands change."""
+
+    left: list[str]
+    abandoned: list[Zone]
+    survivors: list[tuple[str | None, DetectionVerdict]]
+    given: dict[str, str]
+    is_held: bool
+    hints: dict[str, float]
+
+
+def shown(mission: CommandedMission) -> Shown:
+    orders, zones = mission.search.orders, mission.search.zones
+    survivors = [(each.survivor_id, each.standing) for each in mission.search.record.survivors]
+    left = [zone["id"] for zone in zones.remaining_zones()]
+    given = dict(orders.given)
+    return Shown(left, zones.abandoned_zones(), survivors, given, orders.held, dict(zones.hints))
+
+
+@pytest.mark.parametrize("seed", range(rounds(12)))
+def test_nothing_is_done_that_a_command_did_not_name_whatever_changes_before_it_is_confirmed(
+    mission: CommandedMission, seed: int
+) -> None:
+    chance = Random(seed)  # noqa: S311 - repeatable
+    for _ in range(chance.randrange(4)):
+        chance.choice(CHANGES)(mission)
+    command = chance.choice(COMMANDS)
+    seen, before = mission.see(command), shown(mission)
+    for _ in range(chance.randrange(3)):
+        chance.choice(CHANGES)(mission)
+    confirmed = shown(mission)
+    accepted, answer = mission.give(command, seen=seen)
+    if not accepted:
+        assert answer
+        assert shown(mission) == confirmed
+    elif command.verb.name == "skip_zone":
+        assert mission.search.zones.abandoned_zones()[-1]["id"] == seen[OBJECT]
+    elif command.verb.name == "judge_survivor":
+        assert before.survivors == confirmed.survivors
+    elif command.verb.name in ("resume", "go_home"):
+        assert before.is_held == confirmed.is_held
+
+
+def test_a_zone_that_is_no_longer_the_next_one_is_not_skipped_and_it_is_said_which_one_is(
+    mission: CommandedMission,
+) -> None:
+    seen = mission.see(named("skip_zone"))
+    mission.search.zones.advance()
+    assert mission.give(named("skip_zone"), seen=seen) == (
+        False,
+        "the object of the command has changed. You saw 'zone_a', and now it is 'zone_b'. Check it, and repeat the command",
+    )
+    assert mission.search.zones.abandoned_zones() == []
+
+
+def test_a_review_is_refused_if_somebody_else_has_reviewed_the_detection_meanwhile(
+    mission: CommandedMission,
+) -> None:
+    find(mission)
+    seen = mission.see(named("judge_survivor"))
+    mission.search.record.survivor_judged("survivor_1", DetectionVerdict.CONFIRMED, None)
+    accepted, answer = mission.give(named("judge_survivor"), seen=seen)
+    assert not accepted
+    assert answer.startswith(
+        "survivor_1 has changed. You saw 'candidate at (1.00, 1.00)', and now it is 'confirmed"
+    )
+
+
+def test_a_command_to_another_run_is_refused(mission: CommandedMission) -> None:
+    seen = {**mission.see(named("abort")), RUN: "run 1 (process 1)"}
+    accepted, answer = mission.give(named("abort"), seen=seen)
+    assert not accepted
+    assert answer.startswith("you saw run 1 (process 1), and this is run 1 (process ")
+
+
+def test_a_call_without_an_announcement_is_held_to_what_was_announced_last(mission: CommandedMission) -> None:
+    """It may have consumed the announcement of a call that comes after it."""
+    seen = mission.see(named("skip_zone"))
+    assert mission.give(named("skip_zone"), seen=seen)[0]
+    assert not mission.give(named("skip_zone"), CommandAuthor())[0]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "said"), [(30.0, 1.0, "is not on the map"), (1.0, 1.0, "zone_a is at (1.00, 1.00) already")]
+)
+def test_a_zone_off_the_map_or_on_another_one_is_refused(
+    mission: CommandedMission, monkeypatch: pytest.MonkeyPatch, x: float, y: float, said: str
+) -> None:
+    from nav_msgs.msg import OccupancyGrid
+
+    grid = OccupancyGrid()
+    grid.info.width = grid.info.height = 6
+    grid.info.resolution, grid.header.frame_id, grid.data = 1.0, "map", [0] * 36
+    grid.info.origin.orientation.w = 1.0
+    map_extent_of(mission.node)._take(grid)
+    monkeypatch.setitem(VALUES, "add_zone", {"zone": "zone_e", "x": x, "y": y, "heading": 0.0})
+    accepted, answer = mission.give(named("add_zone"))
+    assert not accepted
+    assert said in answer

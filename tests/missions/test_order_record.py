@@ -142,7 +142,7 @@ def test_what_somebody_says_is_a_short_line(robot, by, said):
         (["", "smoke"], f"{A_CALL}: pause: smoke"),
         (["Ada", ""], "Ada: pause"),
         (["Ada"], "Ada: pause"),
-        (["Ada", "smoke", "and more"], "Ada: pause: smoke"),
+        (["Ada", "smoke", "{}", "and more"], "Ada: pause: smoke"),
         (["Ada", "sm\nok\x1b[2Je\u202e"], "Ada: pause: smok[2Je"),
         (["Ada", "x" * 999], f"Ada: pause: {'x' * 200}"),
     ],
@@ -231,3 +231,7 @@ def test_an_answer_that_is_lost_keeps_no_order_from_being_given(ros):
     ros.spin_until(lambda: given, "the order")
     deaf.destroy_node()
     assert given == ["pause"]
+
+
+def test_an_announcement_whose_third_value_is_not_what_was_seen_is_refused(robot):
+    assert not robot.sign("pause", ["Ada", "smoke", "zone_a"])

@@ -536,7 +536,9 @@ class TestThePage:
             assert words in read
 
     def test_what_is_not_done_stands_at_the_top_by_its_state(self):
-        head, tables = html_report(mission(("zone_visited", {"zone": "zone_c"}))).split("</header>")
+        head, tables = html_report(mission(("zone_visited", {"zone": "zone_c"}))).split(
+            '<section class="second">'
+        )
         lacking = (("abandoned", "zone_b (after attempt 2)"), ("visited, not searched", "zone_c"))
         assert "".join(f"<dt>{state}</dt><dd>{places}</dd>" for state, places in lacking) in head
         assert "<dt>zones visited</dt><dd>2 of 3</dd>" in head
@@ -545,7 +547,7 @@ class TestThePage:
 
     def steps(self, *told, **about):
         part = html_report(mission(*told, **about)).partition("<h2>What to do next</h2>")[2]
-        return [html.unescape(each) for each in re.findall("<li>(.*?)</li>", part.partition("<section")[0])]
+        return [html.unescape(each) for each in re.findall("<li>(.*?)</li>", part.partition("<h2>")[0])]
 
     def test_what_there_is_to_do_next_is_who_to_go_to_and_where_nobody_has_looked(self):
         assert self.steps() == [
@@ -572,9 +574,9 @@ class TestThePage:
     def test_of_a_mission_that_is_not_over_a_later_report_is_asked_for(self):
         assert self.steps(ended=False)[-1].startswith("Ask for a later report: this one is from 2023-11-1")
 
-    def test_the_properties_of_a_watched_run_stand_behind_the_alarms(self):
+    def test_the_properties_of_a_watched_run_are_for_engineers(self):
         page = html_report(mission(*WATCHED))
-        _, _, table = page.partition("<h2>Properties</h2>")
+        _, _, table = page.partition('<section class="annex">')[2].partition("<h2>Properties</h2>")
         rows = re.findall(r"<tr.*?</tr>", table.partition("</table>")[0])
         assert [re.findall(r">([^<>]+)</td>", row)[:2] for row in rows[1:]] == [
             ["a", "broken"],
@@ -585,15 +587,15 @@ class TestThePage:
     def test_a_mission_that_has_left_nothing_says_so(self):
         assert "The mission has left nothing to do." in html_report(MissionState())
 
-    def test_what_engineers_read_begins_on_a_page_of_its_own_behind_what_a_coordinator_reads(self):
+    def test_what_engineers_read_comes_last_and_is_not_printed(self):
         page = html_report(mission(alarm("low"), *PATROL))
         first, engineers = page.split('<section class="annex">')
         heads = [re.findall("<h2>(.*?)</h2>", part) for part in (first, engineers)]
         assert heads == [
-            ["Survivors", "Map", "Zones", "Alarms", "What to do next"],
+            ["What to do next", "Map", "Result", "Survivors", "Zones", "Events", "Alarms"],
             ["What has happened", "Faults met", "Parameters", "Tree"],
         ]
-        assert ".annex { break-before: page }" in page.partition("@media print")[2]
+        assert ".annex { display: none }" in page.partition("@media print")[2]
 
     def test_it_says_where_the_robot_is(self):
         def robot(*told):
@@ -692,7 +694,7 @@ class TestThePage:
 
     def test_of_very_much_the_page_says_how_much_more_there_is(self):
         page = html_report(mission(*[("reading", {"at": each}) for each in range(996)]))
-        assert page.count('<td class="text" data-head="what">') == 1000
+        assert page.count('<td class="text" data-head="what">') == 1000 + 12
         assert "3 more are in the journal." in page
 
     def test_the_way_of_the_robot_is_drawn_over_the_map(self):
@@ -731,10 +733,12 @@ class TestThePage:
         assert state.situation.landmarks
         assert report_map(state) == ""
 
-    def test_a_simulation_says_that_nobody_was_found(self):
-        assert "Simulated: no real people were involved" in texts(html_report(mission(simulated=True)))
+    def test_a_simulation_says_not_to_act_on_it_and_has_no_next_steps(self):
+        page = texts(html_report(mission(simulated=True)))
+        assert "\nSIMULATED. Do not act on it: no real people were involved.\n" in page
+        assert "Go to survivor_1" not in page
         patrol = MissionState.of([JournalEntry(1, 1, 0.0, 0.0, "run_began", {"simulated": True, "run": {}})])
-        assert "\nSimulated\n" in texts(html_report(patrol))
+        assert "\nSIMULATED. Do not act on it.\n" in texts(html_report(patrol))
 
     @pytest.mark.parametrize(
         "told",

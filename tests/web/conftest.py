@@ -71,6 +71,7 @@ class Patrol:
         self.lawns = {}
         self.rain = None
         self.phase = MissionPhase()
+        self.objects = {}
 
     def apply(self, fact):
         data = fact.data
@@ -93,10 +94,11 @@ class Patrol:
             self.rain = data["rain"]
         elif fact.kind == "mown":
             self.lawns[data["name"]] = RasterLayer.of(data["name"], "mown", -1.0, -2.0, 0.5, data["rows"])
-        elif fact.kind == "held":
-            self.phase = MissionPhase("held", "by the operator") if data["is_held"] else MissionPhase()
-        elif fact.kind == "aborted":
-            self.phase = MissionPhase("aborted", "by the operator")
+        elif fact.kind == "next_point":
+            self.objects = {"skip": data["point"]}
+        elif fact.kind in ("held", "aborted"):
+            is_over = not data.get("is_held", True)
+            self.phase = MissionPhase() if is_over else MissionPhase(fact.kind, "by the operator")
         elif fact.kind == "alarmed":
             self.alarms[data["text"]] = Alarm(data["text"], is_over=data.get("is_over", False))
 
@@ -121,6 +123,7 @@ class Patrol:
             list(self.alarms.values()),
             self.phase,
             list(self.lawns.values()),
+            self.objects,
         )
 
     def sentence(self, fact):
@@ -159,7 +162,12 @@ class Live:
 
     def order(self, verb, values, **headers):
         """Give an order as the page does; return the status and what was answered."""
-        said = {"Authorization": f"Bearer {self.server.token}", "Content_Type": "application/json", **headers}
+        said = {
+            "Authorization": f"Bearer {self.server.token}",
+            "Content_Type": "application/json",
+            "X-Seen": "{}",
+            **headers,
+        }
         status, text, _ = self.ask(f"/orders/{verb}", "POST", json.dumps(values), **said)
         return status, text
 

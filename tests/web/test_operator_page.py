@@ -8,6 +8,7 @@ from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending
+from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import LiveFeed
 from sar_compiler.web.page_server import PageServer, Tool
@@ -23,9 +24,11 @@ class Crew:
     def __init__(self):
         self.given = []
         self.reasons = []
+        self.seen = []
 
     def give(self, verb, values, giver):
         self.given.append((verb, giver.name))
+        self.seen.append(giver.seen)
         self.reasons.append(giver.reason)
         answer: Future[tuple[bool, str]] = Future()
         answer.set_result((True, "done"))
@@ -53,13 +56,15 @@ def patrol(live, browser, crew):
 def test_stop_has_the_robot_stand_at_once_and_asks_whether_that_is_the_end(patrol, crew, browser):
     browser.click(".stop")
     browser.wait(lambda: crew.given == [("pause", "")], "the pause")
-    assert "The mission stays paused unless you abort it." in browser.text("#ask")
-    assert "Sure?" in browser.text("#ask")
-    assert browser.text("#ask .no") == "Stay paused"
+    browser.wait_for("#ask", "The robot has been told to stop.")
+    assert "Sure?" not in browser.text("#ask")
+    assert (browser.text("#ask .no"), browser.text("#ask .yes")) == ("Stay paused", "Abort…")
     browser.type("#ask .no", Keys.ENTER)
     browser.wait(lambda: not browser.js("return document.getElementById('ask').open"), "the end of it")
     assert crew.given == [("pause", "")]
     browser.click(".stop")
+    browser.click("#ask .yes")
+    browser.wait_for("#ask", "Sure?")
     browser.click("#ask .yes")
     browser.wait(lambda: ("abort", "") in crew.given, "the end of the mission")
 
@@ -90,9 +95,91 @@ def test_an_order_has_the_reason_that_was_entered_beside_the_buttons_or_in_the_q
     browser.wait(lambda: crew.reasons == ["smoke ∀"], "the pause")
     assert browser.js("return document.getElementById('reason').value") == ""
     browser.click(".stop")
+    browser.click("#ask .yes")
+    browser.wait_for("#ask", "Sure?")
     browser.type("#ask input[name=reason]", "the lift is stuck")
     browser.click("#ask .yes")
     browser.wait(lambda: crew.reasons[-1] == "the lift is stuck", "the end of the mission")
+
+
+SKIP = {**VERBS[0], "name": "skip", "label": "Skip point", "confirm": "Sure?", "role": "", "named": "Skip {}"}
+REVIEW = {
+    **SKIP,
+    "name": "review",
+    "label": "Review",
+    "named": "",
+    "fields": [
+        {"name": "find", "label": "Find", "kind": "found", "choices": [], "optional": False, "longest": 200},
+        {
+            "name": "verdict",
+            "label": "It is",
+            "kind": "choice",
+            "choices": [["YES", "a find"]],
+            "optional": False,
+            "longest": 200,
+        },
+    ],
+}
+
+
+@pytest.fixture
+def skipping(live, browser, crew):
+    """Open the page of a patrol that can skip its next point, and review what it has found."""
+    run = live(orders=crew, verbs=[*VERBS, SKIP, REVIEW])
+    run.journal.clock = ManualClock(100.0)
+    run.begin({**ABOUT})
+    run.journal.note("found", name="find_1", x=-2.0, y=2.25)
+    run.journal.note("next_point", point="north")
+    browser.open(run.server.url)
+    browser.wait_for("[data-verb=skip]", "Skip north")
+    return run
+
+
+def test_a_command_names_its_object_and_carries_what_the_operator_saw(skipping, crew, browser):
+    browser.click("[data-verb=skip]")
+    assert (browser.text("#ask h2"), browser.text("#ask .yes")) == ("Skip north", "Skip north")
+    browser.click("#ask .yes")
+    browser.wait(lambda: crew.given == [("skip", "")], "the command")
+    (seen,) = crew.seen
+    assert seen["object"] == "north"
+    assert seen["run"].startswith("run 1 (process ")
+
+
+def test_a_question_whose_object_has_changed_can_only_be_left(skipping, crew, browser):
+    browser.click("[data-verb=skip]")
+    skipping.journal.note("next_point", point="east")
+    browser.wait_for("#ask .expired", "The state has changed since this question was opened.")
+    assert not browser.driver.find_element("css selector", "#ask .yes").is_enabled()
+    assert browser.text("#ask .yes") == "Skip north"
+    browser.click("#ask .no")
+    browser.wait_for("[data-verb=skip]", "Skip east")
+    assert crew.given == []
+
+
+def test_a_review_carries_the_state_of_the_detection_that_was_open_and_nothing_is_preselected(
+    skipping, crew, browser
+):
+    browser.click("[data-verb=review]")
+    chosen = "return [...document.querySelectorAll('#ask select')].map((each) => each.value)"
+    assert browser.js(chosen) == ["", ""]
+    browser.js("document.querySelector('#ask select[name=find]').value = 'find_1'")
+    browser.js("document.querySelector('#ask select[name=verdict]').value = 'YES'")
+    skipping.journal.note("found", name="find_1", x=3.0, y=2.25)
+    browser.wait_for("#places", "x 3.00, y 2.25")
+    browser.click("#ask .yes")
+    browser.wait(lambda: crew.given == [("review", "")], "the command")
+    assert crew.seen[0]["find/find_1"] == "seen at (-2.00, 2.25)"
+
+
+COVERED = """
+const [map, ask] = ['map', 'ask'].map((id) => document.getElementById(id).getBoundingClientRect());
+return ask.left < map.right && ask.right > map.left && ask.top < map.bottom && ask.bottom > map.top;
+"""
+
+
+def test_no_question_covers_the_map(skipping, browser):
+    browser.click("[data-verb=skip]")
+    assert not browser.js(COVERED)
 
 
 def test_a_run_that_has_ended_takes_no_orders_any_more(patrol, browser):
@@ -287,12 +374,16 @@ def test_one_stop_has_all_robots_stand_and_asks_whether_that_is_the_end_of_all(t
     assert browser.text(".stop") == "STOP robot1"
     browser.click(ALL)
     browser.wait(lambda: sorted(team.given) == [("pause", 0), ("pause", 1)], "both pauses")
-    assert browser.text("#ask h2") == "Abort: all robots"
-    assert "Their missions stay paused unless you abort them." in browser.text("#ask")
+    browser.wait_for("#ask", "robot1 has been told to stop.")
+    browser.wait_for(
+        "#ask", "robot2 has not confirmed the stop: refused: not now. Press the stop button on the robot."
+    )
     browser.click("#ask .no")
     browser.wait_for("#answer", "robot1: Pause: done; robot2: Pause: refused: not now")
     assert len(team.given) == 2
     browser.click(ALL)
+    browser.click("#ask .yes")
+    browser.wait_for("#ask h2", "Abort: robot1, robot2")
     browser.click("#ask .yes")
     browser.wait(lambda: {("abort", 0), ("abort", 1)} <= {*team.given}, "the end of both missions")
 
@@ -308,7 +399,36 @@ def test_what_stops_all_passes_over_who_stands_or_has_ended(team, browser):
     browser.wait_for("#condition strong", "stopped")
     browser.click(ALL)
     browser.click("#ask .yes")
+    browser.wait_for("#ask", "Sure?")
+    browser.click("#ask .yes")
     browser.wait(lambda: team.given == [("pause", 1), ("pause", 1), ("abort", 1)], "the end of robot2")
+
+
+ENABLED = "return [...document.querySelectorAll('#orders button:not(#ask button)')].filter((each) => !each.disabled && !each.hidden).map((each) => each.textContent)"
+
+
+def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map(team, browser):
+    for journal in team.journals:
+        drive(journal)
+    open_team(browser, team)
+    browser.wait_for("#robots button", "east, 2.5 m")
+    team.feed.know(RunProcess(is_gone=True), 0)
+    browser.wait_for("#robots button", "broken off")
+    assert "2.5 m" not in browser.text("#robots button")
+    assert browser.text("#drive") == ""
+    browser.wait(lambda: browser.js(ENABLED) == ["STOP ALL"], "no commands to robot1")
+    assert browser.js("return document.querySelectorAll('#robots .stale, #map .robot.stale').length") == 2
+    browser.click(ALL)
+    browser.wait_for("#ask", "robot1 cannot be told to stop. Press the stop button on the robot.")
+    assert team.given == [("pause", 1)]
+
+
+def test_a_lost_robot_can_only_be_stopped(team, browser):
+    drive(team.journals[0])
+    open_team(browser, team)
+    team.feed.know(RunProcess(silent_sec=30.0), 0)
+    browser.wait_for("#condition strong", "lost")
+    assert browser.js(ENABLED) == ["STOP ALL", "STOP robot1", "Pause"]
 
 
 def test_without_anybody_who_heeds_it_there_is_nothing_to_stop(team, browser):

@@ -456,3 +456,12 @@ def test_what_can_be_ordered_of_a_robot_is_told_once_it_is_known(live):
     assert told[-1][1] == [[verb]] or told[0][1]["verbs"] == [[verb]]
     ((name, late),) = events(run, lambda found: len(found) == 1)
     assert (name, late["verbs"]) == ("hello", [[verb]])
+
+
+@pytest.mark.parametrize("seen", ["", "zone_a", "[]", '{"object": 1}'])
+def test_an_order_that_does_not_state_what_its_sender_saw_is_refused(live, seen):
+    operator = Operator()
+    status, text = live(orders=operator).order("pause", {}, **{"X-Seen": seen})
+    assert status == 400
+    assert "the header X-Seen is not" in text
+    assert operator.given == []

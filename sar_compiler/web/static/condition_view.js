@@ -17,6 +17,21 @@ export function conditionOf(stream, run) {
   return { word, level: worst([level, ...run.tasks.map((task) => task.level)]), reason, lasts: COUNTED.includes(word) ? run.time - since : null };
 }
 
+/** Whether the program of a run has crashed. */
+export function isCrashed({ condition }) {
+  return condition.word === "broken off";
+}
+
+/** Whether a robot is silent although it drives, as far as the server knows. */
+export function isLost({ condition }) {
+  return condition.word === "lost";
+}
+
+/** Whether what is shown of a run may no longer be true: its connection is lost, or its program has crashed. The one rule for all views. */
+export function isStale(stream, run) {
+  return !run.run.ended && (isCrashed(run) || isLost(run) || (Boolean(stream.silent) && !stream.isReplay));
+}
+
 function worst(levels) {
   return levels.reduce((one, other) => (SEVERITY.indexOf(other) > SEVERITY.indexOf(one) ? other : one));
 }

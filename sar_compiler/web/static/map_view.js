@@ -1,5 +1,6 @@
 // The map: the robots' maps, poses, trails and plans, and the landmarks of their missions.
 
+import { isStale } from "./condition_view.js";
 import { inWords } from "./places_view.js";
 import { clock, html, icon, mark, say, set, svg } from "./shapes.js";
 import { LEVELS } from "./signs.js";
@@ -109,7 +110,9 @@ export class MapView {
     return group;
   }
 
-  ways({ trail, plan, pose }, other) {
+  ways(run, other) {
+    const { trail, pose } = run;
+    const plan = isStale(this.stream, run) || run.run.ended ? [] : run.plan;
     const line = (points, name) => svg("polyline", { class: name, points: points.map(([x, y]) => this.at(x, y).map((each) => each.toFixed(1)).join(",")).join(" ") });
     return [line(trail, `trail${other}`), ...(plan.length ? [line(rest(plan, pose), `plan under${other}`), line(rest(plan, pose), `plan${other}`)] : [])];
   }
@@ -166,7 +169,7 @@ export class MapView {
     const turn = (-(pose.yaw ?? 0) * 180) / Math.PI;
     const name = this.stream.isTeam ? this.stream.names[this.stream.runs.indexOf(run)] : "";
     const arrow = svg("g", { transform: `rotate(${turn.toFixed(1)})` }, svg("path", { class: "halo", d: ARROW }), svg("path", { class: "arrow", d: ARROW }));
-    const group = svg("g", { class: `robot${other}`, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})` }, svg("title", {}, name || "the robot"), arrow);
+    const group = svg("g", { class: `robot${other}${isStale(this.stream, run) ? " stale" : ""}`, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})` }, svg("title", {}, name || "the robot"), arrow);
     this.taken.push([x - 15, y - 15, x + 15, y + 15]);
     return [{ group, at: [x, y], text: name, style: "label name" }];
   }

@@ -1,6 +1,6 @@
 // The operator's page: the map, the status line, the commands, and the events.
 
-import { conditionOf, showCondition } from "./condition_view.js";
+import { conditionOf, isStale, showCondition } from "./condition_view.js";
 import { LogView } from "./log_view.js";
 import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
@@ -40,7 +40,7 @@ function show() {
   // What is read out changes with the word, and not every second.
   say(at("said"), `${condition.word}${condition.level === "error" && condition.lasts === null ? "" : `, ${condition.reason}`}`);
   document.body.dataset.level = condition.level;
-  document.body.classList.toggle("stale", Boolean(stream.silent) && !run.run.ended);
+  document.body.classList.toggle("stale", isStale(stream, run));
   orders.show();
   // A run in the server's own process has none before its end.
   at("report").hidden = !stream.tools.includes("report") || (stream.tools.includes("entries") && !run.run.ended);
@@ -51,9 +51,8 @@ function show() {
   at("mission").title = node;
   document.title = `${run.tasks.length ? `(${run.tasks.length}) ` : ""}${condition.word}: ${mission}`;
   // What is still to come is said as long as something does.
-  const isHeard = !stream.silent && condition.word !== "broken off";
-  say(at("drive"), isHeard ? driveLeft(run) : "");
-  showFigures(at("figures"), run, isHeard);
+  say(at("drive"), driveLeft(stream, run));
+  showFigures(at("figures"), stream, run);
   showGauges(at("gauges"), run);
   map.show(stream);
   tasks.show(stream);

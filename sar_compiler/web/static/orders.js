@@ -1,5 +1,7 @@
-// The operator's commands: STOP, one button for pause and resume, and the others, with a dialog for values or a confirmation.
+// The operator's commands: STOP, one button for pause and resume, and the others, with a sheet for values or a confirmation.
+// Each command carries what the operator saw when its sheet opened, and the mission refuses it if that has changed.
 
+import { isCrashed, isLost } from "./condition_view.js";
 import { html, say, set } from "./shapes.js";
 
 // The server answers within ten seconds.
@@ -28,11 +30,14 @@ export class Orders {
     this.who = html("label", { class: "by" }, "Your name, for the log ", this.by);
     this.reason = html("input", { id: "reason", autocomplete: "off", maxlength: 200 });
     this.why = html("label", { class: "by" }, "Reason, for the log ", this.reason);
-    place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.more, this.who, this.why);
-    this.ask = html("dialog", { id: "ask" }, html("form", { method: "dialog" }, html("h2"), html("div"), html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
-    document.body.append(this.ask);
+    this.expired = html("p", { class: "expired", role: "alert" });
+    // Not modal: the map stays in sight, and STOP can be pressed.
+    this.ask = html("dialog", { id: "ask", tabindex: -1, "aria-labelledby": "ask-title" }, html("form", { method: "dialog" }, html("h2", { id: "ask-title" }), html("div"), this.expired, html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
+    place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.ask, this.more, this.who, this.why);
     // Not a button that submits: Enter in a field would press the first of these.
     this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
+    this.ask.addEventListener("keydown", (event) => event.key === "Escape" && this.ask.close("no"));
+    this.ask.addEventListener("close", () => this.ask.open || this.answered?.(this.ask.returnValue === "yes"));
     this.stop.addEventListener("click", () => this.halt());
     this.stopAll.addEventListener("click", () => this.haltAll());
     this.toggle.addEventListener("click", () => this.begin(this.toggled()));
@@ -63,7 +68,7 @@ export class Orders {
     this.verbs = (verbs[chosen] ?? []).filter(({ name }) => offered.has(name));
     this.isHeld = isHeld(run);
     // To runs that have ended there is nothing more to order; the answer to what has ended them stays.
-    const isOver = runs.every((each) => each.run.ended);
+    const isOver = runs.every((each) => each.run.ended || isCrashed(each));
     this.place.hidden = isReplay || !verbs.some((each) => each.length) || (isOver && !this.answer.dataset.kind);
     say(this.to, isTeam ? `Commands to ${names[chosen]}` : "Commands");
     say(this.stop, isTeam ? `STOP ${names[chosen]}` : "STOP");
@@ -75,7 +80,12 @@ export class Orders {
     if (key !== this.key) this.draw(key);
     const may = (verb) => Boolean(verb && this.now.has(verb.name));
     this.stop.disabled = !may(this.of("stop")) && !may(this.of("hold"));
-    for (const [name, button] of this.buttons) button.disabled = !this.now.has(name);
+    for (const [name, [button, verb]] of this.buttons) {
+      const object = run.objects[name];
+      button.disabled = !this.now.has(name) || (Boolean(verb.named) && !object);
+      say(button, labelOf(verb, object));
+    }
+    this.expire();
     const toggled = this.toggled();
     this.toggle.hidden = !toggled;
     if (toggled) {
@@ -88,18 +98,21 @@ export class Orders {
   draw(key) {
     this.key = key;
     this.stop.hidden = !this.of("stop") && !this.of("hold");
-    this.buttons = new Map(this.verbs.filter(({ role }) => !role).map((verb) => [verb.name, this.button(verb)]));
-    this.more.replaceChildren(...this.buttons.values());
+    this.buttons = new Map(this.verbs.filter(({ role }) => !role).map((verb) => [verb.name, [this.button(verb), verb]]));
+    this.more.replaceChildren(...[...this.buttons.values()].map(([button]) => button));
     this.who.hidden = this.why.hidden = !this.verbs.length || !this.token;
     if (!this.token) say(this.answer, "To send commands, open the complete address that the run has printed.");
     else if (this.isKnown && !this.verbs.length) say(this.answer, "This tree accepts no commands.");
     else if (!this.answer.dataset.kind) say(this.answer, "");
   }
 
-  /** The names of the verbs that a robot heeds just now. */
+  /** The names of the commands that a robot accepts just now: none of a crashed run, and those that stop it of a lost one. */
   heeded(robot) {
-    const { runs, available, isConnected } = this.stream;
-    return new Set(isConnected && this.token && !runs[robot].run.ended ? (available[robot] ?? []) : []);
+    const { runs, verbs, available, isConnected } = this.stream;
+    const run = runs[robot];
+    if (!isConnected || !this.token || run.run.ended || isCrashed(run)) return new Set();
+    const stops = (verbs[robot] ?? []).filter(({ role }) => role === "hold" || role === "stop").map(({ name }) => name);
+    return new Set((available[robot] ?? []).filter((name) => !isLost(run) || stops.includes(name)));
   }
 
   /** The robots that heed their verb of a role just now, each with that verb. */
@@ -125,58 +138,119 @@ export class Orders {
     return button;
   }
 
-  /** Have the robot stand at once, and ask whether that is the end. */
-  halt() {
-    const [hold, stop] = [this.of("hold"), this.of("stop")];
-    const stays = this.isHeld || this.now.has(hold?.name);
-    const reason = this.reason.value;
-    if (stays && !this.isHeld) this.give(hold, {});
-    this.reason.value = reason;
-    if (stop && this.now.has(stop.name)) this.begin(stop, stays ? "The robot has been told to stop. The mission stays paused unless you abort it." : "");
+  /** Stop the robot at once, and offer to abort the mission. */
+  async halt() {
+    const robot = this.stream.chosen;
+    await this.stopEach([robot], this.of("hold"), this.of("stop"));
   }
 
-  /** Have every robot stand at once, and ask whether that is the end of their missions. */
+  /** Stop every robot at once, and offer to abort their missions. */
   async haltAll() {
-    const standing = this.able("hold").filter(([robot]) => !isHeld(this.stream.runs[robot]));
-    if (standing.length) this.giveEach(standing);
-    const [first] = this.able("stop");
-    if (!first) return;
-    const before = "All robots have been told to stop. Their missions stay paused unless you abort them.";
-    if (await this.question(first[1], {}, before, "all robots")) this.giveEach(this.able("stop"));
+    const all = this.stream.runs.map((_, robot) => robot).filter((robot) => !this.stream.runs[robot].run.ended);
+    await this.stopEach(all, true, this.able("stop")[0]?.[1]);
   }
 
-  /** The verb of a name or a role that the chosen robot heeds just now. */
+  /** Stop robots, state for each whether it has confirmed that, and ask whether their missions go on. */
+  async stopEach(robots, hold, stop) {
+    const reason = this.reason.value;
+    const holds = new Map(hold ? this.able("hold") : []);
+    const lines = robots.map((robot) => {
+      const who = this.stream.isTeam ? this.stream.names[robot] : "The robot";
+      const line = html("p");
+      if (isHeld(this.stream.runs[robot])) say(line, `${who} is paused.`);
+      else if (!holds.has(robot)) say(line, `${who} cannot be told to stop. Press the stop button on the robot.`);
+      else {
+        say(line, `${who}: stopping …`);
+        this.tell(`${this.addressed(holds.get(robot), robot)} …`, "asked");
+        const sent = this.send(holds.get(robot), {}, robot, {});
+        sent.then(([text, kind]) => {
+          say(line, kind === "done" ? `${who} has been told to stop.` : `${who} has not confirmed the stop: ${text}. Press the stop button on the robot.`);
+        });
+        return [line, robot, sent];
+      }
+      return [line];
+    });
+    this.reason.value = "";
+    const sent = lines.filter(([, , each]) => each);
+    if (sent.length) Promise.all(sent.map(([, , each]) => each)).then((answers) => this.tellAll(answers, sent.map(([, robot]) => [robot, holds.get(robot)])));
+    if (!stop) return;
+    const seen = new Map(this.able("stop").filter(([robot]) => robots.includes(robot)).map(([robot, verb]) => [robot, this.seen(verb, robot)]));
+    if (!seen.size) return;
+    if (sent.length || lines.length > 1 || isHeld(this.stream.runs[robots[0]])) {
+      const isMore = await this.sheet({ title: "Stop", body: lines.map(([line]) => line), no: "Stay paused", yes: `${stop.label}…` });
+      if (!isMore) return;
+    }
+    this.reason.value = reason;
+    const all = [...seen.keys()];
+    const values = await this.question(stop, all[0], {}, this.stream.isTeam ? all.map((robot) => this.stream.names[robot]).join(", ") : "");
+    if (values) this.giveEach(this.able("stop").filter(([robot]) => seen.has(robot)).map(([robot, verb]) => [robot, verb, seen.get(robot)]));
+  }
+
+  /** The command of a name or a role that the chosen robot accepts just now. */
   find(wanted) {
     return wanted && this.verbs?.find(({ name, role }) => (name === wanted || role === wanted) && this.now.has(name));
   }
 
-  /**
-   * Give an order, after the question that it needs; *before* stands ahead of that, and says that the robot stays paused. *found* is the
-   * detection that it is about.
-   */
-  async begin(verb, before = "", found = "") {
+  /** Give a command, after the question that it needs; *found* is the detection that it is about. */
+  async begin(verb, found = "") {
     const robot = this.stream.chosen;
-    const given = Object.fromEntries(verb.fields.filter(({ kind }) => found && kind === "found").map(({ name }) => [name, found]));
-    const values = verb.fields.length || verb.confirm ? await this.question(verb, given, before) : {};
-    if (values) this.give(verb, values, robot);
+    const given = Object.fromEntries(verb.fields.filter(({ kind, optional }) => found && kind === "found" && !optional).map(({ name }) => [name, found]));
+    const seen = this.seen(verb, robot);
+    const known = new Map(this.stream.runs[robot].landmarks);
+    const values = verb.fields.length || verb.confirm ? await this.question(verb, robot, given) : {};
+    if (values) this.give(verb, values, robot, { ...seen, ...seenLandmarks(verb, values, known, this.stream.runs[robot]) });
   }
 
-  question(verb, given, before = "", to = this.stream.names[this.stream.chosen]) {
-    const fields = new Map(verb.fields.map((field) => [field.name, this.field(field, given[field.name])]));
-    const [heading, body, yes] = [this.ask.querySelector("h2"), this.ask.querySelector("div"), this.ask.querySelector(".yes")];
-    say(heading, this.stream.isTeam ? `${verb.label}: ${to}` : verb.label);
-    say(yes, verb.label);
-    say(this.ask.querySelector(".no"), before ? "Stay paused" : "Cancel");
-    body.replaceChildren(...[before, verb.confirm].filter(Boolean).map((text) => html("p", {}, text)), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))), this.reasonField());
+  /** What the operator sees of a command's objects; to stop a robot, nothing has to be seen. */
+  seen({ name, role }, robot) {
+    const { run, objects } = this.stream.runs[robot];
+    if (role === "hold") return {};
+    return role === "stop" ? { run: run.id ?? "" } : { run: run.id ?? "", object: objects[name] ?? "" };
+  }
+
+  /** End a question whose object has changed since it was opened. */
+  expire() {
+    if (!this.ask.open || !this.about) return;
+    const { verb, robot, seen } = this.about;
+    const isOver = JSON.stringify(this.seen(verb, robot)) !== JSON.stringify(seen) || !this.heeded(robot).has(verb.name);
+    if (isOver) say(this.expired, "The state has changed since this question was opened. Cancel, and look again.");
+    this.ask.querySelector(".yes").disabled = isOver;
+  }
+
+  /** Ask for the values of a command, or for its confirmation; return them, or null. */
+  async question(verb, robot, given, to = this.stream.names[robot]) {
+    const run = this.stream.runs[robot];
+    const fields = new Map(verb.fields.map((field) => [field.name, this.field(field, run, given[field.name])]));
+    const label = labelOf(verb, run.objects[verb.name]);
+    const body = [...(verb.confirm ? [html("p", {}, verb.confirm)] : []), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))), this.reasonField()];
     const outline = verb.fields.find(({ kind }) => kind === "polygon")?.name;
     const read = () => Object.fromEntries(verb.fields.map(({ name, kind }) => [name, (READ[kind] ?? String)(fields.get(name).value)]));
-    if (fields.has("x") && fields.has("y")) body.append(this.picker(verb, read, "Pick on the map", "Click the position. Escape cancels.", (answer) => this.map.pick(answer), ([x, y]) => ({ x: x.toFixed(2), y: y.toFixed(2) })));
-    if (outline) body.append(this.picker(verb, read, "Draw on the map", "Click the corners in order, and the first one again to close the outline. Backspace removes the last corner, Escape cancels.", (answer) => this.map.draw(answer), (corners) => ({ [outline]: corners })));
+    if (fields.has("x") && fields.has("y")) body.push(this.picker(verb, robot, read, "Pick on the map", "Click the position. Escape cancels.", (answer) => this.map.pick(answer), ([x, y]) => ({ x: x.toFixed(2), y: y.toFixed(2) })));
+    if (outline) body.push(this.picker(verb, robot, read, "Draw on the map", "Click the corners in order, and the first one again to close the outline. Backspace removes the last corner, Escape cancels.", (answer) => this.map.draw(answer), (corners) => ({ [outline]: corners })));
+    const isConfirmed = await this.sheet({ title: this.stream.isTeam && to ? `${label}: ${to}` : label, body, no: "Cancel", yes: label, about: { verb, robot, seen: this.seen(verb, robot) }, first: fields.values().next().value });
+    return isConfirmed ? read() : null;
+  }
+
+  /** Show a sheet beside the map, with nothing chosen; return whether it was confirmed. */
+  sheet({ title, body, no, yes, about = null, first = null }) {
+    if (this.ask.open) this.ask.close("no");
+    this.answered?.(false);
+    this.about = about;
+    say(this.ask.querySelector("h2"), title);
+    say(this.ask.querySelector(".no"), no);
+    say(this.ask.querySelector(".yes"), yes);
+    say(this.expired, "");
+    this.ask.querySelector(".yes").disabled = false;
+    this.ask.querySelector("div").replaceChildren(...body);
     this.ask.returnValue = "no";
-    this.ask.showModal();
-    if (!verb.fields.length) this.ask.querySelector(".no").focus();
+    this.ask.show();
+    (first ?? this.ask).focus({ preventScroll: true });
+    this.ask.scrollIntoView({ block: "nearest" });
     return new Promise((answer) => {
-      this.ask.onclose = () => answer(this.ask.returnValue === "yes" ? read() : null);
+      this.answered = (isConfirmed) => {
+        this.answered = null;
+        answer(isConfirmed);
+      };
     });
   }
 
@@ -188,50 +262,53 @@ export class Orders {
   }
 
   /** A button that leaves the question for the map, and comes back to it with what was picked there. */
-  picker(verb, read, label, request, ask, values) {
+  picker(verb, robot, read, label, request, ask, values) {
     const button = html("button", { type: "button" }, label);
     button.addEventListener("click", () => {
       const said = read();
-      const robot = this.stream.chosen;
+      const seen = this.about?.seen ?? {};
+      const known = new Map(this.stream.runs[robot].landmarks);
       this.ask.close("no");
       this.tell(request, "asked");
       ask(async (picked) => {
         this.tell("");
         if (!picked) return;
-        const all = await this.question(verb, { ...said, ...values(picked) });
-        if (all) this.give(verb, all, robot);
+        const all = await this.question(verb, robot, { ...said, ...values(picked) });
+        if (all) this.give(verb, all, robot, { ...seen, ...seenLandmarks(verb, all, known, this.stream.runs[robot]) });
       });
     });
     return button;
   }
 
-  field({ name, kind, choices, optional, longest }, value = "") {
-    const { run } = this.stream;
+  field({ name, kind, choices, optional, longest }, run, value = "") {
     if (kind === "choice" || kind === "found") {
       const known = kind === "found" ? [...run.landmarks.values()].filter((each) => run.kindOf(each).is_found).map(({ name: each }) => [each, each]) : choices;
-      const offered = optional ? [["", "–"], ...known] : known;
+      const offered = [["", optional ? "–" : "Choose …"], ...known];
       return html("select", { name, required: !optional }, ...offered.map(([key, label]) => html("option", { value: key, selected: key === value }, label)));
     }
     if (kind === "polygon") return html("input", { name, required: !optional, value: value.length ? JSON.stringify(value) : "", autocomplete: "off", placeholder: "[[x1, y1], [x2, y2], [x3, y3], …]" });
     const numeric = kind === "number" ? { type: "number", step: "any" } : { type: "text", maxlength: longest };
-    return html("input", { name, required: !optional, value: kind === "number" && value === "" && !optional ? 0 : value, autocomplete: "off", ...numeric });
+    return html("input", { name, required: !optional, value: value ?? "", autocomplete: "off", ...numeric });
   }
 
-  async give(verb, values, robot = this.stream.chosen) {
+  async give(verb, values, robot, seen) {
     const to = this.addressed(verb, robot);
     this.tell(`${to} …`, "asked");
-    const sent = this.send(verb, values, robot);
+    const sent = this.send(verb, values, robot, seen);
     this.reason.value = "";
     const [text, kind] = await sent;
     this.tell(`${to}: ${text}`, kind);
   }
 
-  /** Give several robots an order each, at once; what they answer is told together. */
+  /** Give several robots a command each, at once; their answers are shown together. */
   async giveEach(orders) {
     this.tell(`${orders.map(([robot, verb]) => this.addressed(verb, robot)).join("; ")} …`, "asked");
-    const sent = orders.map(([robot, verb]) => this.send(verb, {}, robot));
+    const sent = orders.map(([robot, verb, seen]) => this.send(verb, {}, robot, seen));
     this.reason.value = "";
-    const answers = await Promise.all(sent);
+    this.tellAll(await Promise.all(sent), orders);
+  }
+
+  tellAll(answers, orders) {
     const told = answers.map(([text], index) => `${this.addressed(orders[index][1], orders[index][0])}: ${text}`);
     this.tell(told.join("; "), answers.some(([, kind]) => kind === "trouble") ? "trouble" : "done");
   }
@@ -241,11 +318,11 @@ export class Orders {
   }
 
   /** Send an order; return what is said to it, and whether it is done or there is trouble. */
-  async send(verb, values, robot) {
+  async send(verb, values, robot, seen) {
     try {
       const response = await fetch(`orders/${encodeURIComponent(verb.name)}?robot=${robot}`, {
         method: "POST",
-        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}`, "X-Operator": encodeURIComponent(this.by.value.trim()), "X-Reason": encodeURIComponent(this.reason.value.trim()) },
+        headers: { "Content-Type": "application/json", Authorization: `Bearer ${this.token}`, "X-Operator": encodeURIComponent(this.by.value.trim()), "X-Reason": encodeURIComponent(this.reason.value.trim()), "X-Seen": encodeURIComponent(JSON.stringify(seen)) },
         body: JSON.stringify(values),
         signal: AbortSignal.timeout(ANSWER_MS),
       });
@@ -264,6 +341,20 @@ export class Orders {
     this.answer.dataset.kind = kind;
     if (kind === "done") this.fading = setTimeout(() => this.tell(""), READ_MS);
   }
+}
+
+/** What is seen of the landmarks that the values of a command name, by kind and name; empty for one that does not exist. */
+function seenLandmarks(verb, values, known, run) {
+  const named = verb.fields.filter(({ name, kind, landmark }) => values[name] && (landmark || kind === "found"));
+  return Object.fromEntries(named.map(({ name, landmark }) => {
+    const found = [...known.entries()].find(([, each]) => each.name === values[name] && (landmark ? each.kind === landmark : run.kindOf(each).is_found));
+    return found ? [found[0], found[1].identity] : [`${landmark || "detection"}/${values[name]}`, ""];
+  }));
+}
+
+/** The label of a command with its object. */
+function labelOf({ label, named }, object) {
+  return named && object ? named.replace("{}", object) : label;
 }
 
 function parsed(text) {

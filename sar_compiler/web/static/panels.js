@@ -1,6 +1,6 @@
 // Parts of the operator's page beside the map: gauges and figures, open tasks, alarms, and a card for each robot.
 
-import { conditionOf, showCondition } from "./condition_view.js";
+import { conditionOf, isStale, showCondition } from "./condition_view.js";
 import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
@@ -9,9 +9,9 @@ const SEEN = "sar-seen";
 const REMEMBERED = 200;
 
 /** How far the mission is, in figures: its time, about how long it still takes, how long it may, and what it says itself. */
-export function showFigures(place, run, isHeard) {
+export function showFigures(place, stream, run) {
   const { estimate, time, run: { number } } = run;
-  const ended = run.run.ended || !isHeard;
+  const ended = run.run.ended || isStale(stream, run);
   const left = ended || estimate.end == null || estimate.end < time ? null : estimate.end - time;
   const rows = [
     ["time", number ? `${clock(time)}${number > 1 ? `, run ${number}` : ""}` : "–"],
@@ -61,8 +61,8 @@ function round(value) {
 }
 
 /** What is left of the drive that is under way; the one place of the page that says it. */
-export function driveLeft(run) {
-  if (!run.drive || run.run.ended) return "";
+export function driveLeft(stream, run) {
+  if (!run.drive || run.run.ended || isStale(stream, run)) return "";
   const { distance, time_left: left } = run.drive;
   return `${distance.toFixed(1)} m${left == null ? "" : `, about ${clock(left)}`}`;
 }
@@ -88,7 +88,7 @@ export class TasksView {
       const item = html("li", { class: level }, html("b", { "aria-hidden": "true" }, CONDITIONS[level]), html("span", {}, who + text));
       if (!verb) return item;
       const button = html("button", { type: "button", "aria-label": `${verb.label}: ${text}` }, verb.label);
-      button.addEventListener("click", () => this.orders.begin(verb, "", name));
+      button.addEventListener("click", () => this.orders.begin(verb, name));
       item.append(button);
       return item;
     });
@@ -186,7 +186,9 @@ export class CardsView {
       const [, state, task, gauges] = card.children;
       card.setAttribute("aria-pressed", String(index === stream.chosen));
       showCondition(state, conditionOf(stream, run), false);
-      say(task, [run.drive ? run.drive.target : run.place, driveLeft(run)].filter(Boolean).join(", "));
+      const isOld = isStale(stream, run);
+      card.classList.toggle("stale", isOld);
+      say(task, isOld ? "" : [run.drive ? run.drive.target : run.place, driveLeft(stream, run)].filter(Boolean).join(", "));
       const age = run.times.pose === undefined ? [] : [`place ${clock(run.time - run.times.pose)} old`];
       say(gauges, [...run.gauges.filter(({ value }) => Number.isFinite(value)).map(({ name, value, unit }) => `${name} ${round(value)} ${unit}`.trim()), ...age].join(" · "));
     });

@@ -12,7 +12,7 @@ export class Run {
     Object.assign(this, {
       run: { number: 0 }, condition: { word: "", level: "quiet", since: 0, reason: "" }, place: "", estimate: {}, time: 0, nodes: [], states: [],
       pose: null, plan: [], drive: null, map: null, times: {}, kinds: {}, landmarks: new Map(), rasters: {},
-      tasks: [], figures: [], gauges: [], alarms: [], properties: { watched: [], assumption_failed_at: null }, why: null, log: [], trail: [],
+      tasks: [], objects: {}, figures: [], gauges: [], alarms: [], properties: { watched: [], assumption_failed_at: null }, why: null, log: [], trail: [],
     });
   }
 

@@ -1,6 +1,6 @@
 // The engineer's page: the tree with the status of each node, the running nodes, and every line of the log.
 
-import { conditionOf, showCondition } from "./condition_view.js";
+import { conditionOf, isStale, showCondition } from "./condition_view.js";
 import { showDetails } from "./details.js";
 import { LogView } from "./log_view.js";
 import { MapView } from "./map_view.js";
@@ -53,7 +53,7 @@ function begin() {
 function show() {
   const { run } = stream;
   showCondition(at("condition"), conditionOf(stream, run));
-  document.body.classList.toggle("stale", Boolean(stream.silent) && !run.run.ended);
+  document.body.classList.toggle("stale", isStale(stream, run));
   orders.show();
   if (!stream.isTold) return;
   const { number, mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
