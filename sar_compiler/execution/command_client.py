@@ -18,7 +18,7 @@ _NOTHING_SEEN: SeenObjects = {}
 
 
 class Sign(Protocol):
-    """Announces a command to its mission before it is sent."""
+    """Announces a command to its mission."""
 
     def __call__(
         self,
@@ -29,7 +29,7 @@ class Sign(Protocol):
         refuse: Callable[[str], object] = ...,
         /,
     ) -> object:
-        """Announce a command, its author and what they saw, and call *then*, which sends it, or *refuse* with the reason."""
+        """Announce a command, its author and the objects that they saw; call *then*, which sends it, or *refuse* with the reason."""
         ...
 
 

@@ -33,11 +33,11 @@ _NOTHING_SEEN: SeenObjects = {}
 
 
 def _ignore(_: str) -> None:
-    """Accept a reason that nobody needs."""
+    """Ignore a reason."""
 
 
 class _Announcement(NamedTuple):
-    """The announcement of a command: its author, what they saw, and the time of the steady clock."""
+    """The announcement of a command: its author, the objects that they saw, and the time of the steady clock."""
 
     author: CommandAuthor
     seen: SeenObjects
@@ -76,7 +76,7 @@ class OrderRecord:
         seen: SeenObjects = _NOTHING_SEEN,
         refuse: Callable[[str], object] = _ignore,  # noqa: ARG002 - an announcement in this process cannot fail
     ) -> None:
-        """Store the author of the next call of a command's service, and what they saw, then run *then*, which calls it."""
+        """Store the author of the next call of a command's service, and the objects that they saw; run *then*, which calls it."""
         self._store(verb, author, seen)
         then()
 
@@ -87,7 +87,7 @@ class OrderRecord:
             self._last_seen[verb] = signature
 
     def _signature(self, verb: str) -> "_Announcement":
-        """Return the author of the current call of a command's service, and what they saw.
+        """Return the author of the current call of a command's service, and the objects that they saw.
 
         A call without an announcement may have consumed that of another call. So what was announced last applies to each call without one.
         """

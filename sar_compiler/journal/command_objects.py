@@ -1,4 +1,4 @@
-"""The objects of commands: what the operator saw of them, compared with the present.
+"""The objects of commands: a comparison of the state that the operator saw with the present one.
 
 A page shows the state of a moment ago, and a person needs seconds to confirm a command. Meanwhile the robot may have reached the next
 place, or another operator may have reviewed the same detection. So each command carries what its sender saw, by the keys of this module, and the
@@ -12,28 +12,28 @@ from typing import Any
 from sar_compiler.journal.display import Landmark
 
 RUN, OBJECT = "run", "object"
-"""Keys of what was seen: the run, and the object of the command. All other keys are landmarks: `point/north`."""
+"""Keys of the seen objects: the run, and the object of the command. All other keys are landmarks: `point/north`."""
 
 SeenObjects = Mapping[str, str]
-"""What the sender of a command saw: a text for each key, empty for an object that was not there."""
+"""The objects of a command as its sender saw them: a string for each key, empty for an object that did not exist."""
 
 _MOST, _LONGEST = 20, 500
 
 
 def parse_seen(text: str) -> dict[str, str]:
-    """Return what a sender saw from JSON.
+    """Parse the seen objects of a command from JSON.
 
     Raises:
-        ValueError: If it is not an object of texts, or too large.
+        ValueError: If it is not an object of strings, or too large.
     """
     try:
         seen = json.loads(text)
     except (ValueError, RecursionError):
         seen = None
     if not isinstance(seen, dict) or len(seen) > _MOST:
-        raise ValueError("not a JSON object of a few texts")
+        raise ValueError("not a JSON object of a few strings")
     if any(not isinstance(value, str) or len(value) > _LONGEST for value in seen.values()):
-        raise ValueError("not a text for each key")
+        raise ValueError("not a string for each key")
     return seen
 
 
@@ -48,7 +48,7 @@ def run_identity(number: int, about: Mapping[str, Any]) -> str:
 
 
 def describe_change(seen: SeenObjects, now: SeenObjects, landmarks: Mapping[str, Landmark]) -> str:
-    """Return what has changed since the sender of a command saw it; empty if nothing has.
+    """Return the change since the sender of a command saw its objects; empty if there is none.
 
     Args:
         seen: What the sender saw.

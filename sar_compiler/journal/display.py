@@ -119,7 +119,7 @@ class Landmark(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """What a command about it depends on: `candidate at (1.00, 2.00)`; equal texts mean that it is unchanged."""
+        """Its state and position, `candidate at (1.00, 2.00)`: a command about it is refused if this has changed."""
         outline = "".join(f" ({x:.2f}, {y:.2f})" for x, y in self.corners[:_IDENTIFYING_CORNERS])
         return f"{self.state or 'known'} at ({self.x:.2f}, {self.y:.2f}){outline and f', outline{outline}'}"
 

@@ -322,7 +322,7 @@ class Journal:
         return changes_by(fact, sentence, before, self._shown)
 
     def describe_change(self, command: str, seen: SeenObjects) -> str:
-        """Return what has changed since the sender of a command saw its objects; empty if nothing has."""
+        """Return the change since the sender of a command saw its objects; empty if there is none."""
         now = {RUN: run_identity(self._run, self._run_about), OBJECT: self._shown.objects.get(command, "")}
         landmarks = {f"{each.kind}/{each.name}": each for each in self._shown.landmarks}
         return describe_change(seen, now, landmarks)
