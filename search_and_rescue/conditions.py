@@ -21,7 +21,7 @@ _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at 
     facts={"zones_left": 3},
 )
 class ZonesRemaining(Behaviour):
-    """Check that a zone is left to visit: SUCCESS if so, otherwise FAILURE.
+    """Check that a zone is left to visit; FAILURE if none is left.
 
     Args:
         name: The node's name.
@@ -49,7 +49,7 @@ class ZonesRemaining(Behaviour):
     facts={"found_by_{detect_node}": False},
 )
 class IsSurvivorDetected(Behaviour):
-    """Check that the last search found a survivor: SUCCESS if so, otherwise FAILURE.
+    """Check that the last search found a survivor; FAILURE if it found none.
 
     Args:
         name: The node's name.
@@ -75,7 +75,7 @@ class IsSurvivorDetected(Behaviour):
     facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
 )
 class MissionComplete(Behaviour):
-    """Check that the mission is complete: every zone visited, every survivor acknowledged, the robot home. SUCCESS if so, otherwise FAILURE.
+    """Check that every zone is visited, every survivor is acknowledged, and the robot is home; FAILURE if not.
 
     Args:
         name: The node's name.

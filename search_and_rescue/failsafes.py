@@ -157,7 +157,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         homing: Estimates the way home; receives the limit.
         at_least: The limit, 1 for a full battery.
         topic: A topic of `sensor_msgs/msg/BatteryState`, whose `percentage` is used.
-        max_age_sec: Longest silence of the topic, seconds of the node's clock.
+        max_age_sec: Maximum silence of the topic, seconds of the node's clock.
     """
 
     at_least: Annotated[float, sensible(0, 1)] = 0.2
@@ -294,7 +294,7 @@ class BaseInReach(_Failsafe):
         clock: The clock that measures the patience.
         record: Records the reason.
         service: Its service, of the type `sar_interfaces/srv/ReportSurvivor`.
-        patience: Longest absence, seconds of the mission's clock.
+        patience: Maximum absence, seconds of the mission's clock.
     """
 
     clock: Clock

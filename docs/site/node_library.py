@@ -154,10 +154,10 @@ def pages() -> dict[Path, str]:
         for name, (title, _) in FAMILIES.items()
     ]
     intro = (
-        "Every node that a tree can use without a class of your own. Each has a drawing, a table of statuses, its attributes, and an example.\n"
+        "A tree can use these nodes without your own classes. Each has a drawing, a table of statuses, its attributes, and an example.\n"
         "`sar-compile nodes TAG` prints the same for your own leaves."
     )
-    note = "Statuses and results are those of the examples, executed by the generator of this page (`make schemas`)."
+    note = "`make schemas` executes the examples, and writes their statuses and results to these pages."
     made[FOLDER / "README.md"] = "\n\n".join(["# Node library", intro, "\n".join(rows), note]) + "\n"
     return made
 

@@ -125,7 +125,7 @@ class _HomingLeaf(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class ReturnInReach(_HomingLeaf):
-    """Check that the battery and the time suffice for the next leg and the way home: SUCCESS if so; FAILURE if the robot must go home first.
+    """Check that the battery and the time suffice for the next leg and the drive home; FAILURE if the robot must go home first.
 
     The drive to the current zone or open piece, the search there and the way home must leave the reserve, and end within the mission's time.
     RUNNING until the first battery message, for `max_age_sec` at most; a battery that is silent for longer is treated as empty.
@@ -135,7 +135,7 @@ class ReturnInReach(_HomingLeaf):
         clock: The mission's clock.
         record: Records that the robot goes home first.
         limit: Time limit of the mission, seconds of the mission's clock from the first tick on; 0 for no limit.
-        max_age_sec: Longest silence of the battery, seconds of the node's clock.
+        max_age_sec: Maximum silence of the battery, seconds of the node's clock.
     """
 
     limit: Seconds = 0.0
@@ -196,7 +196,7 @@ class ReturnInReach(_HomingLeaf):
 )
 @dataclass(eq=False, repr=False)
 class FullBatterySuffices(RosLeaf):
-    """Check that a full battery suffices for the next leg, from home and back: SUCCESS if so, otherwise FAILURE, because charging cannot help.
+    """Check that a full battery suffices for the next leg, from home and back; FAILURE if charging cannot help.
 
     The leaf first asks the planner for the unknown paths of the leg, and is RUNNING meanwhile. A path that the planner does not provide is
     estimated as 1.5 times the straight line, with a warning.
@@ -325,7 +325,7 @@ class AwaitCharge(_HomingLeaf):
         homing: Estimates the way home.
         clock: The clock that measures the patience.
         record: Tells whether the robot has arrived, and records the result.
-        patience: Longest wait, seconds of the mission's clock.
+        patience: Maximum wait, seconds of the mission's clock.
     """
 
     patience: Seconds = 900.0

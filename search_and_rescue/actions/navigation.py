@@ -90,7 +90,7 @@ class NavigateTo(ActionLeaf):
         action: The action's name.
         server_timeout_sec: Time to wait for a server, in seconds.
         acceptance_timeout_sec: Time to wait for the goal to be accepted, in seconds.
-        feedback_timeout_sec: Longest time that the server may be silent, in seconds.
+        feedback_timeout_sec: Maximum silence of the server, in seconds.
         hold_timeout_sec: Time to wait, in seconds, for Nav2 and its localisation, or for the end of another client's goal.
     """
 

@@ -81,7 +81,7 @@ class _SweepLeaf(RosLeaf):
     facts={"zones_left": 3},
 )
 class ZoneHasGround(_SweepLeaf):
-    """Check that the current zone has a polygon, so that it can be swept: SUCCESS if so, otherwise FAILURE."""
+    """Check that the current zone has a polygon; FAILURE if it cannot be swept."""
 
     def update(self) -> Status:
         """Check the zone."""
@@ -98,7 +98,7 @@ class ZoneHasGround(_SweepLeaf):
     facts=_PIECES,
 )
 class PiecesRemaining(_SweepLeaf):
-    """Check that a piece of the current zone's sweep is open: SUCCESS if so, otherwise FAILURE."""
+    """Check that a piece of the current zone's sweep is open; FAILURE if all are done."""
 
     def update(self) -> Status:
         """Check the sweep."""
@@ -271,7 +271,7 @@ class RefineSweep(_PlanLeaf):
 
     Args:
         until_pod: Required probability of detection of the zone, 0 to 1.
-        max_passes: Largest number of passes, including the first one.
+        max_passes: Maximum number of passes, including the first one.
         clearance: Distance of pieces from obstacles, metres.
     """
 
@@ -576,7 +576,7 @@ class SkipPiece(_SweepLeaf):
 )
 @dataclass(eq=False, repr=False)
 class IsFindNew(RosLeaf):
-    """Check that the survivor found by the last search is new, so has no name yet: SUCCESS if so, otherwise FAILURE.
+    """Check that the survivor found by the last search has no name yet; FAILURE if the survivor is known.
 
     During a sweep the same survivor is detected from several pieces, at slightly different positions.
 
