@@ -342,6 +342,7 @@ def _stuck(states: Mapping[str, str], named: str) -> tuple[str, str]:
 SHADOW_SEC = 22.0
 
 _PROGRESS_PERIOD_SEC = 5.0
+_ABSENT = "Nav2 is not running in this ROS domain. Start Nav2, or add --sim to run in the simulator."
 _TURN_SEC = 0.05
 
 
@@ -351,16 +352,17 @@ class NotReadyError(SarError):
     Attributes:
         missing: The missing resources, one line each.
         waited_sec: The time waited, in seconds; None if waiting could not help.
+        hint: A remedy for all of them, if there is one.
     """
 
     exit_status = 3
 
-    def __init__(self, missing: Iterable[str], waited_sec: float | None) -> None:
+    def __init__(self, missing: Iterable[str], waited_sec: float | None, hint: str = "") -> None:
         self.missing = list(missing)
         self.waited_sec = waited_sec
-        lines = "".join(f"\n  {line}" for line in self.missing)
         problem = "the mission cannot start" if waited_sec is None else f"not ready after {waited_sec:.1f} s"
-        super().__init__(f"{problem}:{lines}")
+        lines = [f"{problem}:", *(f"  {line}" for line in self.missing)]
+        super().__init__("\n".join([*lines, hint] if hint else lines))
 
 
 class Readiness:
@@ -445,6 +447,12 @@ class Readiness:
         self._steps.append(self._closing[-1].missing)
         self._endpoints += [Endpoint("node", name) for name in NAV2_NODES]
         self._steps.append(self._localisation_conflict)
+
+    @property
+    def is_nav2_absent(self) -> bool:
+        """Whether Nav2 is required, and none of its nodes is in the ROS graph under any name."""
+        nodes = [self._graph.ask(Endpoint("node", name)) for name in NAV2_NODES]
+        return self.uses_nav2 and not any(each.is_there or each.elsewhere for each in nodes)
 
     @property
     def contested(self) -> bool:
@@ -538,7 +546,9 @@ def wait_until_ready(
             shadow = contested_since is None or now - contested_since < SHADOW_SEC
             if now - start >= timeout_sec or not shadow:
                 readiness.warn()
-                raise NotReadyError(readiness.missing(), now - start)
+                raise NotReadyError(
+                    readiness.missing(), now - start, _ABSENT if readiness.is_nav2_absent else ""
+                )
             if now - told >= _PROGRESS_PERIOD_SEC:
                 told = now
                 logger.info(_waiting_line(readiness))

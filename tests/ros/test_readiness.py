@@ -522,6 +522,22 @@ class TestNav2:
             "node bt_navigator: not there (no service /bt_navigator/get_state)",
         ]
 
+    def test_if_no_node_of_it_is_there_the_message_names_the_simulator(self, ros: Ros) -> None:
+        from sar_compiler.ros.readiness import NotReadyError
+
+        with pytest.raises(NotReadyError, match="add --sim to run in the simulator"):
+            wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=None), 0.3)
+
+    def test_if_it_runs_in_another_namespace_the_message_does_not_name_the_simulator(self, ros: Ros) -> None:
+        from sar_compiler.ros.readiness import NotReadyError
+
+        FakeNav2(ros.node("nav2", namespace="/robot3"))
+        ready = readiness(ros.node(), Use.nav2(), initial_pose=None)
+        ros.spin_until(lambda: not ready.is_nav2_absent, "the nodes of the other namespace")
+        with pytest.raises(NotReadyError) as caught:
+            wait(ros, ready, 0.3)
+        assert "--sim" not in str(caught.value)
+
     def test_in_a_namespace_shows_the_full_names_that_it_looks_for(self, ros: Ros) -> None:
         node = ros.node("mission", namespace="/robot3")
         pose, *nodes = missing(ros, readiness(node, Use.nav2()))
