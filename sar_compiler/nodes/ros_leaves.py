@@ -23,7 +23,7 @@ from sar_compiler.tree.model import Element
 VERSIONS = ("jazzy",)
 _HERE = "sar_compiler.ros.leaves.by_attributes"
 _WRITES = KeyRole(AccessKind.WRITE)
-_SENDS = "The {}'s fields as YAML, in which `{{key}}` is a key: `{}`. Or the key of a message."
+_SENDS = "The fields of the {} as YAML: `{}`. `{{key}}` inserts the value of a key. Or the key of a message."
 _VALUE = output_port("value", object, "The key to which the value is written.", None)
 _SERVER = attribute("server_timeout_sec", Seconds, "Time to wait for a server, in seconds.", 10.0)
 _SCOPE = handed_over("scope", SCOPE.target_path, SCOPE.doc, required=False)
@@ -37,7 +37,7 @@ def _field(of: str, example: str) -> Any:
 
 
 def _fields(keyword: str, of: str, example: str) -> Any:
-    doc = f"{of.capitalize()} fields, each with the key it is written to: `{example}`."
+    doc = f"{of.capitalize()} fields to store, each with its key: `{example}`."
     return attribute(keyword, DESTINATIONS, doc, None)
 
 
@@ -105,7 +105,7 @@ def _advice(error: InterfaceError) -> Advice:
 _SPECS = (
     leaf_spec(
         f"{_HERE}:RosService",
-        "Call a service: SUCCESS when it has responded, unless the response reports failure.",
+        "Call a service: SUCCESS after its response, unless the response reports a failure.",
         input_port("service", str, "The service's name."),
         attribute("type_", str, "Its type, such as `std_srvs/srv/SetBool`."),
         input_port("request", FIELDS, _SENDS.format("request", "data: true"), None),
@@ -155,7 +155,7 @@ _SPECS = (
     ),
     leaf_spec(
         f"{_HERE}:RosTopic",
-        "Check for a message on a topic: SUCCESS if there is one, and fields of the latest one are written.",
+        "Check for a message on a topic: SUCCESS if there is one. Stores fields of the latest message.",
         input_port("topic", str, "The topic's name."),
         attribute("type_", str, "Its type, such as `sensor_msgs/msg/BatteryState`."),
         _field("message", "pose.position.x"),
@@ -176,7 +176,7 @@ _SPECS = (
         attribute(
             "waits",
             bool,
-            "Whether it returns RUNNING, instead of FAILURE, while there is no message.",
+            "Return RUNNING while there is no message (true), or FAILURE (false).",
             default=False,
         ),
         _SCOPE,
@@ -205,7 +205,7 @@ _SPECS = (
         attribute(
             "waits",
             bool,
-            "Whether it returns RUNNING until there is a subscriber; with `transient_local` it never waits.",
+            "Return RUNNING until there is a subscriber; with `transient_local` it never waits.",
             default=True,
         ),
         attribute("timeout_sec", Seconds, "Time to wait for a subscriber, in seconds; then FAILURE.", 5.0),

@@ -36,6 +36,7 @@ NO_BEHAVIOUR = {
         "If the domain must leave the machine",
         "`ROS_DOMAIN_ID` is not an access control",
         "Use SROS 2",
+        "It restricts each participant",
         "While a mission runs in a rehearsal",
         "The project's tests do not cover",
         "Write to the maintainers first",
@@ -62,9 +63,9 @@ HELD_BY = {
         "All files are read by one opener": ("test_what_others_name_is_read_by_the_opener_alone",),
         "It obtains a handle": (
             "test_what_is_no_file_is_refused_and_not_waited_for", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read",
-            "test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",
         ),
         "The project's tests require": ("test_each_reader_of_files_is_in_the_table_of_hostile_ones",),
+        "Then it reads that same file": ("test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",),
         "The path is a pipe, a device": ("test_what_is_no_file_is_refused_and_not_waited_for",),
         "A link leads outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
         "A folder is replaced by a link": ("test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name",),
@@ -126,6 +127,7 @@ HELD_BY = {
         ),
         "Failures and recovery covers damaged": ("test_every_promise_names_its_tests",),
         "Numbers in parameter files": ("test_a_number_that_is_not_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
+        "Positions in worlds and maps": ("test_a_mistake_in_a_world_file_is_found_where_it_stands",),
         "It answers with a survivor": (
             "test_a_survivor_where_nobody_can_be_is_no_answer", "test_a_survivor_beyond_the_map_is_no_answer",
             "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_the_numbers_on_the_page_are_those_of_the_code",
@@ -158,9 +160,12 @@ HELD_BY = {
         "A run with a journal": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
         "The guardian is a separate process": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
         "Other runs have one": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
-        "When the mission's process has ended": (
-            "test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled", "test_a_goal_that_does_not_end_is_told_to_be_under_way",
+        "The guardian acts when": (
+            "test_it_cancels_the_goal_of_a_mission_that_is_killed",
             "test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels",
+        ),
+        "It cancels the active goals": (
+            "test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled", "test_a_goal_that_does_not_end_is_told_to_be_under_way",
         ),
         "Ctrl-C and the end of a terminal": ("test_ctrl_c_in_a_terminal_does_not_reach_it",),
         "The guardian knows the goals": ("test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way",),
@@ -205,6 +210,7 @@ HELD_BY = {
             "test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed",
         ),
         "Other missions detect it by this topic": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
+        "Then another process must resume": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
         "The other participants also drop": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
     },
 }  # fmt: skip
