@@ -129,6 +129,7 @@ def address(playground):
 def test_on_the_page_a_tree_is_broken_mended_proved_and_its_counterexample_walks(address):
     with open_browser() as browser:
         browser.driver.get(address)
+        proved = ask("prove", browser.js("return document.getElementById('tree').value"))
         browser.allow("favicon")
         write = functools.partial(
             browser.js,
@@ -143,7 +144,7 @@ def test_on_the_page_a_tree_is_broken_mended_proved_and_its_counterexample_walks
         write(*reversed(SLIP))
         browser.wait_for("#state", "no findings", _LOADED_SEC)
         browser.click("#prove")
-        browser.wait_for("#state", "40 states", _LOADED_SEC)
+        browser.wait_for("#state", f"{proved['states']} states", _LOADED_SEC)
         browser.wait_for("#verdicts", "every run ends: does not hold")
         browser.click("#verdicts li:last-child button")
         assert browser.text("#step") == "tick 1: NavigateToZone driving; root RUNNING"
