@@ -6,9 +6,12 @@ import itertools
 import os
 import signal
 import subprocess
+import sys
 import tempfile
+import threading
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
 from coverage import Coverage
@@ -58,11 +61,27 @@ settings.register_profile(
 settings.load_profile("untimed")
 
 # Folders whose tests are about other things than the rooms that coverage is measured of.
-_ELSEWHERE = ("cli", "docs", "e2e", "examples", "fuzz", "launch", "packaging", "sim", "views")
+_ELSEWHERE = (
+    "agent",
+    "cli",
+    "docs",
+    "e2e",
+    "examples",
+    "fuzz",
+    "groot2",
+    "launch",
+    "lsp",
+    "packaging",
+    "port_types",
+    "sim",
+    "views",
+)
 
 # Folders whose tests build, fly, or wait for others; what takes longest stands first.
 _LONG = ("packaging", "e2e", "examples", "faults", "web", "project", "launch")
 
+# What traces the tests, and their threads, where coverage is measured.
+_TRACERS = pytest.StashKey[tuple[Any, Any]]()
 
 # Under nohup, or in the background of a script, they are ignored, and what the tests start would inherit that.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -87,18 +106,29 @@ def pytest_collection(session):
     """Look for the tests without measuring coverage: every worker does, and it takes twice the time.
 
     What is run where a module of the package is imported is measured, by one of them: all are imported before. What
-    is found stays, so the garbage collector would look at it in vain.
+    is found stays, so the garbage collector would look at it in vain, now and in every later test.
     """
     gc.disable()
     try:
-        if not hasattr(session.config, "workerinput") or session.config.getoption("cov_context", None):
+        if not hasattr(session.config, "workerinput") or _is_all_measured(session.config):
             return (yield)
         if Coverage.current() is not None and session.config.workerinput["workerid"] == "gw0":
             warm.import_all()
-        with _unmeasured():
+        with _traced_by(None, None):
             return (yield)
     finally:
+        gc.freeze()
         gc.enable()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtestloop(session):
+    """Measure coverage of tests and of their fixtures alone: pytest itself takes three times as long with it."""
+    if _is_all_measured(session.config):
+        return (yield)
+    session.config.stash[_TRACERS] = sys.gettrace(), threading.gettrace()
+    with _traced_by(None, None):
+        return (yield)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -130,13 +160,17 @@ def _dealt(items, workers):
     return [*dealt, *short]
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item):
-    """Measure coverage of inputs that somebody chose: with it random ones take twice the time, and cover by luck.
+@pytest.hookimpl(wrapper=True, trylast=True)
+def pytest_pyfunc_call(pyfuncitem):
+    """Measure coverage of a test."""
+    with _measured(pyfuncitem):
+        return (yield)
 
-    Whoever asks which test reaches which line (`--cov-context`) is told of all.
-    """
-    with _unmeasured() if _is_unmeasured(item) else nullcontext():
+
+@pytest.hookimpl(wrapper=True, trylast=True)
+def pytest_fixture_setup(fixturedef, request):
+    """Measure coverage of a fixture that is ours."""
+    with _measured(request._pyfuncitem) if fixturedef.func.__module__.startswith("tests.") else nullcontext():
         return (yield)
 
 
@@ -152,17 +186,27 @@ def pytest_runtest_teardown():
 
 
 @contextmanager
-def _unmeasured():
-    running = []
-    # In a worker of xdist pytest-cov has two, and where one is stopped the other goes on.
-    while (coverage := Coverage.current()) is not None:
-        coverage.stop()
-        running.append(coverage)
+def _traced_by(tracer, of_threads):
+    """Have a function that traces this thread, and one that traces those that begin meanwhile."""
+    former = sys.gettrace(), threading.gettrace()
+    sys.settrace(tracer)
+    threading.settrace(of_threads)
     try:
         yield
     finally:
-        for coverage in reversed(running):
-            coverage.start()
+        sys.settrace(former[0])
+        threading.settrace(former[1])
+
+
+def _measured(item):
+    """Have coverage measured of inputs that somebody chose: with it random ones take twice the time, and cover by luck."""
+    tracers = item.config.stash.get(_TRACERS, (None, None))
+    return nullcontext() if tracers == (None, None) or _is_unmeasured(item) else _traced_by(*tracers)
+
+
+def _is_all_measured(config):
+    """Return whether somebody asks which test reaches which line, and is told of all."""
+    return bool(config.getoption("cov_context", None))
 
 
 def _folder(item):
@@ -171,8 +215,6 @@ def _folder(item):
 
 
 def _is_unmeasured(item):
-    if item.config.getoption("cov_context", None):
-        return False
     return (
         _folder(item) in _ELSEWHERE
         or is_hypothesis_test(getattr(item, "obj", None))
