@@ -27,12 +27,11 @@ class _Calls(ast.NodeVisitor):
         self.generic_visit(node)
 
 
-def readers() -> set[str]:
-    """Return the functions that read a file, each as `module.py:Class.function`."""
-    found: set[str] = set()
-    for path in sorted([*PACKAGE.rglob("*.py"), *MISSION.rglob("*.py")]):
-        if path != PACKAGE / "opener.py":
-            calls = _Calls(str(path.relative_to(PACKAGE if path.is_relative_to(PACKAGE) else MISSION.parent)))
-            calls.visit(ast.parse(path.read_text(encoding="utf-8")))
-            found |= calls.found
-    return found
+def readers_in(path: Path, tree: ast.Module) -> set[str]:
+    """Return the functions of a file that read one, each as `module.py:Class.function`."""
+    path = path.resolve()
+    if path == PACKAGE / "opener.py":
+        return set()
+    calls = _Calls(str(path.relative_to(PACKAGE if path.is_relative_to(PACKAGE) else MISSION.parent)))
+    calls.visit(tree)
+    return calls.found
