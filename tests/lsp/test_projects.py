@@ -3,11 +3,11 @@
 import pytest
 from lsprotocol import types as lsp
 
+from tests.chance import rounds
 from tests.cli.test_what_is_not_installed import run_without
 from tests.lsp.editor import Editor
 from tests.lsp.test_same_as_validate import shown, validated
 from tests.project.random_repositories import Repository
-from tests.project.test_one_truth import COUNT
 from tests.trees import write
 
 USING = ['<include path="lib.xml"/>', '<BehaviorTree ID="Main">', '<SubTree ID="Part"/>', "</BehaviorTree>"]
@@ -145,7 +145,7 @@ def test_without_the_extra_the_command_names_it():
     assert "pip install 'sar_compiler[lsp]'" in said
 
 
-@pytest.mark.parametrize("seed", range(COUNT))
+@pytest.mark.parametrize("seed", range(rounds(20)))
 def test_an_editor_shows_what_validate_reports_whatever_is_around_a_file(editor, seed, tmp_path, capsys):
     for path in Repository(tmp_path / "repository", seed).trees:
         published = editor.open(path)

@@ -1,16 +1,23 @@
 """What is known of a file does not depend on which command asks."""
 
+import functools
+import io
 import json
 import re
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 from sar_compiler.cli.compile import main
+from tests.chance import rounds
 from tests.project.random_repositories import MISTAKES, SETTINGS, Repository
 
-COUNT = 50
+# What is measured here, cheaper tests of each rule and each setting reach.
+pytestmark = pytest.mark.unmeasured
+
+COUNT = rounds(20)
 HEAD = re.compile(
     r"^(?P<file>[^\n]+?):(?P<line>\d+):\d+: (?:error|warning|info)\[(?P<code>[\w-]+)\]: (?P<text>.*)$",
     re.MULTILINE,
@@ -38,10 +45,16 @@ def notes_in(text: str) -> set[str]:
     return {line for line in text.splitlines() if line.startswith("note: nodes are described by")}
 
 
-def validated(capsys, *names: object) -> tuple[set[Reported], str]:
-    """Return what `validate` reports of files or folders, and what it prints besides."""
-    main(["validate", "--no-deep", "--format", "json", *map(str, names)])
-    out, err = capsys.readouterr()
+def run(*words: object) -> tuple[int, str, str]:
+    """Run a command; return its status, and what it prints on both streams."""
+    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
+        status = main([*map(str, words)])
+    return status, out.getvalue(), err.getvalue()
+
+
+def validated(name: object) -> tuple[set[Reported], str]:
+    """Return what `validate` reports of a file or folder, and what it prints besides."""
+    _, out, err = run("validate", "--no-deep", "--format", "json", name)
     found = {
         Reported(str(Path(each["file"]).resolve()), each["line"], each["code"], each["message"])
         for each in json.loads(out)
@@ -49,21 +62,27 @@ def validated(capsys, *names: object) -> tuple[set[Reported], str]:
     return found, err
 
 
-@pytest.fixture(params=range(COUNT))
-def repository(request, tmp_path, monkeypatch) -> Repository:
-    made = Repository(tmp_path / "repository", request.param)
+validated_file = functools.cache(validated)
+
+
+@pytest.fixture(scope="module", params=range(COUNT))
+def made(request, tmp_path_factory) -> Repository:
+    return Repository(tmp_path_factory.mktemp("made") / "repository", request.param)
+
+
+@pytest.fixture
+def repository(made: Repository, monkeypatch) -> Repository:
     monkeypatch.chdir(made.folder)
     return made
 
 
 @pytest.mark.parametrize("command", ["show", "simulate", "verify"])
-def test_every_command_reports_the_findings_that_validate_reports(repository, command, capsys):
+def test_every_command_reports_the_findings_that_validate_reports(repository, command):
     for path in repository.trees:
-        found, err = validated(capsys, path)
+        found, err = validated_file(path)
         if command != "show" and any(each.code in ("no-tree", "no-main-tree") for each in found):
             continue
-        status = main([command, "--max-seconds", "60", str(path.relative_to(repository.folder))])
-        said = capsys.readouterr().err
+        status, _, said = run(command, "--max-seconds", "60", path.relative_to(repository.folder))
         others = {
             "no-tree",
             "no-main-tree",
@@ -74,22 +93,16 @@ def test_every_command_reports_the_findings_that_validate_reports(repository, co
         assert notes_in(said) == notes_in(err)
 
 
-def test_a_folder_has_the_findings_of_all_its_files(repository, capsys):
-    each = [validated(capsys, path) for path in repository.trees]
-    whole, err = validated(capsys, ".")
+def test_a_folder_has_the_findings_of_all_its_files_wherever_it_is_named(repository, tmp_path, monkeypatch):
+    each = [validated_file(path) for path in repository.trees]
+    whole, err = validated(".")
     assert whole == set().union(*(found for found, _ in each))
     listed = {
         name for _, said in each for note in notes_in(said) for name in note.partition(" by ")[2].split(", ")
     }
     assert {name for note in notes_in(err) for name in note.partition(" by ")[2].split(", ")} == listed
-
-
-def test_a_folder_that_is_named_from_elsewhere_has_the_same_findings(
-    repository, capsys, tmp_path, monkeypatch
-):
-    here, _ = validated(capsys, ".")
     monkeypatch.chdir(tmp_path)
-    assert validated(capsys, repository.folder)[0] == here
+    assert validated(repository.folder)[0] == whole
 
 
 def test_the_repositories_have_all_that_can_be_around_a_file(tmp_path):
