@@ -14,6 +14,9 @@ from tests.packaging.conftest import made_once
 from tests.packaging.test_workspace import files_below
 from tests.packaging.workspace import clone
 
+# To build the wheel takes 20 seconds, and the files that it has change seldom.
+pytestmark = pytest.mark.costly
+
 
 def done(*command, **options):
     """Run a command that must succeed; return what it printed."""
@@ -43,7 +46,6 @@ def installed(tmp_path_factory):
     return folder / "repository", folder / "environment"
 
 
-@pytest.mark.costly
 def test_every_shipped_file_is_in_the_environment(installed):
     repository, environment = installed
     assert files_below(environment / "share" / "sar_compiler") == files_below(repository)
