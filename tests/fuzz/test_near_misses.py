@@ -12,7 +12,7 @@ from sar_compiler.nodes.spec import Direction
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.chance import rounds
+from tests.chance import TIMES, rounds
 from tests.fuzz.random_trees import REGISTRY, SPECS
 from tests.trees import class_of, document
 
@@ -59,8 +59,9 @@ def assert_sound(text):
 @pytest.mark.parametrize("tag", sorted({spec.tag for spec in MADE}))
 def test_one_attribute_that_is_nearly_right_is_a_finding_or_does_no_harm(tag):
     for spec in REGISTRY.variants(tag):
-        for parameter in spec.attributes:
-            for value in NEAR_MISSES:
+        for place, parameter in enumerate(spec.attributes, len(tag)):
+            # Every value is tried in a third of the attributes; in all of them where more is tried.
+            for value in NEAR_MISSES if TIMES > 1 else NEAR_MISSES[place % 3 :: 3]:
                 assert_sound(written(spec, {**required(spec), parameter.name: value}))
 
 

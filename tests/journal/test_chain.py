@@ -132,7 +132,7 @@ def test_whatever_is_altered_inside_the_chain_is_found_with_the_first_entry_that
     chance = random.Random(how)  # noqa: S311 - by seed
     rows = entries(flown[0])
     place = tmp_path / "mission.journal"
-    for _ in range(rounds(250)):
+    for _ in range(rounds(80)):
         shutil.copy(flown[0], place)
         statements, first = _alter(how, rows, chance)
         change(place, *statements)
@@ -193,7 +193,7 @@ def test_a_byte_of_the_file_is_found_or_changes_nothing_that_is_read(flown, tmp_
 
     with closing(JournalFile.read(flown[0])) as file:
         as_written = read(file)
-    for _ in range(rounds(300)):
+    for _ in range(rounds(100)):
         offset = chance.randrange(len(content))
         place.write_bytes(
             content[:offset] + bytes([content[offset] ^ 1 << chance.randrange(8)]) + content[offset + 1 :]
