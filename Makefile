@@ -45,29 +45,29 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
 	@echo "make test         run the tests"
-	@echo "make test-costly  run the tests that take seconds of CPU each, which make test leaves out and CI runs"
-	@echo "make test-costs   record the CPU seconds of the last run of the tests: a run fails where a module takes half as much again"
-	@echo "make test-matrix  run the tests with every Python of this machine and older py_trees, too"
-	@echo "make nav2-test    missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
-	@echo "make lint         style, types, and words (KIND=pages lists those of a kind)"
-	@echo "make soak         the long tests, and ten times as many random inputs"
-	@echo "make bench        the benchmarks, against the record and BehaviorTree.CPP (QUICK=1 a trial, ONLY=proofs some, SAVE=1 a new record)"
-	@echo "make mutants      whether the tests notice mistakes: COUNT=$(COUNT) made by chance, chosen by SEED=$(SEED)"
-	@echo "make schemas      renew schemas/ from the shipped nodes, and the pages made of nodes, findings and commands"
-	@echo "make golden       renew the golden files of compiled trees"
-	@echo "make pictures     draw the pictures of the documentation anew, from a mission in the simulator too"
-	@echo "make site         the documentation as a site, into build/site, with the API's pages"
-	@echo "make wheels       dist/: wheels of the package and of the interfaces, for Python $(WANTED); pip alone installs them elsewhere"
-	@echo "make release      dist/: a source distribution, wheels for $(RELEASED); the changelog's section, a commit and a tag. Nothing is uploaded"
-	@echo "make lock         renew $(LOCK): the newest versions that pyproject.toml allows, for every Python, with hashes"
-	@echo "make env          only make .venv (PYTHON=$(PYTHON))"
-	@echo "make clean        delete everything that was made"
+	@echo "make test-costly  run the costly tests, which make test leaves out and CI runs"
+	@echo "make test-costs   record the CPU seconds of the last run of the tests; later runs fail if a module takes half as much again"
+	@echo "make test-matrix  run the tests with every Python of this machine, and with older py_trees"
+	@echo "make nav2-test    run missions and faults on an installed Nav2: NAV2_PREFIX=/opt/ros/jazzy"
+	@echo "make lint         check style, types and words (KIND=pages lists one kind)"
+	@echo "make soak         run the slow tests, and ten times as many random inputs"
+	@echo "make bench        compare the benchmarks with the record and BehaviorTree.CPP (QUICK=1: small, ONLY=proofs: one module, SAVE=1: new record)"
+	@echo "make mutants      test the tests with COUNT=$(COUNT) random mutants, chosen by SEED=$(SEED)"
+	@echo "make schemas      update schemas/ and the generated pages of nodes, findings and commands"
+	@echo "make golden       update the golden files of compiled trees"
+	@echo "make pictures     update the pictures of the documentation"
+	@echo "make site         build the documentation as a site, in build/site"
+	@echo "make wheels       build wheels of the package and the interfaces for Python $(WANTED), in dist/"
+	@echo "make release      build a source distribution and wheels for $(RELEASED) in dist/, and tag the release; uploads nothing"
+	@echo "make lock         update $(LOCK) to the newest versions that pyproject.toml allows, with hashes"
+	@echo "make env          create .venv only (PYTHON=$(PYTHON))"
+	@echo "make clean        delete all files that make has created"
 
 # The two take a processor each.
 env: $(VENV)/.packages
 	@$(MAKE) --no-print-directory -j2 $(VENV)/.interfaces $(VENV)/.kernel
 
-# A flight that is watched for the mission's properties, and then compared with all runs that the tree can have.
+# A run that is monitored for the mission's properties, and then compared with all runs that the tree can have.
 demo: DEMO := build/demo.journal
 demo: env
 	@rm -f $(DEMO)

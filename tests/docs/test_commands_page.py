@@ -49,7 +49,7 @@ MORE = {
     "sar-compile completion": ["../start/install.md#completion-in-the-shell"],
     "sar-run": ["../how-to/run-a-mission.md"],
     "sar-run --params": ["parameters.md"],
-    "sar-run --like": ["../how-to/nav2-trees.md#the-stand-in"],
+    "sar-run --like": ["../how-to/nav2-trees.md#the-simulated-nav2"],
     "sar-run --mission": ["../how-to/write-a-mission.md"],
     "sar-run --view": ["../how-to/debug-a-run.md", "../operate/page.md"],
     "sar-run --groot2": ["../how-to/other-tools.md#groot2"],
@@ -71,7 +71,7 @@ MORE = {
     "sar-journal why": ["../operate/why.md"],
     "sar-journal report": ["reports.md"],
     "sar-journal replay": ["../operate/page.md#replay-and-several-robots"],
-    "sar-sim run": ["../how-to/nav2-trees.md#the-stand-in", "world.md"],
+    "sar-sim run": ["../how-to/nav2-trees.md#the-simulated-nav2", "world.md"],
     "sar-sim map": ["../how-to/make-a-map.md"],
     "sar-sim sweep": ["../how-to/monte-carlo.md#in-the-simulator"],
 }
