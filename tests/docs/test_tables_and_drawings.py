@@ -85,7 +85,7 @@ def test_everything_that_a_mission_says_is_in_the_tables_of_missions():
         names = {
             name for name in {**vars(described), **described.__annotations__} if not name.startswith("_")
         }
-        heading = f"of a `{described.__name__}`"
+        heading = f"Member of `{described.__name__}`"
         listed = {
             codes(cells[0])[0].split("(")[0]
             for cells in rows_below(Path("docs/how-to/write-a-mission.md"), heading)
@@ -94,13 +94,13 @@ def test_everything_that_a_mission_says_is_in_the_tables_of_missions():
 
 
 def test_everything_that_is_said_in_registering_is_in_the_table_of_arguments():
-    said = [name for cells in rows_below(LEAVES, "argument of `register`") for name in codes(cells[0])]
+    said = [name for cells in rows_below(LEAVES, "Argument of `register`") for name in codes(cells[0])]
     assert ["tag", *said] == list(inspect.signature(register).parameters)
 
 
 def test_every_object_that_leaves_are_handed_is_named():
     (row,) = [
-        cells[0] for cells in rows_below(LEAVES, "constructor parameter") if "@mission_context" in cells[0]
+        cells[0] for cells in rows_below(LEAVES, "Constructor parameter") if "@mission_context" in cells[0]
     ]
     shared = {each.__name__ for each in (Clock, Journal, *SEARCH_AND_RESCUE.context_types)}
     assert shared <= set(codes(row))
