@@ -170,7 +170,7 @@ def pytest_pyfunc_call(pyfuncitem):
 @pytest.hookimpl(wrapper=True, trylast=True)
 def pytest_fixture_setup(fixturedef, request):
     """Measure coverage of a fixture that is ours."""
-    with _measured(request._pyfuncitem) if fixturedef.func.__module__.startswith("tests.") else nullcontext():
+    with _measured(request._pyfuncitem) if fixturedef.baseid.startswith("tests") else nullcontext():
         return (yield)
 
 
