@@ -125,6 +125,7 @@ def _alter(how, rows, chance):
     return [*moves, *back, insert], {number}
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("how", ["flipped", "removed", "swapped", "inserted"])
 def test_whatever_is_altered_inside_the_chain_is_found_with_the_first_entry_that_is_wrong(
     flown, tmp_path, how
@@ -184,6 +185,7 @@ def test_nothing_in_a_row_is_outside_of_the_chain(place, statement, capsys):
     assert json.loads(capsys.readouterr().out)[0]["first_wrong"]["kind"]
 
 
+@pytest.mark.unmeasured
 def test_a_byte_of_the_file_is_found_or_changes_nothing_that_is_read(flown, tmp_path):
     chance, content = random.Random(1), flown[0].read_bytes()  # noqa: S311 - by seed
     place = tmp_path / "mission.journal"

@@ -130,12 +130,14 @@ def computed(path, **options):
         )
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(60)))
 def test_what_is_computed_of_a_journal_is_the_same_without_them(seed, tmp_path):
     path = written(tmp_path / "j", random_rows(random.Random(seed)))  # noqa: S311
     assert computed(path, is_condensed=True) == computed(path)
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(20)))
 def test_one_reading_for_state_and_cause_gives_the_same_as_two(seed, tmp_path):
     rows = [*random_rows(random.Random(seed)), ("photo_taken", {"photo": 1}), status(9, 99)]  # noqa: S311

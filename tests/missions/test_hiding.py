@@ -42,6 +42,7 @@ def test_somebody_is_in_each_area_and_elsewhere_as_often_as_is_said() -> None:
         assert abs(where[area] / count - share) <= SIGMAS * math.sqrt(share * (1 - share) / count), area
 
 
+@pytest.mark.unmeasured
 def test_searches_in_the_offices_find_as_soon_and_as_often_as_was_told() -> None:
     names, ends, finds, tour, order = told()
     search, _ = begun()
@@ -107,6 +108,7 @@ def test_a_prediction_of_the_tree_is_the_probability_of_success_that_was_told(
     assert said == {"low": pytest.approx(pos, abs=1e-9), "high": pytest.approx(pos, abs=1e-9)}
 
 
+@pytest.mark.unmeasured
 def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
     told_file: Callable[..., tuple[Path, float]], capsys: pytest.CaptureFixture[str]
 ) -> None:

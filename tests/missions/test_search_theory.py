@@ -63,6 +63,7 @@ def test_of_eight_areas_no_order_finds_sooner_than_the_chosen_one() -> None:
         assert told == pytest.approx(least_of_all_orders(tour), rel=1e-6), seed
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("count", [15, 16, 17, 18])
 def test_beyond_what_is_exact_the_chosen_order_is_at_most_two_percent_longer(count: int) -> None:
     assert count > EXACT_UP_TO

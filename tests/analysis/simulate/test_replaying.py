@@ -72,6 +72,7 @@ def seen(player: Player) -> dict[str, object]:
     }
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize("skips", [False, True], ids=["stock", "skips"])
 def test_a_tree_that_is_used_again_plays_every_run_as_a_fresh_one_does(skips):
     for stage, text, play in random_plays(rounds(120), skips=skips):
