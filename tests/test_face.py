@@ -137,6 +137,7 @@ def test_what_type_checkers_see_is_what_there_is(group):
         assert getattr(GROUPS[group], name) is getattr(importlib.import_module(str(seen[name])), name)
 
 
+@pytest.mark.costly
 def test_type_checkers_know_the_names(tmp_path):
     program = tmp_path / "typed.py"
     program.write_text(

@@ -57,6 +57,7 @@ def test_the_robot_comes_home_where_its_battery_would_not_bring_it_home_again_an
     assert told.startswith("zone_d needs ")
 
 
+@pytest.mark.costly
 def test_no_property_is_broken_in_it_and_the_report_has_its_reason_and_its_figures(flown):
     run, report = flown
     assert "Monitored 10 properties: none violated." in run.output

@@ -10,7 +10,8 @@ import pytest
 from tests.processes import Command, free_port
 from tests.web.browsers import Browser, open_browser
 
-pytestmark = pytest.mark.ros
+# One mission serves all of them. What the page shows and orders: tests/web; a run that is resumed: tests/faults/test_resume.py.
+pytestmark = [pytest.mark.ros, pytest.mark.costly]
 
 
 def address(command):
@@ -121,7 +122,6 @@ def story(tmp_path_factory):
     return seen
 
 
-@pytest.mark.costly
 def test_a_mission_under_way_is_seen_in_a_browser(story):
     assert "NotHeld?, NotHeld, FAILURE, paused by an operator (page, 127.0.0.1)" in story["live"]
 

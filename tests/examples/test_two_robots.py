@@ -118,6 +118,7 @@ class Flight:
         return [(time, text) for time, name, text in self.run.stamped_log() if name == f"{robot}.{node}"]
 
 
+# One flight of some 10 s of CPU serves all of them. Namespaces, places and servers of several robots: tests/sim/test_several_robots.py.
 @pytest.fixture(scope="module")
 def flight():
     bystander = Bystander()
@@ -138,6 +139,7 @@ def test_both_missions_are_complete_and_so_the_script_succeeds(flight):
     assert flight.run.output.count("Summary: the mission is complete.") == 2
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_both_are_under_way_at_the_same_time(flight):
     drives = [flight.log_of(robot, "search_and_rescue") for robot in ROBOTS]
@@ -146,6 +148,7 @@ def test_both_are_under_way_at_the_same_time(flight):
     assert max(starts) < min(ends)
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_each_mission_visits_the_zones_of_its_own_parameters(flight, robot):
@@ -155,6 +158,7 @@ def test_each_mission_visits_the_zones_of_its_own_parameters(flight, robot):
     assert reached == [*(f"Reached {zone}." for zone in ZONES[robot]), "Reached base station."]
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_each_robot_drives_to_its_own_zones_and_never_into_the_other_half(flight, robot):
@@ -167,6 +171,7 @@ def test_each_robot_drives_to_its_own_zones_and_never_into_the_other_half(flight
     assert all(y * side > 0.0 for _, y in places)
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_each_localisation_is_told_where_its_own_robot_starts(flight, robot):
@@ -175,6 +180,7 @@ def test_each_localisation_is_told_where_its_own_robot_starts(flight, robot):
     assert "The initial pose" not in flight.run.output, "a robot does not stand where it is told"
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_each_server_is_asked_by_its_own_robot_only(flight, robot):
@@ -188,12 +194,14 @@ def test_each_server_is_asked_by_its_own_robot_only(flight, robot):
     assert set(reports) == {f"Report received: survivor_1 at ({x:.2f}, {y:.2f}). Acknowledged."}
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_each_robot_s_survivor_is_a_frame_of_that_robot_only(flight, robot):
     assert flight.bystander.frames[f"/{robot}/tf_static"] == {"survivor_1": SURVIVORS[robot]}
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_nothing_is_on_the_global_topics(flight):
     assert flight.global_publishers == {"/tf": 0, "/tf_static": 0}
