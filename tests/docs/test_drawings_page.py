@@ -13,12 +13,12 @@ from sar_compiler.views.drawing import mermaid
 from tests.docs.markdown import PAGES, blocks
 
 PAGE = Path("docs/how-to/draw-a-tree.md")
-PICTURES = runpy.run_path("docs/pictures/trees.py")["pictures"]()
 _IMAGE = re.compile(r"!\[[^\]]+\]\(([^)\s]+)\)|<(?:img|source)[^>]* src(?:set)?=\"([^\"]+)\"")
 
 
 def test_every_picture_is_what_the_tree_looks_like():
-    old = [path.name for path, drawn in PICTURES.items() if path.read_text(encoding="utf-8") != drawn]
+    pictures = runpy.run_path("docs/pictures/trees.py")["pictures"]()
+    old = [path.name for path, drawn in pictures.items() if path.read_text(encoding="utf-8") != drawn]
     assert old == [], "make pictures draws them anew"
 
 
