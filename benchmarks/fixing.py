@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from sar_compiler.agent.mending import mend
+from sar_compiler.agent.suggestion_fixes import apply_suggestions
 from sar_compiler.project import Workspace
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
@@ -110,6 +110,6 @@ def fixed(each: Typo, folder: Path, is_meant: Callable[[Diagnostic], bool]) -> F
     parse, ending = (parse_xml, "xml") if each.form is Form.XML else (parse_yaml, "yaml")
     path = folder / f"typo.{ending}"
     path.write_text(each.wrong, encoding="utf-8")
-    tree = mend(path, lambda read: Workspace(read=read).load_file(path), is_meant)
+    tree = apply_suggestions(path, lambda read: Workspace(read=read).load_file(path), is_meant)
     is_as_before = not tree.is_malformed and not difference(parse(each.right), tree.forest.main)
     return Fixed(is_as_before, any(finding.severity is Severity.ERROR for finding in tree.findings))

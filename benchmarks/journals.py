@@ -15,7 +15,7 @@ from benchmarks.trees import around, described, sequence
 from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.compiler.outline import outline
 from sar_compiler.journal.journal_entries import Ending
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.loaded_tree import load
 from sar_compiler.runtime.kernel.cells import WORDS

@@ -80,7 +80,7 @@ class Stage:
 
     def _live(self, body: str) -> LiveTree:
         self._path.write_text(trees.document(body), encoding="utf-8")
-        binding = bind_main(Forest.of(parse_xml(self._path.read_bytes())), self._registry)
+        binding = bind_main(Forest.from_file(parse_xml(self._path.read_bytes())), self._registry)
         return LiveTree(compile_tree(binding, {}, {}).root)
 
 

@@ -17,7 +17,7 @@ def document(body: str, tree_id: str = "Main") -> str:
 
 
 def described(body: str, tree_id: str = "Main") -> str:
-    """Return a file with one tree whose leaves are `Try`, an action, and `Check`, a condition."""
+    """Return a file with one tree whose leaves are `Try`, an action, and `WrittenComparison`, a condition."""
     return document(body, tree_id).replace("</root>", f"{_PALETTE}</root>")
 
 

@@ -78,7 +78,11 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
         print_error(str(error) if is_tree_error(error) else f"{prog}: {error}")
         return error.exit_status
     except ImportError as error:
-        message = "there is not enough memory for this" if _NO_MEMORY in str(error) else not_installed(error)
+        message = (
+            "there is not enough memory for this"
+            if _NO_MEMORY in str(error)
+            else missing_library_message(error)
+        )
         if message is None:
             raise
         print_error(f"{prog}: {message}")
@@ -88,7 +92,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
         sys.stderr.close()
         return PIPE_CLOSED
     except (OSError, UnicodeEncodeError) as error:
-        reason = _not_written(error)
+        reason = _write_failure(error)
         if reason is None and isinstance(error, OSError) and isinstance(error.filename, (str, bytes)):
             print_error(f"{prog}: {os.fsdecode(error.filename)}: {error.strerror}")
             return USAGE
@@ -134,7 +138,7 @@ def print_error(text: str) -> None:
             _discard(sys.stderr)
 
 
-def tell_note(text: str) -> None:
+def print_note(text: str) -> None:
     """Report a surprise that is not an error on standard error."""
     print_error(f"note: {text}")
 
@@ -149,7 +153,7 @@ def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
 
 
 def _visible(text: str) -> str:
-    from sar_compiler.tree.showing import visible
+    from sar_compiler.tree.display_text import visible
 
     return visible(text)
 
@@ -200,7 +204,7 @@ def _discard(stream: TextIO) -> None:
         os.dup2(nowhere.fileno(), stream.fileno())
 
 
-def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
+def _write_failure(error: OSError | UnicodeEncodeError) -> str | None:
     """Return why standard output could not be written; None if the error has another cause."""
     if isinstance(error, OSError):
         return error.strerror if error.filename is None and error.errno in _UNWRITABLE else None
@@ -213,7 +217,7 @@ def _not_written(error: OSError | UnicodeEncodeError) -> str | None:
     )
 
 
-def not_installed(error: ImportError) -> str | None:
+def missing_library_message(error: ImportError) -> str | None:
     """Return a message about a missing library and its source; None if the library cannot be installed."""
     if (part := missing_part(error)) is not None:
         return f"a part of sar_compiler is not installed: sar_compiler.{part}"
@@ -277,7 +281,7 @@ _OTHER_NAMES = {
 """Commands that other programs call."""
 
 
-def columns_asked_for() -> int:
+def requested_columns() -> int:
     """Return the width that the environment requests (`COLUMNS`); 0 if it requests none."""
     text = os.environ.get("COLUMNS", "")
     return int(text) if text.isdecimal() else 0
@@ -289,7 +293,7 @@ def columns(stream: TextIO) -> int:
         width = os.get_terminal_size(stream.fileno()).columns
     except (AttributeError, ValueError, OSError):
         return 0
-    return columns_asked_for() or width
+    return requested_columns() or width
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -365,7 +369,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def _get_formatter(self) -> argparse.HelpFormatter:
         # A formatter is made for every argument, to check its name; argparse's import for the width takes long.
-        width = columns(sys.stdout) or columns_asked_for() or 80
+        width = columns(sys.stdout) or requested_columns() or 80
         return _Formatter(prog=self.prog, width=width - 2)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sar_compiler.nodes.values import sensible as sensible
     from sar_compiler.ros.clock import Deadline as Deadline
     from sar_compiler.ros.leaves.action_leaf import ActionLeaf as ActionLeaf
-    from sar_compiler.ros.leaves.action_questions import ActionQuestions as ActionQuestions
+    from sar_compiler.ros.leaves.action_questions import ActionQueries as ActionQueries
     from sar_compiler.ros.leaves.client_leaf import ServiceLeaf as ServiceLeaf
     from sar_compiler.ros.leaves.goals import SUCCEEDED as SUCCEEDED
     from sar_compiler.ros.leaves.goals import describe_status as describe_status
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
     from sar_compiler.ros.leaves.leaf import of_node as of_node
     from sar_compiler.ros.leaves.leaf import qos_profile as qos_profile
     from sar_compiler.ros.leaves.topic_leaf import TopicLeaf as TopicLeaf
-    from sar_compiler.ros.message_values import GridPlace as GridPlace
+    from sar_compiler.ros.message_values import GridGeometry as GridGeometry
     from sar_compiler.ros.message_values import UnusableValueError as UnusableValueError
     from sar_compiler.ros.message_values import battery_share as battery_share
     from sar_compiler.ros.message_values import check_position as check_position
-    from sar_compiler.ros.message_values import drive_left as drive_left
-    from sar_compiler.ros.message_values import grid_place as grid_place
+    from sar_compiler.ros.message_values import grid_geometry as grid_geometry
     from sar_compiler.ros.message_values import path_points as path_points
     from sar_compiler.ros.message_values import planar_outline as planar_outline
     from sar_compiler.ros.message_values import planar_point as planar_point
     from sar_compiler.ros.message_values import planar_pose as planar_pose
-    from sar_compiler.ros.message_values import poses_left as poses_left
     from sar_compiler.ros.message_values import read_field as read_field
+    from sar_compiler.ros.message_values import remaining_drive as remaining_drive
+    from sar_compiler.ros.message_values import remaining_poses as remaining_poses
     from sar_compiler.ros.message_values import stamped_pose as stamped_pose
     from sar_compiler.ros.message_values import value_reports as value_reports
     from sar_compiler.ros.nav2_log import nav2_log as nav2_log

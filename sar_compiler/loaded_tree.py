@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.analysis.tree_analysis import predict_tree, verify_tree
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Named, Registry
-from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.project.command_line_settings import CommandLineSettings
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.project.workspace import Workspace
 from sar_compiler.tree.diagnostic import TreeError
@@ -100,7 +100,7 @@ class _LoadingWorkspace(Workspace):
 
     def load(self, tree: str | Path) -> LoadedTree:
         path = find_tree(str(tree))
-        return LoadedTree(path, self.project_of(path), self.read, self.note_once, [check_mission])
+        return LoadedTree(path, self.project_of(path), self.read, self.report_once, [check_mission])
 
 
 def load(

@@ -61,7 +61,7 @@ class UnreadableFileError(SarError):
         super().__init__(message or f"cannot read {path}: {reason}")
 
 
-class OutsideError(UnreadableFileError):
+class PathOutsideError(UnreadableFileError):
     """A file is outside the folders from which it may be read."""
 
 
@@ -198,7 +198,7 @@ def _named_path(path: str, beneath: tuple[Path, ...] | None) -> NamedPath:
     return named
 
 
-class Question(NamedTuple):
+class FileQuery(NamedTuple):
     """A query of the file system.
 
     Attributes:
@@ -212,7 +212,7 @@ class Question(NamedTuple):
     limit: int = 0
 
 
-class Observation(dict[Question, str]):
+class Observation(dict[FileQuery, str]):
     """The file-system queries of a computation with their answers: its result is valid as long as these are.
 
     Answers are short: for a file, the SHA-256 of its content, and its location. Queries of missing files are included.
@@ -223,7 +223,7 @@ class Observation(dict[Question, str]):
 
     is_consistent = True
 
-    def record(self, question: Question, answer: str) -> None:
+    def record(self, question: FileQuery, answer: str) -> None:
         """Add a query."""
         if self.setdefault(question, answer) != answer:
             self.is_consistent = False
@@ -269,7 +269,7 @@ def digest(data: bytes) -> str:
 
 def _record(kind: str, path: str | Path, answer: str, limit: int = 0) -> None:
     if _observation is not None:
-        _observation.record(Question(kind, str(path), limit), answer)
+        _observation.record(FileQuery(kind, str(path), limit), answer)
 
 
 def is_file(path: str | Path) -> bool:
@@ -364,7 +364,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
         kind: Its kind.
 
     Raises:
-        OutsideError: If it is outside the folders that it must be below.
+        PathOutsideError: If it is outside the folders that it must be below.
         UnreadableFileError: If it does not exist, is not a regular file, or cannot be read.
     """
     named = path if isinstance(path, Path) else Path(path)
@@ -383,7 +383,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
 
 
 @contextmanager
-def reading_once() -> Iterator[None]:
+def read_files_once() -> Iterator[None]:
     """Open each small file once in the block, so that all results are about one state of it. Nothing may be written meanwhile."""
     global _stored  # noqa: PLW0603 - files are read everywhere
     before, _stored = _stored, {}
@@ -398,7 +398,7 @@ _MOST_STORED = 64 * 1024
 
 
 def _stored_content(named: Path, kind: FileKind) -> FileContent | None:
-    """Return the content of a file that was read before in `reading_once`; None if it was not, or may not be read."""
+    """Return the content of a file that was read before in `read_files_once`; None if it was not, or may not be read."""
     try:
         content = _stored.get(os.path.realpath(named)) if _stored else None
     except ValueError:  # no file can have this name
@@ -502,7 +502,7 @@ def _open_files() -> set[_OpenFile]:
 
 
 @contextmanager
-def released_pipes(*paths: str | Path) -> Iterator[None]:
+def release_pipes(*paths: str | Path) -> Iterator[None]:
     """Prevent pipes in place of files from blocking a library that opens them: each gets a writer for a moment."""
     is_open = threading.Event()
 
@@ -524,7 +524,7 @@ def folder_entries(folder: Path) -> list[Path]:
     """Return the entries of a folder, sorted by name.
 
     Raises:
-        OutsideError: If it is outside the folders to which this process is confined.
+        PathOutsideError: If it is outside the folders to which this process is confined.
         UnreadableFileError: If it is not a folder, or cannot be read.
     """
     try:
@@ -544,7 +544,7 @@ def _entries(folder: Path) -> list[Path]:
             return sorted(folder.iterdir())
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            _require_beneath(folder, _place_of(handle) or _place_by_name(folder, handle), _confinement)
+            _require_beneath(folder, _place_of(handle) or _location_by_name(folder, handle), _confinement)
             return sorted(folder / name for name in os.listdir(handle))  # noqa: PTH208 - of a descriptor
         finally:
             os.close(handle)
@@ -607,7 +607,7 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
             raise
         try:
             mode = os.fstat(handle).st_mode
-            place = _place_of(handle) or _place_by_name(path, handle)
+            place = _place_of(handle) or _location_by_name(path, handle)
             if place is None:  # it was replaced at this moment
                 continue
             for each in limits:
@@ -638,7 +638,7 @@ def _place_of(handle: int) -> Path | None:
         return None
 
 
-def _place_by_name(path: Path, handle: int) -> Path | None:
+def _location_by_name(path: Path, handle: int) -> Path | None:
     """Return the location of an open file on a system without `/proc`; None if the path now has another file."""
     real = Path(os.path.realpath(path))
     try:
@@ -670,7 +670,7 @@ def _stat_without_links(real: Path) -> os.stat_result:
 
 def _require_beneath(path: Path, place: Path | None, limit: _Confinement) -> None:
     if place is None or not any(place.is_relative_to(folder) for folder in limit.folders):
-        raise OutsideError(path, f"it is outside {limit.said}")
+        raise PathOutsideError(path, f"it is outside {limit.said}")
 
 
 def require_regular_mode(mode: int) -> None:

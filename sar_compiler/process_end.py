@@ -50,7 +50,7 @@ def end_process(status: int, take_down: Callable[[], object] | None = None, name
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, leave)
     _await_threads(name)
-    try_for(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter's regular end never comes
+    call_with_limit(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001 - the interpreter's regular end never comes
     if take_down is not None:
         shut_down(status, take_down)
     flush()
@@ -70,7 +70,7 @@ def end_after_program(status: int, name: str) -> None:
 
     def end() -> None:
         _await_threads(name)
-        try_for(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001
+        call_with_limit(_EXIT_FUNCTIONS_SEC, atexit._run_exitfuncs)  # noqa: SLF001
         flush()
         os._exit(status)
 
@@ -101,7 +101,7 @@ def flush() -> None:
     """Flush Python's streams; a blocked thread may hold the lock of one."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
-            try_for(_FLUSH_SEC, stream.flush)
+            call_with_limit(_FLUSH_SEC, stream.flush)
 
 
 def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float) -> NoReturn:
@@ -113,12 +113,12 @@ def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float)
         limit_sec: Time limit for it, seconds.
     """
     found: list[int | None] = []
-    try_for(limit_sec, lambda: found.append(cancel()))
+    call_with_limit(limit_sec, lambda: found.append(cancel()))
     flush()
     os._exit(next((each for each in found if each is not None), status))
 
 
-def try_for(limit_sec: float, call: Callable[[], object]) -> None:
+def call_with_limit(limit_sec: float, call: Callable[[], object]) -> None:
     """Call a function in a separate thread, and wait for it up to a limit."""
 
     def call_safely() -> None:
@@ -138,13 +138,13 @@ def _await_threads(name: str) -> None:
     """Wait until non-daemon threads have ended, as the interpreter does, but up to a limit; name those that have not."""
     deadline = time.monotonic() + _THREADS_SEC
     if (pools := sys.modules.get("concurrent.futures.thread")) is not None:
-        try_for(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only on request
+        call_with_limit(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only on request
     for thread in _others():
         thread.join(max(0.0, deadline - time.monotonic()))
     from sar_compiler.commands import print_error
 
     for thread in _others():
-        where = f" in {place}" if (place := place_of_thread(thread.ident)) else ""
+        where = f" in {place}" if (place := thread_location(thread.ident)) else ""
         print_error(
             f"{name}{': ' if name else ''}thread '{thread.name}' is still running{where}, so the process ends without it. "
             "Stop the thread in the leaf's shutdown(), or start it with daemon=True."
@@ -156,7 +156,7 @@ def _others() -> Iterator[threading.Thread]:
     return (each for each in threading.enumerate() if not each.daemon and each not in own)
 
 
-def is_of_program(file: str) -> bool:
+def is_program_file(file: str) -> bool:
     """Return whether a source file belongs to a program or another package, not to Python's library or to this package."""
     library = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - of a module of the library
     ours = os.path.dirname(__file__) + os.sep  # noqa: PTH120
@@ -165,13 +165,13 @@ def is_of_program(file: str) -> bool:
     return not ticks and (is_packaged or not file.startswith((library, "<frozen")))
 
 
-def place_of_thread(ident: int | None) -> str:
+def thread_location(ident: int | None) -> str:
     """Return the line of a program that a thread executes, with its function; empty if it is in none."""
     import traceback
 
     frame = sys._current_frames().get(ident or 0)  # noqa: SLF001 - the only access to another thread's stack
     for each, line in traceback.walk_stack(frame) if frame is not None else ():
-        if is_of_program(each.f_code.co_filename):
+        if is_program_file(each.f_code.co_filename):
             return f"{each.f_code.co_filename}:{line}, in {each.f_code.co_name}"
     return ""
 

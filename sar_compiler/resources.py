@@ -87,19 +87,19 @@ def find(kind: str, name: str, suffix: str) -> Path:
             exist.
     """
     path = Path(name)
-    if not is_bare_word(name) or is_file(path):
+    if not is_shipped_name(name) or is_file(path):
         return path
     named = shipped_root() / kind / f"{name}{suffix}"
     return named if is_file(named) else path
 
 
-def is_bare_word(name: str) -> bool:
+def is_shipped_name(name: str) -> bool:
     """Return whether a name has neither a folder nor a suffix, so that it may name a shipped file."""
     path = Path(name)
     return path.name == name and not path.suffix
 
 
-def not_found(kind: str, name: str, suffix: str) -> str:
+def not_found_message(kind: str, name: str, suffix: str) -> str:
     """Return the message for a name for which `find` found no file."""
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
@@ -111,7 +111,7 @@ def not_found(kind: str, name: str, suffix: str) -> str:
     return f"there is no {noun} file '{name}', nor a shipped {noun} of that name ({there}){hint}"
 
 
-def require_there(name: str | Path, *, or_folder: bool = False) -> None:
+def require_tree_file(name: str | Path, *, or_folder: bool = False) -> None:
     """Check that a tree file exists, before the slow imports that read it.
 
     Raises:
@@ -121,7 +121,7 @@ def require_there(name: str | Path, *, or_folder: bool = False) -> None:
     if name and not or_folder and is_folder(path):
         said = f"{name} is a folder: name a tree file in it, or check all its trees with sar-compile validate"
         raise UnreadableFileError(path, "it is a folder", said)
-    if name and path != STANDARD_INPUT and not is_bare_word(str(name)) and not is_there(path):
+    if name and path != STANDARD_INPUT and not is_shipped_name(str(name)) and not is_there(path):
         try:
             read_file(path, TREE)
         except MissingFileError as error:

@@ -15,7 +15,7 @@ A scripted run tests a tree's behaviour for given outcomes of its leaves, withou
     from sar_compiler.testing import simulate
 
     def test_a_zone_that_is_not_reached_at_once_is_tried_again():
-        run = simulate("trees/my_mission.xml", NavigateToZone=["aborted", "arrived"]).until_end()
+        run = simulate("trees/my_mission.xml", NavigateToZone=["aborted", "arrived"]).run_to_end()
         run.expect(root="SUCCESS", order=["NavigateToZone aborted", "NavigateToZone arrived"])
 """
 

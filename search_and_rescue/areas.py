@@ -9,13 +9,13 @@ from search_and_rescue.search_theory import (
     COVERAGE,
     ROUNDING,
     SWEEP_FACTORS,
-    Area,
     Corners,
     Ground,
+    SearchExpectation,
     sweep_width_of,
 )
 from search_and_rescue.sweeps import MOST_PIECES
-from search_and_rescue.zone_manager import Fence
+from search_and_rescue.zone_manager import Geofence
 
 _PROBABILITIES = ("poa", "pod", "look_sec")
 _SENSOR = ("sweep_width", "detection_range", "visibility")
@@ -34,7 +34,7 @@ _NEAR_DEG = 0.5
 
 def read_areas(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], sweeps_sec: Mapping[str, float] | None = None
-) -> dict[str, Area]:
+) -> dict[str, SearchExpectation]:
     """Read the probabilities and search times of zones, `zones.<id>.{poa,pod,look_sec}`.
 
     If one zone has any of these parameters, every zone needs `poa` and `pod`. Without them the result is empty.
@@ -47,12 +47,12 @@ def read_areas(
     keys = [f"zones.{zone['id']}.{name}" for zone in zones for name in _PROBABILITIES]
     if not any(key in reader.parameters for key in keys):
         return {}
-    areas, mistakes = dict[str, Area](), len(reader.problems)
+    areas, mistakes = dict[str, SearchExpectation](), len(reader.problems)
     for zone in zones:
         prefix = f"zones.{zone['id']}"
         poa, pod = (reader.number(f"{prefix}.{name}") for name in ("poa", "pod"))
         look_sec = reader.number(f"{prefix}.look_sec", (sweeps_sec or {}).get(zone["id"], 0.0))
-        areas[zone["id"]] = Area(poa, pod, look_sec)
+        areas[zone["id"]] = SearchExpectation(poa, pod, look_sec)
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
         text = f"the zones' poa sum to {total:g}: write 1 at most, less if the person may be elsewhere"
@@ -66,7 +66,7 @@ def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]])
 
 
 def read_grounds(
-    reader: ParameterReader, zones: Sequence[Mapping[str, Any]], fence: Fence
+    reader: ParameterReader, zones: Sequence[Mapping[str, Any]], fence: Geofence
 ) -> dict[str, Ground]:
     """Read the ground of each zone that has one: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
 
@@ -77,7 +77,7 @@ def read_grounds(
     return {zone: ground for zone, ground in grounds.items() if ground is not None}
 
 
-def note_surprises(
+def add_plausibility_notes(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
 ) -> None:
     """Add notes about probable typos: a pose far from its polygon, or ground that needs more stops than a sweep can have.
@@ -100,7 +100,7 @@ def note_surprises(
             reader.notes.append(f"{key} takes {stops}: divide it, or check {_SENSOR[0]}")
 
 
-def _ground(reader: ParameterReader, prefix: str, fence: Fence) -> Ground | None:
+def _ground(reader: ParameterReader, prefix: str, fence: Geofence) -> Ground | None:
     if f"{prefix}.{_POLYGON}" in reader.parameters:
         polygon = _polygon(reader, f"{prefix}.{_POLYGON}", fence)
         return Ground(polygon, *_sensor(reader, prefix))
@@ -131,7 +131,7 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
     return width, reach
 
 
-def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
+def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
     """Read a polygon, and report errors in it."""
     mistakes = len(reader.problems)
     numbers = reader.numbers(key)
@@ -149,7 +149,7 @@ def _polygon(reader: ParameterReader, key: str, fence: Fence) -> Corners:
     return corners if len(reader.problems) == mistakes else ()
 
 
-def outline_objection(corners: Corners, fence: Fence) -> str:
+def outline_objection(corners: Corners, fence: Geofence) -> str:
     """Return the error in a polygon with at least three corners (metres, frame `map`), as a predicate; empty if it is valid.
 
     Raises:

@@ -44,7 +44,7 @@ class _AreasFileError(ValueError):
         super().__init__(text)
 
 
-def take_areas_file(reader: ParameterReader) -> None:
+def read_areas_file(reader: ParameterReader) -> None:
     """Add the zones of the file named by the parameter `areas_file` to the parameters; parameters that are already set take precedence.
 
     Each polygon becomes a zone: `zones.<name>.polygon` in metres, and those of its properties that a zone can have. Markers and lines are
@@ -177,7 +177,7 @@ def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where:
         _AreasFileError: If the feature is not a valid zone; its path starts at the feature.
     """
     path, ring = _ring(_inside(feature, "geometry"), where)
-    corners = [_placed(corner, origin, where, (*path, at)) for at, corner in enumerate(ring)]
+    corners = [_to_map_position(corner, origin, where, (*path, at)) for at, corner in enumerate(ring)]
     return {**_pose(corners), **_beside(_inside(feature, "properties"))}
 
 
@@ -198,7 +198,7 @@ def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]
     return (*path, 0), corners[:-1] if corners[-1] == corners[0] else corners
 
 
-def _placed(
+def _to_map_position(
     corner: Any, origin: tuple[float, float, float], where: str, path: _JsonPath
 ) -> tuple[float, float]:
     """Return a longitude and latitude as a position in the frame `map`, metres."""

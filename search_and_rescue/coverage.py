@@ -111,7 +111,7 @@ class ObstacleMap:
         return (begins + np.arange(len(begins))) % count, np.repeat(distances, each)
 
 
-class Raster:
+class CoverageRaster:
     """The coverage of ground, cell by cell.
 
     Args:
@@ -224,7 +224,7 @@ class Raster:
         x, y = self._low
         left, right, low = x + begins * self.cell_m, x + ends * self.cell_m, y + rows * self.cell_m
         joined = shapely.union_all(shapely.box(left, low, right, y + (rows + 1) * self.cell_m))
-        parts = [part for part in _without_holes(joined) if part.area > _FEWEST_CELLS * self.cell_m**2]
+        parts = [part for part in _cut_holes(joined) if part.area > _FEWEST_CELLS * self.cell_m**2]
         parts.sort(key=lambda part: -part.area)
         return [tuple(map(tuple, part.exterior.simplify(0.0).coords[:-1])) for part in parts]
 
@@ -233,7 +233,7 @@ class Raster:
         pods = np.zeros(len(self._inside))
         pods[self._inside] = 1.0 - np.exp(-self.coverage)
         x, y = self._low.tolist()
-        return RasterLayer.of(
+        return RasterLayer.from_shares(
             name, "searched, POD", x, y, self.cell_m, pods.reshape(-1, self._columns).tolist()
         )
 
@@ -243,7 +243,7 @@ class Raster:
         return base64.b64encode(zlib.compress(counted.tobytes(), 9)).decode("ascii")
 
 
-def _without_holes(shape: Any) -> Iterator[Any]:
+def _cut_holes(shape: Any) -> Iterator[Any]:
     """Yield the polygons of a shape; those with holes are cut through them."""
     import shapely
 
@@ -256,7 +256,7 @@ def _without_holes(shape: Any) -> Iterator[Any]:
         left, low, right, high = part.bounds
         cut = part.interiors[0].centroid.x
         for half in (shapely.box(left, low, cut, high), shapely.box(cut, low, right, high)):
-            yield from _without_holes(part.intersection(half))
+            yield from _cut_holes(part.intersection(half))
 
 
 def _read(cells: str, count: int) -> npt.NDArray[np.float64]:

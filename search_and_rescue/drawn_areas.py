@@ -6,9 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.leaves import UnusableValueError, planar_outline
 from search_and_rescue.areas import FARTHEST_SEEN_M, LEAST_CORNERS, outline_objection, pose_inside
-from search_and_rescue.search_theory import COVERAGE, Area, Corners, Ground, pod_at_random, sweep_width_of
-from search_and_rescue.sweep_record import Sweeps
-from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
+from search_and_rescue.search_theory import (
+    COVERAGE,
+    Corners,
+    Ground,
+    SearchExpectation,
+    random_search_pod,
+    sweep_width_of,
+)
+from search_and_rescue.sweep_record import SweepStates
+from search_and_rescue.zone_manager import MAP_FRAME, Geofence, Zone, ZoneManager
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,8 +40,8 @@ class DrawnAreas:
     """
 
     zones: ZoneManager
-    sweeps: Sweeps
-    fence: Fence
+    sweeps: SweepStates
+    fence: Geofence
     off_map: "Callable[[float, float], str]"
 
     def take(self, request: Any) -> str:
@@ -104,7 +111,7 @@ class DrawnAreas:
             raise DrawingError(f"the outline {objection}")
         return corners
 
-    def _area(self, poa: float, ground: Ground, before: Area | None) -> Area | None:
+    def _area(self, poa: float, ground: Ground, before: SearchExpectation | None) -> SearchExpectation | None:
         if math.isnan(poa):
             if before is None and self.zones.areas:
                 raise DrawingError("the probability (poa) is missing: write one, as the other zones have one")
@@ -115,4 +122,4 @@ class DrawnAreas:
             raise DrawingError("no zone of this mission has a probability (poa): omit it")
         if before is not None:
             return before._replace(poa=poa)
-        return Area(poa, pod_at_random(COVERAGE), ground.sweep_sec(self.zones.speed_mps))
+        return SearchExpectation(poa, random_search_pod(COVERAGE), ground.sweep_sec(self.zones.speed_mps))

@@ -26,7 +26,7 @@ _GRAIN_M, _JUMP_M = 0.05, 2.0
 _APART_SEC = 0.2
 
 
-class Trip(NamedTuple):
+class TripEstimate(NamedTuple):
     """Distance and duration of a trip.
 
     Attributes:
@@ -38,7 +38,7 @@ class Trip(NamedTuple):
     seconds: float
 
 
-class Rates(NamedTuple):
+class ConsumptionRates(NamedTuple):
     """Rates of consumption.
 
     Attributes:
@@ -73,7 +73,7 @@ class EnergyModel:
         charges: Number of times the battery was charged or swapped.
     """
 
-    prior: Rates
+    prior: ConsumptionRates
     wrong_by: float = 0.25
 
     def __post_init__(self) -> None:
@@ -141,7 +141,7 @@ class EnergyModel:
         self._su = kept * self._su + waited * used / expected
 
     @property
-    def rates(self) -> Rates:
+    def rates(self) -> ConsumptionRates:
         """Current estimate of the rates."""
         by_metre, by_second = self._solve(self._mu + _PRIOR_SHARE, self._su + _PRIOR_SHARE)
         # If the optimum has a negative rate, the best valid solution has that rate at 0.
@@ -149,7 +149,7 @@ class EnergyModel:
             by_metre, by_second = 0.0, (self._su + _PRIOR_SHARE) / (self._ss + _PRIOR_SHARE)
         elif by_second < 0.0:
             by_metre, by_second = (self._mu + _PRIOR_SHARE) / (self._mm + _PRIOR_SHARE), 0.0
-        return Rates(by_metre * self.prior.per_m, by_second * self.prior.per_sec)
+        return ConsumptionRates(by_metre * self.prior.per_m, by_second * self.prior.per_sec)
 
     def _solve(self, first: float, second: float) -> tuple[float, float]:
         """Solve the least-squares equations, including the prior's observations, for a right side."""
@@ -157,7 +157,7 @@ class EnergyModel:
         determinant = mm * ss - self._ms * self._ms
         return (ss * first - self._ms * second) / determinant, (mm * second - self._ms * first) / determinant
 
-    def need(self, trip: Trip) -> float:
+    def need(self, trip: TripEstimate) -> float:
         """Return the largest consumption of a trip, as a share of a full battery, assuming the prior is within its error.
 
         The learned rate is between the truth and the prior. The remaining weight of the prior bounds its error for this trip.

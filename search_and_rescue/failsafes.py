@@ -21,10 +21,10 @@ from sar_compiler.leaves import (
     sensible,
 )
 from sar_compiler.missions import BATTERY
-from search_and_rescue.homing import Homing
-from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.homing_estimates import HomingEstimator
+from search_and_rescue.operator_commands import OperatorCommands
 from search_and_rescue.record import MissionRecord
-from search_and_rescue.zone_manager import Fence
+from search_and_rescue.zone_manager import Geofence
 
 _BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 
@@ -56,7 +56,7 @@ class _Failsafe(RosLeaf):
 
 
 @dataclass(eq=False, repr=False)
-class _OrderCondition(_Failsafe):
+class _CommandCondition(_Failsafe):
     """Base class of conditions on a command that ends the mission early.
 
     Args:
@@ -64,7 +64,7 @@ class _OrderCondition(_Failsafe):
         record: Records the reason.
     """
 
-    orders: OperatorOrders
+    orders: OperatorCommands
 
     command = subject = ""
 
@@ -97,7 +97,7 @@ class _OrderCondition(_Failsafe):
     kind=Kind.CONDITION,
     answers=(Answer("SUCCESS", "not aborted"), Answer("FAILURE", "aborted")),
 )
-class NotAborted(_OrderCondition):
+class NotAborted(_CommandCondition):
     """Check that the operator has not aborted the mission: FAILURE once the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
 
     command, subject = "abort", "the mission"
@@ -108,7 +108,7 @@ class NotAborted(_OrderCondition):
     kind=Kind.CONDITION,
     answers=(Answer("SUCCESS", "not recalled"), Answer("FAILURE", "recalled")),
 )
-class NotRecalled(_OrderCondition):
+class NotRecalled(_CommandCondition):
     """Check that the operator has not called the robot home: FAILURE once `~/go_home` (`std_srvs/srv/Trigger`) was called."""
 
     command, subject = "go_home", "the robot"
@@ -163,7 +163,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
     at_least: Annotated[float, sensible(0, 1)] = 0.2
     topic: str = "battery_state"
     max_age_sec: Seconds = 30.0
-    homing: Homing | None = None
+    homing: HomingEstimator | None = None
 
     topic_type = "sensor_msgs/msg/BatteryState"
 
@@ -200,7 +200,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         # After a message, the base class has already waited.
         waited = math.isfinite(self._received_sec) or self._now_sec() - self._silent_since > self.max_age_sec
         nothing = f"no message on '{self.topic_name}' for {self.max_age_sec:g} s"
-        return self._judge(f"{nothing}{self.silence_cause}" if waited else "")
+        return self._judge(f"{nothing}{self.absence_reason}" if waited else "")
 
 
 @register(
@@ -220,7 +220,7 @@ class InsideFence(_Failsafe):
         record: Records the reason.
     """
 
-    fence: Fence
+    fence: Geofence
 
     def __post_init__(self) -> None:
         super().__post_init__()

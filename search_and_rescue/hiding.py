@@ -8,7 +8,7 @@ import random
 from collections.abc import Mapping
 
 from sar_compiler.missions import ParameterReader
-from search_and_rescue.search_theory import Area, Ground
+from search_and_rescue.search_theory import Ground, SearchExpectation
 from search_and_rescue.zone_manager import MapPose
 
 HIDDEN = "hidden_survivor"
@@ -17,7 +17,7 @@ HIDDEN = "hidden_survivor"
 _AHEAD_M = 1.0
 
 
-class Hiding:
+class HiddenSurvivor:
     """A survivor placed in an area with probability POA, and detected by a search there with probability POD.
 
     The seed determines the survivor's position and the detecting search in that area, independent of the order of areas
@@ -40,7 +40,7 @@ class Hiding:
     def __init__(
         self,
         poses: Mapping[str, MapPose],
-        areas: Mapping[str, Area],
+        areas: Mapping[str, SearchExpectation],
         seed: int,
         grounds: Mapping[str, Ground] | None = None,
     ) -> None:
@@ -51,9 +51,9 @@ class Hiding:
         elsewhere = max(0.0, 1.0 - math.fsum(shares))
         (self.area,) = self._probability.choices([*names, None], [*shares, elsewhere])
         self.ground = (grounds or {}).get(self.area or "")
-        self._place = self._somewhere(poses)
+        self._place = self._draw_position(poses)
 
-    def _somewhere(self, poses: Mapping[str, MapPose]) -> tuple[float, float]:
+    def _draw_position(self, poses: Mapping[str, MapPose]) -> tuple[float, float]:
         if self.area is None:
             return math.nan, math.nan
         if self.ground is None:
@@ -84,7 +84,7 @@ class Hiding:
         return self._place if self._probability.random() < self._areas[area].pod else None
 
 
-def read_hiding(reader: ParameterReader, areas: Mapping[str, Area]) -> bool:
+def read_hidden_survivor(reader: ParameterReader, areas: Mapping[str, SearchExpectation]) -> bool:
     """Read `hidden_survivor`: whether the simulator hides a survivor according to the probabilities of the areas."""
     hides = reader.switch(HIDDEN, default=False)
     if hides and not areas:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sar_compiler.leaves import (
     SUCCEEDED,
-    ActionQuestions,
+    ActionQueries,
     Deadline,
     UnusableValueError,
     path_points,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _ACTION = "compute_path_to_pose"
 
 
-class PlannedWays:
+class PathRequests:
     """Requests paths from the planner, one after the other, and passes their lengths to the zones.
 
     Args:
@@ -43,7 +43,7 @@ class PlannedWays:
         self, node: "Node", zones: ZoneManager, timeout_sec: float, planner_id: str, wake: Callable[[], None]
     ) -> None:
         self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
-        self._planner = ActionQuestions(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
+        self._planner = ActionQueries(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
         # A planner computes by the machine's clock, even if simulated time runs faster.
         self._due = Deadline(0.0)
         self._ways: Sequence[PosePair] = ()
@@ -56,7 +56,7 @@ class PlannedWays:
         """Request the unknown paths; without a server, request none."""
         self.give_up()
         self._ways, self._reasons = ways, set()
-        self._left = [way for way in ways if not self._zones.knows_way(*way)]
+        self._left = [way for way in ways if not self._zones.has_path_length(*way)]
         self._due = Deadline(self._timeout_sec)
         if self._left and not self._planner.has_server:
             self._stop(f"no server offers {_ACTION}")
@@ -71,7 +71,7 @@ class PlannedWays:
 
     def shortfall(self) -> str:
         """Return the number of paths estimated by straight lines, with the reason; empty if all are known."""
-        unknown = sum(not self._zones.knows_way(*way) for way in self._ways)
+        unknown = sum(not self._zones.has_path_length(*way) for way in self._ways)
         if not unknown:
             return ""
         return f"{unknown} of {len(self._ways)} paths estimated as {DETOUR:g} times the straight line: {self._reason}"
@@ -123,7 +123,7 @@ class PlannedWays:
         else:
             why = describe_end(status, result) if status else "it rejects the request"
         if points:
-            self._zones.learn_way(start, target, _length(start, points, target))
+            self._zones.store_path_length(start, target, _length(start, points, target))
         else:
             self._reasons.add(f"the planner returned no path: {why}")
         if self._left:

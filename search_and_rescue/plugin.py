@@ -4,32 +4,46 @@ from collections.abc import Collection
 from pathlib import Path
 
 from sar_compiler.missions import Mission, ParameterReader, shared_file_path
-from search_and_rescue.actions.coming_home import ReturnInReach
 from search_and_rescue.actions.navigation import NavigateToBase
-from search_and_rescue.actions.sweeping import PlanSweep
-from search_and_rescue.areas import AREA_KEYS, note_surprises, read_areas, read_grounds, read_priorities
-from search_and_rescue.areas_file import AREAS_FILE, take_areas_file
+from search_and_rescue.actions.return_checks import ReturnInReach
+from search_and_rescue.actions.sweep_leaves import PlanSweep
+from search_and_rescue.areas import (
+    AREA_KEYS,
+    add_plausibility_notes,
+    read_areas,
+    read_grounds,
+    read_priorities,
+)
+from search_and_rescue.areas_file import AREAS_FILE, read_areas_file
 from search_and_rescue.conditions import ZonesRemaining
-from search_and_rescue.hiding import HIDDEN, read_hiding
-from search_and_rescue.homing import (
+from search_and_rescue.hiding import HIDDEN, read_hidden_survivor
+from search_and_rescue.homing_estimates import (
     CHARGING,
     ENERGY,
-    Homing,
+    HomingEstimator,
     read_charging,
     read_homing,
 )
-from search_and_rescue.orders import OperatorOrders
-from search_and_rescue.record import DUPLICATE_RADIUS_M, KeptReports, MissionRecord
+from search_and_rescue.operator_commands import OperatorCommands
+from search_and_rescue.record import DUPLICATE_RADIUS_M, MissionRecord, StoredReports
 from search_and_rescue.search import Search
-from search_and_rescue.sweep_record import Sweeps
-from search_and_rescue.zone_manager import Fence, ZoneManager, read_fence
+from search_and_rescue.sweep_record import SweepStates
+from search_and_rescue.zone_manager import Geofence, ZoneManager, read_fence
 
 
 class SearchAndRescue(Mission):
     """Search zones for survivors, report them, come home."""
 
     name = "search_and_rescue"
-    context_types = (ZoneManager, MissionRecord, KeptReports, OperatorOrders, Fence, Homing, Sweeps)
+    context_types = (
+        ZoneManager,
+        MissionRecord,
+        StoredReports,
+        OperatorCommands,
+        Geofence,
+        HomingEstimator,
+        SweepStates,
+    )
     parameter_names = (
         "zone_order",
         "zones",
@@ -62,7 +76,7 @@ class SearchAndRescue(Mission):
 
     def begin(self, reader: ParameterReader) -> "Search":
         """Start a run with no zone visited."""
-        take_areas_file(reader)
+        read_areas_file(reader)
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)
         speed, fence = reader.cruise_speed(), read_fence(reader)
@@ -71,7 +85,7 @@ class SearchAndRescue(Mission):
         # A value already reported as wrong may be 0, so avoid a division by it.
         if not reader.problems:
             sweeps_sec = {zone: each.sweep_sec(speed) for zone, each in grounds.items()}
-            note_surprises(reader, zones, grounds)
+            add_plausibility_notes(reader, zones, grounds)
         areas, priorities = read_areas(reader, zones, sweeps_sec), read_priorities(reader, zones)
         plan = ZoneManager(
             zones,
@@ -81,7 +95,7 @@ class SearchAndRescue(Mission):
             speed_mps=speed,
             charging=read_charging(reader, fence),
         )
-        sweeps = Sweeps(grounds)
+        sweeps = SweepStates(grounds)
         homing = read_homing(reader, plan, sweeps, speed)
         return Search(
             plan,
@@ -89,7 +103,7 @@ class SearchAndRescue(Mission):
             fence=fence,
             homing=homing,
             sweeps=sweeps,
-            hides=read_hiding(reader, areas),
+            hides=read_hidden_survivor(reader, areas),
         )
 
 

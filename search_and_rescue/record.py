@@ -116,7 +116,7 @@ class ZoneRecord:
     given_up: str = ""
 
 
-def how_given_up(attempts: int, reason: str) -> str:
+def describe_abandonment(attempts: int, reason: str) -> str:
     """Describe how and why a zone was abandoned, as a text that follows its name and `was`."""
     return f"abandoned: {reason}" if reason else f"abandoned after attempt {attempts}"
 
@@ -148,7 +148,7 @@ class SurvivorReport:
 
 
 @mission_context
-class KeptReports:
+class StoredReports:
     """The undelivered reports of one mission, one for each survivor, the oldest first. Built from the mission's events."""
 
     def __init__(self) -> None:
@@ -230,12 +230,12 @@ class ResumedOutcomes:
         """Return whether the first available search of a zone found a survivor."""
         return next((place is not None for zone, place in self._searches if zone == zone_id), False)
 
-    def take_search(self, zone_id: str) -> tuple[float, float] | None:
+    def pop_search(self, zone_id: str) -> tuple[float, float] | None:
         """Remove the first search of a zone and return its survivor's position, None if it found none."""
         index = next(index for index, (zone, _) in enumerate(self._searches) if zone == zone_id)
         return self._searches.pop(index)[1]
 
-    def take_name(self, x: float, y: float) -> str | None:
+    def pop_name(self, x: float, y: float) -> str | None:
         """Remove and return the name of the survivor at a position."""
         index = next((index for index, (_, place) in enumerate(self._names) if place == (x, y)), None)
         return None if index is None else self._names.pop(index)[0]
@@ -248,7 +248,7 @@ class ResumedOutcomes:
         """Return whether an earlier run assigned this name, in any zone."""
         return survivor_id in self._survivors
 
-    def take_home(self) -> bool:
+    def pop_home(self) -> bool:
         """Return whether the robot is home; later calls return False, so that it drives there."""
         home, self.home = self.home, False
         return home
@@ -303,10 +303,10 @@ class MissionRecord:
     @property
     def is_searched(self) -> bool:
         """Whether the current zone has been searched since the robot started for it."""
-        zone = self.of_zone(self.zone)
+        zone = self.zone_record(self.zone)
         return zone.searched is not None and zone.started is not None and zone.searched >= zone.started
 
-    def of_zone(self, zone_id: str) -> ZoneRecord:
+    def zone_record(self, zone_id: str) -> ZoneRecord:
         """Return the record of a zone."""
         return self._zones.get(zone_id, ZoneRecord())
 
@@ -316,7 +316,7 @@ class MissionRecord:
         return tuple(self._survivors)
 
     @property
-    def first_find_sec(self) -> float | None:
+    def first_detection_sec(self) -> float | None:
         """Mission time of the first detection, seconds; None if there is none."""
         found = next((each.found_at for each in self._survivors if each.counts), None)
         if found is None or self._began is None:
@@ -350,7 +350,7 @@ class MissionRecord:
             zone_id: The zone.
             reason: Why the position is impossible, in words.
         """
-        if reason != self.of_zone(zone_id).unplaced:
+        if reason != self.zone_record(zone_id).unplaced:
             self.journal.note(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
 
     def alarmed(self, reason: str) -> None:
@@ -387,7 +387,7 @@ class MissionRecord:
         """Return the survivor of a name; None if there is none."""
         return next((known for known in self._survivors if known.survivor_id == survivor_id), None)
 
-    def named_near(self, x: float, y: float, within: float) -> list[FoundSurvivor]:
+    def survivors_near(self, x: float, y: float, within: float) -> list[FoundSurvivor]:
         """Return the named survivors detected at a position, or within a distance of it in metres."""
         return [
             each
@@ -413,7 +413,7 @@ class MissionRecord:
         """Record that the report of a survivor is about to be sent."""
         self.journal.note(search_events.REPORT_SENT, survivor=survivor_id)
 
-    def survivor_acknowledged(self, survivor_id: str) -> None:
+    def record_acknowledgement(self, survivor_id: str) -> None:
         """Record the base station's acknowledgement; the report is no longer stored."""
         self.journal.note(search_events.REPORT_ACKNOWLEDGED, survivor=survivor_id)
 
@@ -425,7 +425,7 @@ class MissionRecord:
         """Record the arrival at the base station."""
         self.journal.note(search_events.BASE_REACHED)
 
-    def was_reported_before(self, survivor_id: str) -> bool:
+    def was_reported(self, survivor_id: str) -> bool:
         """Return whether an earlier run named a survivor and received the base station's acknowledgement."""
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
@@ -441,7 +441,7 @@ class MissionRecord:
     @property
     def unsearched(self) -> list[str]:
         """The zones that the robot visited without finishing a search."""
-        return [zone for zone in self.zones_visited if self.of_zone(zone).searched is None]
+        return [zone for zone in self.zones_visited if self.zone_record(zone).searched is None]
 
     def remarks(self) -> list[str]:
         """Return sentences about open points of a complete mission, which only requires that every zone was visited."""
@@ -459,20 +459,20 @@ class MissionRecord:
         return lacking
 
     def _on_zone_started(self, at: EventTime, zone: str) -> None:
-        known = self.of_zone(zone)
+        known = self.zone_record(zone)
         self._zones[zone] = replace(known, attempts=known.attempts + 1, started=at)
         self.zone, self.home, self.before.home, self.charging_at = zone, False, False, ""
 
     def _on_zone_searched(self, at: EventTime, zone: str, survivor: Any) -> None:
         found = None if survivor is None else FoundSurvivor(zone, *position(*survivor), found_at=at)
-        self._zones[zone] = replace(self.of_zone(zone), searched=at, unplaced="")
+        self._zones[zone] = replace(self.zone_record(zone), searched=at, unplaced="")
         if found is not None and not any(
             (known.zone_id, known.x, known.y) == (zone, found.x, found.y) for known in self._survivors
         ):
             self._survivors.append(found)
 
     def _on_survivor_unplaced(self, _: EventTime, zone: str, reason: str) -> None:
-        self._zones[zone] = replace(self.of_zone(zone), unplaced=str(reason))
+        self._zones[zone] = replace(self.zone_record(zone), unplaced=str(reason))
 
     def _on_zone_visited(self, at: EventTime, zone: str) -> None:
         self.zones_visited = (*self.zones_visited, zone)
@@ -484,7 +484,7 @@ class MissionRecord:
         self.zone = ""
 
     def _on_zone_abandoned(self, at: EventTime, zone: str, attempts: int, reason: str) -> None:
-        self._on_zone_postponed(at, zone, how_given_up(int(attempts), reason))
+        self._on_zone_postponed(at, zone, describe_abandonment(int(attempts), reason))
 
     def _on_survivor_named(
         self, at: EventTime, survivor: str, x: Any, y: Any, possibly: str | None = None

@@ -22,19 +22,19 @@ from sar_compiler.missions import (
     clock_text,
 )
 from search_and_rescue import search_events
-from search_and_rescue.homing import Homing
-from search_and_rescue.orders import SENTENCES, VERBS, OperatorOrders
+from search_and_rescue.homing_estimates import HomingEstimator
+from search_and_rescue.operator_commands import SENTENCES, VERBS, OperatorCommands
 from search_and_rescue.record import (
     UNSEARCHED,
     DetectionVerdict,
     FoundSurvivor,
-    KeptReports,
     MissionRecord,
     ResumedOutcomes,
-    how_given_up,
+    StoredReports,
+    describe_abandonment,
 )
-from search_and_rescue.sweep_record import Sweeps
-from search_and_rescue.zone_manager import DETOUR, Fence, Zone, ZoneManager
+from search_and_rescue.sweep_record import SweepStates
+from search_and_rescue.zone_manager import DETOUR, Geofence, Zone, ZoneManager
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -83,17 +83,17 @@ class Search(MissionRun):
 
     zones: ZoneManager
     record: MissionRecord = field(default_factory=MissionRecord)
-    orders: OperatorOrders = field(default_factory=OperatorOrders)
+    orders: OperatorCommands = field(default_factory=OperatorCommands)
     _: KW_ONLY
-    fence: Fence = field(default_factory=Fence)
-    homing: Homing | None = None
-    sweeps: Sweeps = field(default_factory=Sweeps)
+    fence: Geofence = field(default_factory=Geofence)
+    homing: HomingEstimator | None = None
+    sweeps: SweepStates = field(default_factory=SweepStates)
     hides: bool = False
 
     def __post_init__(self) -> None:
-        self.kept = KeptReports()
+        self.kept = StoredReports()
         zones = self.zones
-        self._home = self.homing or Homing(zones, sweeps=self.sweeps)
+        self._home = self.homing or HomingEstimator(zones, sweeps=self.sweeps)
         parts = (zones, self.record, self.kept, self.orders, self.fence, self._home, self.sweeps)
         self.context = {type(part): part for part in parts}
         self.kinds = (
@@ -128,7 +128,7 @@ class Search(MissionRun):
         # Without probabilities, the start needs no NumPy.
         from search_and_rescue.zone_order import approximation, ordered
 
-        zones, groups = list[Zone](), self.zones.by_urgency()
+        zones, groups = list[Zone](), self.zones.zones_by_urgency()
         for group in groups:
             tour = self.zones.tour(group, zones[-1] if zones else None)
             zones += [group[area] for area in ordered("expected_find", tour)]
@@ -191,7 +191,7 @@ class Search(MissionRun):
         ]
         if zones.areas:
             figures.append(Figure("probability of success", round(100 * poa_map.pos(), 1), unit="%"))
-            if (first := self.record.first_find_sec) is not None:
+            if (first := self.record.first_detection_sec) is not None:
                 figures.append(Figure("first detection after", round(first, 1), unit="s"))
         if self.sweeps.grounds:
             swept = sum(self.sweeps.of(zone).metres for zone in self.sweeps.grounds)
@@ -237,7 +237,7 @@ class Search(MissionRun):
         return MissionPhase(name, why, place)
 
     def _zone(self, zone: Zone, likely: Mapping[str, float]) -> Landmark:
-        known, name = self.record.of_zone(zone["id"]), zone["id"]
+        known, name = self.record.zone_record(zone["id"]), zone["id"]
         # The robot may have visited the zone without a search.
         is_searched = known.searched is not None
         if name in self.record.zones_visited:
@@ -367,11 +367,11 @@ class Search(MissionRun):
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
         """Create the two servers."""
-        from search_and_rescue.hiding import Hiding
+        from search_and_rescue.hiding import HiddenSurvivor
         from search_and_rescue.servers import DetectSurvivorServer, ReportSurvivorServer
 
         areas, grounds = self.zones.areas, self.sweeps.grounds
-        hiding = Hiding(self._plan, areas, faults.seed, grounds) if self.hides else None
+        hiding = HiddenSurvivor(self._plan, areas, faults.seed, grounds) if self.hides else None
         return [
             DetectSurvivorServer(faults.for_service("detect_survivor"), hiding, **options),
             ReportSurvivorServer(faults=faults.for_service("report_survivor"), **options),
@@ -452,7 +452,7 @@ def _piece_swept(zone: str, piece: int, pod: float, seen: float, **_more: object
 
 
 def _abandoned(zone: str, attempts: int, reason: str) -> str:
-    return f"{zone} was {how_given_up(attempts, reason)}"
+    return f"{zone} was {describe_abandonment(attempts, reason)}"
 
 
 def _named(survivor: str, x: float, y: float, possibly: str | None = None) -> str:

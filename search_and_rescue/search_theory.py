@@ -52,17 +52,17 @@ def sweep_width_of(detection_range: float, visibility: str = "medium") -> float:
     return SWEEP_FACTORS[visibility] * detection_range
 
 
-def pod_at_random(coverage: float) -> float:
+def random_search_pod(coverage: float) -> float:
     """Return the POD of a random search, a lower bound: 1 - exp(-C) (Koopman 1946)."""
     return -math.expm1(-coverage)
 
 
-def pod_of_parallel_sweep(coverage: float) -> float:
+def parallel_sweep_pod(coverage: float) -> float:
     """Return the POD of accurately kept parallel legs, by the inverse-cube law of detection: erf(√π / 2 · C) (Koopman 1946)."""
     return math.erf(math.sqrt(math.pi) / 2.0 * coverage)
 
 
-class Area(NamedTuple):
+class SearchExpectation(NamedTuple):
     """Expectations of a search in an area.
 
     Attributes:
@@ -108,9 +108,9 @@ class PoaMap:
             raise ValueError(f"the areas' POA sum to {total:g}: the sum must be at most 1")
 
     @classmethod
-    def of(
+    def from_areas(
         cls,
-        areas: Mapping[str, Area],
+        areas: Mapping[str, SearchExpectation],
         looks: Mapping[str, int],
         swept: Mapping[str, float] | None = None,
         hints: Mapping[str, float] | None = None,
@@ -145,7 +145,7 @@ class PoaMap:
 
 
 @dataclass(frozen=True, eq=False)
-class Tour:
+class TourInputs:
     """Inputs for choosing an order of areas.
 
     Args:

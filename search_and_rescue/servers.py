@@ -13,9 +13,9 @@ from sar_compiler.missions import (
     create_service,
     flat_parameters,
     lookalikes,
-    short_line,
+    shorten_to_line,
 )
-from search_and_rescue.hiding import Hiding
+from search_and_rescue.hiding import HiddenSurvivor
 from search_and_rescue.zone_manager import MAP_FRAME, read_survivors
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
@@ -40,7 +40,7 @@ class DetectSurvivorServer(DataNode):
     """
 
     def __init__(
-        self, faults: ServiceFaults | None = None, hiding: Hiding | None = None, **options: Any
+        self, faults: ServiceFaults | None = None, hiding: HiddenSurvivor | None = None, **options: Any
     ) -> None:
         super().__init__("detect_survivor_server", **options)
         parameters = flat_parameters(self)
@@ -60,7 +60,7 @@ class DetectSurvivorServer(DataNode):
         self.get_logger().info("DetectSurvivor service ready.")
 
     def _answer(self, request: Any, response: Any) -> Any:
-        survivor, zone = self._look(request.zone_id), short_line(request.zone_id)
+        survivor, zone = self._look(request.zone_id), shorten_to_line(request.zone_id)
         if survivor is None:
             self.get_logger().info(f"Detection request for {zone}: NOT FOUND")
             return response
@@ -121,7 +121,7 @@ class ReportSurvivorServer(DataNode):
         self.get_logger().info(f"Report received{again}: {report}. Acknowledged.")
         if not again:
             self.get_logger().info(
-                f"The point of {short_line(request.survivor_id)} is in frame '{MAP_FRAME}'."
+                f"The point of {shorten_to_line(request.survivor_id)} is in frame '{MAP_FRAME}'."
             )
         return response
 
@@ -132,4 +132,4 @@ class ReportSurvivorServer(DataNode):
 
 def _describe(request: Any) -> str:
     point = request.location.point
-    return f"{short_line(request.survivor_id)} at ({point.x:.2f}, {point.y:.2f})"
+    return f"{shorten_to_line(request.survivor_id)} at ({point.x:.2f}, {point.y:.2f})"

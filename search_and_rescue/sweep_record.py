@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from sar_compiler.missions import Journal, JournalEntry, RasterLayer, mission_context, position
 from search_and_rescue import search_events
-from search_and_rescue.search_theory import Corners, Ground, pod_of_parallel_sweep
-from search_and_rescue.zone_manager import Fence, MapPose
+from search_and_rescue.search_theory import Corners, Ground, parallel_sweep_pod
+from search_and_rescue.zone_manager import Geofence, MapPose
 
 if TYPE_CHECKING:
-    from search_and_rescue.coverage import ObstacleMap, Raster
+    from search_and_rescue.coverage import CoverageRaster, ObstacleMap
 
 
 _SEEN = ("area_m2", "coverage", "pod", "seen")
 
 
 @dataclass(frozen=True)
-class Sweep:
+class SweepState:
     """State of a zone's sweep.
 
     Attributes:
@@ -34,7 +34,7 @@ class Sweep:
         coverage: The mean coverage (C).
         pod: Probability that a person there was detected, 0 to 1.
         seen: Share of the ground that was in sight at least once, 0 to 1.
-        cells: The coverage of each cell, as written by `Raster`.
+        cells: The coverage of each cell, as written by `CoverageRaster`.
         layer: The display layer; None before the first piece.
         gaps: The polygons of the gaps found at the end of the last pass.
     """
@@ -58,7 +58,7 @@ class Sweep:
     def pod_of_legs(self) -> float | None:
         """The POD for accurately kept legs, if all of a first plan in legs was swept; otherwise None."""
         in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
-        return pod_of_parallel_sweep(self.coverage) if in_legs and not (self.left or self.skipped) else None
+        return parallel_sweep_pod(self.coverage) if in_legs and not (self.left or self.skipped) else None
 
     @property
     def left(self) -> int:
@@ -75,7 +75,7 @@ class Sweep:
 
 
 @mission_context
-class Sweeps:
+class SweepStates:
     """The sweeps of one mission, shared by its leaves. Events update their state; driven distances are summed between two events.
 
     Args:
@@ -89,17 +89,17 @@ class Sweeps:
     def __init__(self, grounds: Mapping[str, Ground] | None = None) -> None:
         self.grounds = dict(grounds or {})
         self.journal = Journal(apply=self.apply)
-        self._sweeps: dict[str, Sweep] = {}
-        self._rasters: dict[str, Raster] = {}
+        self._sweeps: dict[str, SweepState] = {}
+        self._rasters: dict[str, CoverageRaster] = {}
         self._driven: defaultdict[str, float] = defaultdict(float)
 
-    def of(self, zone: str) -> Sweep:
+    def of(self, zone: str) -> SweepState:
         """Return the state of a zone's sweep."""
-        return self._sweeps.get(zone, Sweep())
+        return self._sweeps.get(zone, SweepState())
 
     def around(self, x: float, y: float) -> list[str]:
         """Return the zones whose polygon contains a position, metres, frame `map`."""
-        return [zone for zone, ground in self.grounds.items() if Fence(ground.polygon).contains(x, y)]
+        return [zone for zone, ground in self.grounds.items() if Geofence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
         """Return the seen and the total area of all grounds, square metres; of a swept ground, only the searchable part."""
@@ -112,16 +112,16 @@ class Sweeps:
         """Return the display layers of the searched ground."""
         return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
 
-    def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "Raster":
+    def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "CoverageRaster":
         """Return the coverage of a zone's ground with the current map.
 
         Raises:
             ImportError: If shapely is not installed.
         """
-        from search_and_rescue.coverage import Raster
+        from search_and_rescue.coverage import CoverageRaster
 
         if zone not in self._rasters:
-            self._rasters[zone] = Raster(self.grounds[zone], obstacles, self.of(zone).cells)
+            self._rasters[zone] = CoverageRaster(self.grounds[zone], obstacles, self.of(zone).cells)
         self._rasters[zone].obstacles = obstacles
         return self._rasters[zone]
 
@@ -175,13 +175,13 @@ class Sweeps:
 
     def _on_area_drawn(
         self,
-        sweep: Sweep,
+        sweep: SweepState,
         zone: str,
         polygon: Sequence[Any],
         sweep_width: Any,
         detection_range: Any,
         **_more: Any,
-    ) -> Sweep:
+    ) -> SweepState:
         if sweep.passes:
             raise ValueError(f"{zone} is already being swept")
         corners = tuple(position(*corner) for corner in polygon)
@@ -190,8 +190,8 @@ class Sweeps:
         return sweep
 
     def _on_sweep_planned(
-        self, sweep: Sweep, zone: str, pattern: str, spacing: Any, pieces: Sequence[Any]
-    ) -> Sweep:
+        self, sweep: SweepState, zone: str, pattern: str, spacing: Any, pieces: Sequence[Any]
+    ) -> SweepState:
         if zone not in self.grounds:
             raise ValueError(f"{zone} has no ground at that time")
         poses = tuple(_pose(*piece) for piece in pieces)
@@ -200,28 +200,28 @@ class Sweeps:
 
     def _on_piece_swept(
         self,
-        sweep: Sweep,
+        sweep: SweepState,
         zone: str,
         piece: int,
         metres: Any,
         cells: str,
         gaps: Sequence[Any],
         **seen: Any,
-    ) -> Sweep:
-        from search_and_rescue.coverage import Raster
+    ) -> SweepState:
+        from search_and_rescue.coverage import CoverageRaster
 
         outlines = tuple(tuple(position(*corner) for corner in outline) for outline in gaps)
         numbers: dict[str, Any] = {name: _number(seen[name]) for name in _SEEN}
         driven = sweep.metres + _number(metres)
-        layer = Raster(self.grounds[zone], cells=str(cells)).layer(zone)
+        layer = CoverageRaster(self.grounds[zone], cells=str(cells)).layer(zone)
         swept = replace(_past(sweep, zone, piece), metres=driven, cells=str(cells), gaps=outlines)
         return replace(swept, layer=layer, **numbers)
 
-    def _on_piece_skipped(self, sweep: Sweep, zone: str, piece: int, reason: str) -> Sweep:  # noqa: ARG002 - the event's keys
+    def _on_piece_skipped(self, sweep: SweepState, zone: str, piece: int, reason: str) -> SweepState:  # noqa: ARG002 - the event's keys
         return replace(_past(sweep, zone, piece), skipped=sweep.skipped + 1)
 
     # Other kinds do not change a sweep.
-    _HANDLERS: ClassVar[Mapping[str, Callable[..., Sweep]]] = {
+    _HANDLERS: ClassVar[Mapping[str, Callable[..., SweepState]]] = {
         search_events.AREA_DRAWN: _on_area_drawn,
         search_events.SWEEP_PLANNED: _on_sweep_planned,
         search_events.PIECE_SWEPT: _on_piece_swept,
@@ -229,7 +229,7 @@ class Sweeps:
     }
 
 
-def _past(sweep: Sweep, zone: str, piece: int) -> Sweep:
+def _past(sweep: SweepState, zone: str, piece: int) -> SweepState:
     if piece != sweep.done or not sweep.left:
         raise ValueError(f"the piece of {zone} at that time is {sweep.done} of {len(sweep.pieces)}")
     return replace(sweep, done=sweep.done + 1)

@@ -16,7 +16,7 @@ from sar_compiler.missions import (
     position,
 )
 from search_and_rescue import search_events
-from search_and_rescue.search_theory import ROUNDING, Area, PoaMap, Tour
+from search_and_rescue.search_theory import ROUNDING, PoaMap, SearchExpectation, TourInputs
 
 if TYPE_CHECKING:
     import numpy as np
@@ -100,7 +100,7 @@ class ZoneManager:
         zones: Sequence[Mapping[str, Any]],
         base_station: Mapping[str, Any],
         *,
-        areas: Mapping[str, Area] | None = None,
+        areas: Mapping[str, SearchExpectation] | None = None,
         priorities: Mapping[str, float] | None = None,
         speed_mps: float = 1.0,
         charging: Mapping[str, MapPose] | None = None,
@@ -154,9 +154,9 @@ class ZoneManager:
 
         A postponed zone is therefore repeated only when all others have been tried equally often. The current zone is first.
         """
-        return next(iter(self.by_urgency()), [])
+        return next(iter(self.zones_by_urgency()), [])
 
-    def by_urgency(self) -> list[list[Zone]]:
+    def zones_by_urgency(self) -> list[list[Zone]]:
         """Return the remaining zones in groups; each group is chosen from when the previous one is done."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
@@ -172,7 +172,7 @@ class ZoneManager:
 
     def poa_map(self) -> PoaMap:
         """Return the probabilities after the searches so far; without areas if no probabilities are given."""
-        return PoaMap.of(self.areas, self.looks, self.swept, self.hints)
+        return PoaMap.from_areas(self.areas, self.looks, self.swept, self.hints)
 
     def hint(self, zone_id: str, ratio: float) -> None:
         """Record a hint on a zone by its likelihood ratio: presence over absence."""
@@ -200,7 +200,7 @@ class ZoneManager:
         )
         return next(here, None)
 
-    def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> Tour:
+    def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> TourInputs:
         """Return the inputs for ordering the given zones: travel times, durations and probabilities.
 
         Without probabilities all zones have equal weight, and searches take no time.
@@ -209,7 +209,7 @@ class ZoneManager:
             zones: The zones.
             start: The start; if None, the pose of the last search, or the base station.
         """
-        return Tour(
+        return TourInputs(
             [self._travel_sec(start or self._here, zone) for zone in zones],
             self._travels_sec(zones),
             *self._expected(zones),
@@ -218,7 +218,7 @@ class ZoneManager:
     def _expected(self, zones: Sequence[Zone]) -> tuple[list[float], list[float]]:
         """Return the duration of a search in each zone, seconds, and the probability of a detection."""
         now = self.poa_map().now()
-        areas = [self.areas.get(zone["id"], Area(0.0, 0.0)) for zone in zones]
+        areas = [self.areas.get(zone["id"], SearchExpectation(0.0, 0.0)) for zone in zones]
         finds = [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)]
         return [area.look_sec for area in areas], finds
 
@@ -267,15 +267,15 @@ class ZoneManager:
         by_ends = {_ends(*way): way for way in ways}
         return [way for ends, way in by_ends.items() if len(ends) > 1]
 
-    def learn_way(self, start: MapPose, target: MapPose, metres: float) -> None:
+    def store_path_length(self, start: MapPose, target: MapPose, metres: float) -> None:
         """Store a path's length from a planner, metres, for both directions; a failed drive discards all lengths, because paths may have changed."""
         self._ways[_ends(start, target)] = metres
 
-    def knows_way(self, start: MapPose, target: MapPose) -> bool:
+    def has_path_length(self, start: MapPose, target: MapPose) -> bool:
         """Return whether a planner has provided the length of a path."""
         return _ends(start, target) in self._ways
 
-    def way_m(self, start: MapPose, target: MapPose) -> float:
+    def path_length_m(self, start: MapPose, target: MapPose) -> float:
         """Return the length of a path, metres: from the planner if known, otherwise the straight line times `DETOUR`."""
         line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
         return self._ways.get(_ends(start, target), DETOUR * line)
@@ -285,13 +285,13 @@ class ZoneManager:
         return deepcopy(self._here)
 
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
-        return self.way_m(start, target) / self.speed_mps
+        return self.path_length_m(start, target) / self.speed_mps
 
     def add(self, zone: Zone) -> None:
         """Add a zone at the end of the plan."""
         self.journal.note(search_events.ZONE_ADDED, **zone)
 
-    def draw(self, zone: Zone, ground: "Ground", area: Area | None) -> float:
+    def draw(self, zone: Zone, ground: "Ground", area: SearchExpectation | None) -> float:
         """Add a zone with a polygon at the end of the plan, or change an existing one.
 
         Args:
@@ -359,7 +359,7 @@ class ZoneManager:
     def next_survivor_id(self) -> str:
         """Return a new name for a survivor, unique in this mission (`survivor_1`, `survivor_2`, …)."""
         self._survivors += 1
-        self.journal.keep_number("survivor", self._survivors)
+        self.journal.store_highest_number("survivor", self._survivors)
         return f"survivor_{self._survivors}"
 
     def current_index(self) -> int:
@@ -438,7 +438,7 @@ class ZoneManager:
             return
         shrunk = position(data["shrunk"], 0.0)[0]
         others = {other: area._replace(poa=area.poa * shrunk) for other, area in self.areas.items()}
-        self.areas = {**others, name: Area(*map(float, data["expected"]))}
+        self.areas = {**others, name: SearchExpectation(*map(float, data["expected"]))}
 
     def _on_survivor_named(self, data: Mapping[str, Any]) -> None:
         number = data["survivor"].rpartition("_")[2]
@@ -503,7 +503,7 @@ def _ends(start: MapPose, target: MapPose) -> frozenset[tuple[float, float]]:
 
 
 @mission_context
-class Fence:
+class Geofence:
     """A polygon in the frame `map`.
 
     Args:
@@ -532,15 +532,15 @@ class Fence:
         return inside
 
 
-def read_fence(reader: ParameterReader) -> Fence:
+def read_fence(reader: ParameterReader) -> Geofence:
     """Read the parameter `geofence`: `[x1, y1, x2, y2, x3, y3, …]`; without it there is no fence."""
     numbers = reader.numbers(_GEOFENCE)
     corners = list(zip(numbers[::2], numbers[1::2], strict=False))
     if numbers and (len(numbers) % 2 or len(corners) < _LEAST_CORNERS):
         text = f"must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds {len(numbers)} numbers"
         reader.report(_GEOFENCE, text)
-        return Fence()
-    return Fence(corners)
+        return Geofence()
+    return Geofence(corners)
 
 
 def read_survivors(

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from search_and_rescue.search_theory import Tour
+from search_and_rescue.search_theory import TourInputs
 from search_and_rescue.zone_manager import VisitingOrder
 
 EXACT_UP_TO = 14
@@ -30,7 +30,7 @@ _FEWEST_FINDS = 1e-9
 _Durations = npt.NDArray[np.float64]
 
 
-def ordered(order: VisitingOrder, tour: Tour) -> list[int]:
+def ordered(order: VisitingOrder, tour: TourInputs) -> list[int]:
     """Return the area indices sorted by a visiting strategy."""
     count = len(tour.finds)
     if order == "listed" or count < 1:
@@ -39,7 +39,7 @@ def ordered(order: VisitingOrder, tour: Tour) -> list[int]:
         return _nearest(tour)
     if count <= EXACT_UP_TO:
         return exact(tour)
-    return beam(tour) if count <= BEAM_UP_TO else by_index(tour)
+    return beam(tour) if count <= BEAM_UP_TO else greedy_index_order(tour)
 
 
 def approximation(count: int) -> str:
@@ -49,7 +49,7 @@ def approximation(count: int) -> str:
     return "a beam search" if count <= BEAM_UP_TO else "probability per second"
 
 
-def _nearest(tour: Tour) -> list[int]:
+def _nearest(tour: TourInputs) -> list[int]:
     left, order = set(range(len(tour.finds))), list[int]()
     while left:
         ways = tour.between[order[-1]] if order else tour.from_start
@@ -58,7 +58,7 @@ def _nearest(tour: Tour) -> list[int]:
     return order
 
 
-def exact(tour: Tour) -> list[int]:
+def exact(tour: TourInputs) -> list[int]:
     """Return the optimal order, by dynamic programming; each additional area doubles time and memory."""
     start, between, weights = _steps(tour)
     count = len(weights)
@@ -84,7 +84,7 @@ def exact(tour: Tour) -> list[int]:
     return order[::-1]
 
 
-def beam(tour: Tour, width: int = _BEAM_WIDTH) -> list[int]:
+def beam(tour: TourInputs, width: int = _BEAM_WIDTH) -> list[int]:
     """Return a good order: the best result of a beam search over partial orders, then improved.
 
     Args:
@@ -110,10 +110,10 @@ def beam(tour: Tour, width: int = _BEAM_WIDTH) -> list[int]:
         bounds = costs + (open_weights * open_times).sum(axis=1)
         kept = _best_of_each(np.argsort(bounds, kind="stable"), np.column_stack([has, areas]), costs, width)
         orders, costs, left, has = orders[kept], costs[kept], left[kept], has[kept]
-    return _mended(orders[int(costs.argmin())].tolist(), start, between, weights)
+    return _improve_locally(orders[int(costs.argmin())].tolist(), start, between, weights)
 
 
-def by_index(tour: Tour) -> list[int]:
+def greedy_index_order(tour: TourInputs) -> list[int]:
     """Return a good order of many areas: by the greedy index rule, then with each area moved to its best position.
 
     The rule always continues with the area of the highest probability per second of drive and search. It takes O(n²) time. A pass that moves
@@ -171,7 +171,9 @@ def _best_of_each(
     return list(kept.values())
 
 
-def _mended(order: list[int], start: _Durations, between: _Durations, weights: _Durations) -> list[int]:
+def _improve_locally(
+    order: list[int], start: _Durations, between: _Durations, weights: _Durations
+) -> list[int]:
     """Return an order, improved until no reversal of a part and no move of an area lowers its cost."""
 
     def cost(order: Sequence[int]) -> float:
@@ -193,7 +195,7 @@ def _mended(order: list[int], start: _Durations, between: _Durations, weights: _
         order, least = best, cost(best)
 
 
-def _steps(tour: Tour) -> tuple[_Durations, _Durations, _Durations]:
+def _steps(tour: TourInputs) -> tuple[_Durations, _Durations, _Durations]:
     """Return travel times from the start and between areas (search time included), and detection weights.
 
     Areas where detection is almost impossible have a small weight, so that the shorter path to them is preferred.

@@ -34,7 +34,7 @@ ROS = {
     "sar_compiler.missions.DataNode",
     "sar_compiler.missions.flat_parameters",
     "sar_compiler.missions.serve",
-    "sar_compiler.missions.readable_ros_errors",
+    "sar_compiler.missions.convert_ros_errors",
 }
 ON_FIRST_PAGE = 20
 """How many names the first group has at most: what one learns of the project in an hour."""

@@ -6,7 +6,7 @@ from contextlib import closing
 
 import pytest
 
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated
 
@@ -18,7 +18,7 @@ FORBIDDEN: dict[str, set[str]] = {
     "sar_compiler.lsp": set(),
     "sar_compiler.missions": {
         "sar_compiler.missions",
-        "sar_compiler.missions.choosing",
+        "sar_compiler.missions.mission_choice",
         "sar_compiler.missions.tree_check",
     },
     "sar_compiler.ros": set(),

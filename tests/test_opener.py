@@ -17,7 +17,7 @@ from sar_compiler.opener import (
     FileKind,
     MissingFileError,
     NamedPath,
-    OutsideError,
+    PathOutsideError,
     UnreadableFileError,
     folder_entries,
     open_by_name,
@@ -120,12 +120,12 @@ class TestBeneathAFolder:
     @pytest.mark.parametrize("path", OUTSIDE)
     def test_what_leads_outside_is_not_read_whether_it_is_there_or_not(self, path, folder):
         named = NamedPath.within(Path(path), [folder / "inside"])
-        with pytest.raises(OutsideError, match=f"it is outside {folder}/inside$"):
+        with pytest.raises(PathOutsideError, match=f"it is outside {folder}/inside$"):
             read_file(named, DOCUMENT)
 
     def test_a_pipe_of_the_shell_lies_in_no_folder(self, folder):
         reading, writing = os.pipe()
-        with pytest.raises(OutsideError):
+        with pytest.raises(PathOutsideError):
             read_file(NamedPath.within(Path(f"/dev/fd/{reading}"), [folder]), DOCUMENT)
         os.close(reading)
         os.close(writing)
@@ -133,7 +133,7 @@ class TestBeneathAFolder:
     def test_another_process_is_told_the_folders_as_well(self, folder):
         named = pickle.loads(pickle.dumps(NamedPath.within(Path("secret"), [folder / "inside"])))  # noqa: S301
         assert named == Path("secret")
-        with pytest.raises(OutsideError):
+        with pytest.raises(PathOutsideError):
             read_file(named, DOCUMENT)
 
     @pytest.mark.parametrize("path", [*INSIDE, *OUTSIDE])
@@ -144,7 +144,7 @@ class TestBeneathAFolder:
         if path in INSIDE:
             assert read_file(named, DOCUMENT).data == b"open"
         else:
-            with pytest.raises(OutsideError):
+            with pytest.raises(PathOutsideError):
                 read_file(named, DOCUMENT)
 
 
@@ -204,12 +204,12 @@ confine([Path.cwd() / "inside"], "the folder of the agent")
 for path, kind in [("inside/file", TREE), ("secret", TREE), ("secret", METADATA), ("inside/out", TREE)]:
     try:
         print(read_file(path, kind).data.decode())
-    except OutsideError as error:
+    except PathOutsideError as error:
         print(error)
 for folder in ["inside", "."]:
     try:
         print([each.name for each in folder_entries(Path(folder))])
-    except OutsideError as error:
+    except PathOutsideError as error:
         print(error)
 """
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from tests.test_house import CORE, PARTS
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.resources import ResourceError, find, not_found, shared_file_path, shipped_root
+from sar_compiler.resources import ResourceError, find, not_found_message, shared_file_path, shipped_root
 
 
 def test_a_shipped_file_is_found_by_kind_and_name():
@@ -41,7 +41,7 @@ def test_a_folder_in_the_current_folder_does_not_hide_a_shipped_file(tmp_path, m
 
 
 def test_a_name_that_means_nothing_gets_those_that_do():
-    assert not_found("worlds", "emty", ".yaml") == (
+    assert not_found_message("worlds", "emty", ".yaml") == (
         "there is no world file 'emty', nor a shipped world of that name "
         "(there are: disaster_zone, empty, offices); did you mean 'empty'?"
     )
@@ -88,4 +88,4 @@ def test_a_file_that_is_named_without_its_ending_is_suggested_with_it(tmp_path, 
     monkeypatch.chdir(tmp_path)
     tmp_path.joinpath(file).touch()
     suffix = ".xml" if kind == "trees" else ".yaml"
-    assert not_found(kind, "scout", suffix).endswith(f"; did you mean '{file}'?")
+    assert not_found_message(kind, "scout", suffix).endswith(f"; did you mean '{file}'?")

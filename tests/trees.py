@@ -38,7 +38,7 @@ def forest(body: str) -> Forest:
 
 def forest_of(text: str) -> Forest:
     """Read a file by itself, from its text."""
-    return Forest.of(parse_xml(text, "test.xml"))
+    return Forest.from_file(parse_xml(text, "test.xml"))
 
 
 def errors(forest, registry, palettes=()):

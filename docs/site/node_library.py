@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import sar_compiler
-from sar_compiler.compiler.outline import unicode_tree, with_tags
+from sar_compiler.compiler.outline import add_tags, unicode_tree
 from sar_compiler.nodes import nav2, ros_leaves
 from sar_compiler.nodes.models.palette import value_text
 from sar_compiler.nodes.registry import default_registry
@@ -266,7 +266,7 @@ def _executed(body: str, models: Sequence[str]) -> "tuple[str, str]":
     """Return the drawing of a tree, and its first tick."""
     tree, run = _simulated(body, models)
     ticks = [line for line in str(run.tick(1).trace).splitlines() if line.startswith(("tick", "  "))]
-    return with_tags(unicode_tree(tree.root), tree).rstrip(), "\n".join(ticks)
+    return add_tags(unicode_tree(tree.root), tree).rstrip(), "\n".join(ticks)
 
 
 def _simulated(body: str, models: Sequence[str]) -> "tuple[Any, Any]":

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from sar_compiler import SarError
-from sar_compiler.missions import readable_ros_errors, serve
+from sar_compiler.missions import convert_ros_errors, serve
 
 _RATE = ParameterDescriptor(
     description="pictures per second",
@@ -41,7 +41,7 @@ class Camera(Node):
     """
 
     def __init__(self, context: Context, cli_args: list[str]) -> None:
-        with readable_ros_errors():
+        with convert_ros_errors():
             super().__init__("camera_node", context=context, cli_args=cli_args)
         try:
             rate_hz = self.declare_parameter("rate_hz", 1.0, _RATE).value

@@ -6,7 +6,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from sar_compiler.missions import readable_ros_errors, serve
+from sar_compiler.missions import convert_ros_errors, serve
 
 
 class ImageProcessor(Node):
@@ -21,7 +21,7 @@ class ImageProcessor(Node):
     """
 
     def __init__(self, context: Context, cli_args: list[str]) -> None:
-        with readable_ros_errors():
+        with convert_ros_errors():
             super().__init__("image_processor", context=context, cli_args=cli_args)
         self._seen = self.create_publisher(String, "seen", 10)
         self._pictures = self.create_subscription(String, "camera/image", self._look_at, 10)

@@ -18,12 +18,12 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.types import ToolAnnotations
 
 from sar_compiler.agent.call_limits import CallLimits
-from sar_compiler.checks.configuration import project_places
+from sar_compiler.checks.configuration import project_paths
 from sar_compiler.commands import FINDINGS, OK, RULE_FAILED
 from sar_compiler.errors import SarError
 from sar_compiler.resources import find, shipped_root
 from sar_compiler.tree.content import real_path
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 _INSTRUCTIONS = (
     "Behaviour trees for robots, in YAML or XML. List the tags with `nodes`, write a tree file, `validate` it until it has "
@@ -75,7 +75,7 @@ class ToolAccess:
         self.vocabulary, self.includes = vocabulary, includes
         self._said = f"the folders that the tools may read: {', '.join(map(str, roots))}"
         shipped = [shipped_root() / kind for kind in ("trees", "config")]
-        places = [*roots, *map(real_path, named), *shipped, *project_places([*roots, shipped[0]])]
+        places = [*roots, *map(real_path, named), *shipped, *project_paths([*roots, shipped[0]])]
         self._environment = CallLimits((*map(str, places),), self._said, memory_bytes).environment()
         self._turns, self._calls = anyio.Semaphore(_AT_A_TIME), 0
 
@@ -93,7 +93,7 @@ class ToolAccess:
                 return name
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise ToolError(f"invalid file name '{in_one_line(name[:_SHOWN])}': {reason}") from None
+            raise ToolError(f"invalid file name '{escape_to_one_line(name[:_SHOWN])}': {reason}") from None
         if not any(place.is_relative_to(root) for root in self._roots):
             raise ToolError(f"'{name}' is outside {self._said}")
         if place.is_dir():

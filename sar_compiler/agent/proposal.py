@@ -48,7 +48,7 @@ def proposal(
 
     Raises:
         TreeError: If the file of properties is wrong, or there is no such tree.
-        SarError: As `ProjectTree.check` and `Fingerprint.of` do, or if the file of properties changes meanwhile.
+        SarError: As `ProjectTree.check` and `Fingerprint.from_tree` do, or if the file of properties changes meanwhile.
     """
     findings = all_findings(tree)
     proposed: dict[str, object] = {
@@ -61,13 +61,13 @@ def proposal(
             "is_proved": False,
             "why": "the tree has errors, so nothing was proved. Fix them first",
         }
-    now = Fingerprint.of(tree, tree_id, params, properties)
+    now = Fingerprint.from_tree(tree, tree_id, params, properties)
     how = f"{approve_command(tree, tree_id, params, properties)} --digest {now.digest}"
     proposed |= {"digest": now.digest, **now._asdict(), "file": str(tree.path), "approve": how}
     try:
         verification = verify_tree(tree, properties, params=params, tree_id=tree_id, max_states=max_states)
     except UndecidableError as error:
         return {**proposed, "is_proved": False, "why": f"no property could be decided: {error}"}
-    if Fingerprint.of(tree, tree_id, params, properties) != now:
+    if Fingerprint.from_tree(tree, tree_id, params, properties) != now:
         raise ApprovalError("a file of parameters or properties has changed during the proof. Start over")
     return {**proposed, "is_proved": verification.proved, "proofs": verification_data(verification)}

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sar_compiler.errors import SarError
-from sar_compiler.missions.beginning import read_parameters
+from sar_compiler.missions.mission_start import read_parameters
 from sar_compiler.opener import (
     APPROVAL,
     PROPERTIES,
@@ -28,7 +28,7 @@ from sar_compiler.opener import (
 )
 from sar_compiler.project import ProjectTree
 from sar_compiler.resources import state_folder
-from sar_compiler.tree.content import bytes_of, real_path
+from sar_compiler.tree.content import encode_text, real_path
 from sar_compiler.tree.diagnostic import Source
 
 # The parameters of every ROS node, which do not concern the mission.
@@ -64,7 +64,7 @@ class Fingerprint(NamedTuple):
     properties: str
 
     @classmethod
-    def of(
+    def from_tree(
         cls, tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
     ) -> "Fingerprint":
         """Return the parts of a tree as it was read, regardless of later changes of the files.
@@ -216,7 +216,7 @@ class ApprovalCheck:
         Raises:
             ApprovalError: If it is another file.
         """
-        if _sum(bytes_of(source, source.text)) != self._approval.properties:
+        if _sum(encode_text(source, source.text)) != self._approval.properties:
             self._refuse([f"{source.path} is not the file of properties that was approved"])
 
     def require_parameters(self, parameters: Mapping[str, object], files: Mapping[str, FileContent]) -> None:
@@ -269,7 +269,7 @@ def _files_of(tree: ProjectTree) -> dict[str, str]:
     forest, files = tree.forest, dict[str, str]()
     for source in (each.source for each in (*forest.files, *forest.others)):
         name = os.path.relpath(real_path(Path(source.path)), forest.place.parent)
-        sum_now = _sum(bytes_of(source, source.text))
+        sum_now = _sum(encode_text(source, source.text))
         if files.setdefault(name, sum_now) != sum_now:
             raise ApprovalError(f"{source.path} has changed while it was read. Start over")
     return files

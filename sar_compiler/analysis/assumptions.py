@@ -7,18 +7,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary, report_script, unknown_in, word
+from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary, report_script, unknown_names, word
 from sar_compiler.analysis.simulated_tree import (
     Assumptions,
     SimulatedTree,
     described_parents,
-    put_in_place,
+    replace_nodes,
     self_ticking_parents,
 )
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.answers import SELF, is_fact_name, mistake_in, placeholders
+from sar_compiler.nodes.answers import SELF, find_script_error, is_fact_name, placeholders
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
 from sar_compiler.nodes.models import described_specs
 from sar_compiler.nodes.registry import Registry
@@ -209,7 +209,7 @@ def check_answers(value: Value | None, words: LeafVocabulary) -> None:
             if placeholders(text):
                 continue  # filled for each leaf
             with suppress(ScriptError):  # reported already
-                for typo in unknown_in(parse(text), words.names):
+                for typo in unknown_names(parse(text), words.names):
                     if text[slice(*typo.place)] != UNKNOWN:
                         words.document.report(
                             "unknown-fact", typo.message, part, typo.place, suggestion=typo.suggestion
@@ -235,7 +235,9 @@ def _can(spec: NodeSpec, status: str) -> bool:
 
 def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer, spec: NodeSpec) -> bool:
     known = [SELF, *(p.name for p in spec.parameters.values() if p.role is ParameterRole.REFERENCE)]
-    mistake = mistake_in(answer, known, [p.name for p in spec.parameters.values() if p.is_whole_number])
+    mistake = find_script_error(
+        answer, known, [p.name for p in spec.parameters.values() if p.is_integer_parameter]
+    )
     if mistake is not None:
         part, _, error = mistake
         report_script(document, parts[part], error)
@@ -248,7 +250,7 @@ def _names_in(answer: Answer) -> set[str]:
     return {use.name for script in scripts for use in name_uses(script)}
 
 
-def take_controls(
+def apply_controls(
     document: Document, controls: Value, binding: Binding, registry: Registry, files: Iterable[TreeFile]
 ) -> None:
     """Apply a file's replacements for nodes of unknown behaviour; its errors become findings.
@@ -276,7 +278,7 @@ def take_controls(
         # After a finding any replacement is accepted, to find further ones.
         fits = (each for each in registry if not _replacement_fault(each, nodes))
         stand_ins[tag] = spec or next(fits)
-    put_in_place(binding, stand_ins)
+    replace_nodes(binding, stand_ins)
 
 
 def _find_replacement(

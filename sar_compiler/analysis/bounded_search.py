@@ -9,11 +9,11 @@ from typing import NamedTuple
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.verify.properties import without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules.entry_accesses import key_accesses_of
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, BoundTree
-from sar_compiler.nodes.binding.nesting import count_within_limits
+from sar_compiler.nodes.binding.nesting import check_size_limits
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import ROOT_SIGN, MissingEntryError
@@ -80,7 +80,7 @@ class SearchBudget:
         return not self.is_limited
 
 
-class NameInTree(str):
+class LocatedName(str):
     """A node name that carries its node, so that errors can be located in the file."""
 
     __slots__ = ("bound",)
@@ -90,7 +90,7 @@ class NameInTree(str):
 def mark(binding: Binding) -> None:
     """Replace the names in a bound tree by names that carry their nodes."""
     for bound in binding.nodes():
-        name = NameInTree(bound.name)
+        name = LocatedName(bound.name)
         name.bound = bound
         bound.name = name
 
@@ -104,7 +104,7 @@ class _Raised(NamedTuple):
 
 def can_prepare(binding: Binding, budget: SearchBudget) -> bool:
     """Charge the preparation of a tree to the budget; return whether it was enough."""
-    nodes = count_within_limits(binding.main, FindingCollector())
+    nodes = check_size_limits(binding.main, FindingCollector())
     return nodes is not None and budget.take(nodes * _PREPARING)
 
 
@@ -127,9 +127,9 @@ def findings_of_runs(
     Raises:
         UndecidableError: If the ticks of the tree cannot be enumerated.
     """
-    stepper = TreeStepper(Prepared.of(simulated), without_properties().rules)
+    stepper = TreeStepper(PreparedTree.prepare(simulated), without_properties().rules)
     cost = _A_TICK + len(stepper.flat.nodes)
-    doubts, mistaken = _Doubts(binding), Mistaken(binding, known)
+    doubts, mistaken = _SimulationDoubts(binding), FaultyAttributes(binding, known)
 
     def place_of(error: Exception) -> tuple[str, Span] | None:
         if doubts.is_doubtful(error):
@@ -150,7 +150,7 @@ def findings_of_runs(
             event.leaf in described for events in ticks for event in events
         )
         place = _place(raised.error, binding)
-        told = f"{simulated.explain(raised.error)} ({_run_words(ticks)})"
+        told = f"{simulated.explain(raised.error)} ({_run_text(ticks)})"
         severity = Severity.ERROR if is_sure else Severity.WARNING
         source, span = place.element.source, _span(raised.error, place)
         hint = f"{how_to_see} shows the run tick by tick"
@@ -208,7 +208,7 @@ def _has_path(path: tuple[int, ...]) -> Callable[[TickSteps], bool]:
     return lambda steps: steps.path() == path
 
 
-def _run_words(ticks: list[list[Event]]) -> str:
+def _run_text(ticks: list[list[Event]]) -> str:
     """Return a run in words: the answers of its last ticks."""
     if not any(ticks):
         return f"in tick {len(ticks)}"
@@ -222,7 +222,7 @@ def _run_words(ticks: list[list[Event]]) -> str:
     return f"in tick {len(ticks)}: {', '.join(said)}"
 
 
-class _Doubts:
+class _SimulationDoubts:
     """Detects errors of the simulation alone: the values that real leaves and the mission write are unknown here."""
 
     def __init__(self, binding: Binding) -> None:
@@ -249,7 +249,7 @@ def _empty_keys(error: BaseException | None) -> Iterator[str]:
 
 def _place(error: Exception, binding: Binding) -> BoundNode:
     for name in (getattr(error, "node", None), *_names_of_raising(error)):
-        if isinstance(name, NameInTree):
+        if isinstance(name, LocatedName):
             return name.bound
     if isinstance(error, PortError):
         reading = [bound for bound in binding.nodes() if error.port in bound.keys]
@@ -270,7 +270,7 @@ def _span(error: Exception, place: BoundNode) -> Span:
     if isinstance(error, NodeScriptError) and error.attribute in element.attributes:
         if error.start is None or error.end is None:
             return element.value_span(error.attribute)
-        return element.within_value(error.attribute, error.start, error.end)
+        return element.value_part_span(error.attribute, error.start, error.end)
     port = getattr(error, "port", "")
     return element.value_span(port) if port in element.attributes else element.tag_span()
 
@@ -279,7 +279,7 @@ _CODES = frozenset({"assignment-as-condition", "idle-statement", "touching-state
 _WRITING = (AccessKind.WRITE, AccessKind.CHANGE)
 
 
-class Mistaken:
+class FaultyAttributes:
     """The attributes of a bound tree with such findings, and the keys that receive their values.
 
     Args:

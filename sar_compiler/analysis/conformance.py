@@ -12,20 +12,25 @@ from itertools import islice, takewhile
 from operator import and_, or_
 from typing import NamedTuple
 
-from sar_compiler.analysis.runtime_monitor import RuntimeMonitor, WatchAlarm, only_when, undeclared
+from sar_compiler.analysis.runtime_monitor import RuntimeMonitor, WatchAlarm, describe_condition, undeclared
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.stub_leaf import StubLeaf
-from sar_compiler.analysis.verify.properties import LeftOut, Properties, PropertyFile, properties_of
+from sar_compiler.analysis.verify.properties import (
+    InapplicableProperty,
+    Properties,
+    PropertyFile,
+    properties_of,
+)
 from sar_compiler.analysis.verify.recorded_runs import (
     FoundTick,
     LostTick,
+    PossibleTick,
     TreeRuns,
-    Way,
     recorded_ticks,
     ticks_of,
 )
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.journal.recorded_ticks import LoggedTick, TickSource
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
 
@@ -34,7 +39,7 @@ _MOST_TOLD = 12
 """The number of events listed that led to a result."""
 
 
-class PropertyFate(Enum):
+class PropertyResult(Enum):
     """The result of a property in a recorded run."""
 
     KEPT = "kept"
@@ -61,7 +66,7 @@ class RecordedProperty(NamedTuple):
     """
 
     name: str
-    fate: PropertyFate
+    fate: PropertyResult
     tick: int = 0
     time_sec: float = 0.0
     event: str = ""
@@ -70,7 +75,7 @@ class RecordedProperty(NamedTuple):
     run: tuple[Event, ...] = ()
 
 
-class Misfit(NamedTuple):
+class ImpossibleEvent(NamedTuple):
     """The first event of a recorded run that is impossible for its tree.
 
     Attributes:
@@ -103,14 +108,14 @@ class Conformance(NamedTuple):
     """
 
     ticks: int
-    misfit: Misfit | None
+    misfit: ImpossibleEvent | None
     properties: tuple[RecordedProperty, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[InapplicableProperty, ...]
 
     @property
     def is_fine(self) -> bool:
         """Whether the run was possible and did not violate any property, certainly or possibly."""
-        wrong = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
+        wrong = (PropertyResult.BROKEN, PropertyResult.IN_DOUBT)
         return self.misfit is None and not any(each.fate in wrong for each in self.properties)
 
 
@@ -138,10 +143,10 @@ def conform(
         UndecidableError: If the tree's runs cannot be enumerated.
         OtherTreeError: If the tree has nodes other than those that ran.
     """
-    prepared = Prepared.of(simulated)
+    prepared = PreparedTree.prepare(simulated)
     properties = properties_of(file, prepared, tags)
     recorded = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
-    reading = _RememberingLast(
+    reading = _LastTickReader(
         record.read_ticks() if isinstance(record, TickSource) else recorded_ticks(record)
     )
     moments, lost = recorded.runs.locate(reading)
@@ -151,16 +156,16 @@ def conform(
         lost = lost._replace(events=events)
     if lost is not None and not is_over and recorded.is_unfinished(lost):
         lost = None
-    judged = _Judged(recorded, properties, moments)
+    judged = _PropertyEvaluation(recorded, properties, moments)
     if lost is None:
         judged.conclude(is_over=is_over)
     elif file is not None:
-        judged.go_on(RuntimeMonitor(recorded.at_start(), file, tags), lost, is_over=is_over)
+        judged.go_on(RuntimeMonitor(recorded.tree_at_start(), file, tags), lost, is_over=is_over)
     misfit = None if lost is None else recorded.misfit(lost)
     return Conformance(ticks, misfit, judged.found(), properties.left_out)
 
 
-class _RememberingLast(TickSource):
+class _LastTickReader(TickSource):
     """Yields ticks once, and remembers the last one.
 
     Args:
@@ -192,7 +197,7 @@ class _ReplayedRun:
         self._leaves = {leaf.number: leaf for leaf in simulated.leaves}
         self._judged: dict[bytes, Judgement] = {}
 
-    def at_start(self) -> SimulatedTree:
+    def tree_at_start(self) -> SimulatedTree:
         """Return the tree, with its facts as at the start of the run."""
         self.runs.stepper.steps.restore(self.runs.start)
         return self._simulated
@@ -249,13 +254,13 @@ class _ReplayedRun:
             )
         )
 
-    def misfit(self, lost: LostTick) -> Misfit:
+    def misfit(self, lost: LostTick) -> ImpossibleEvent:
         """Return the first impossible event of a tick."""
         noted = self._recorded_outcomes(lost)
         tried = [
             _Attempt(state, way, *way.common(noted, lost.told))
             for state in lost.states
-            for way in self.runs.ways_like(state, noted, lost.told)
+            for way in self.runs.ticks_like(state, noted, lost.told)
         ]
         most = max((each.common for each in tried), default=0)
         best = [each for each in tried if each.common == most]
@@ -265,7 +270,7 @@ class _ReplayedRun:
             number, said, possible, why = self._missing_answer(lost, best)
         run = self.led_to(lost.number, number)
         listed = tuple(dict.fromkeys(possible))
-        return Misfit(lost.number, lost.time_sec, said, self.place(number), listed, why, run)
+        return ImpossibleEvent(lost.number, lost.time_sec, said, self.place(number), listed, why, run)
 
     def _wrong_answer(
         self, noted: Sequence[Event], most: int, best: "Sequence[_Attempt]"
@@ -282,14 +287,14 @@ class _ReplayedRun:
         if not own:
             return (
                 event.number,
-                event_words(event),
+                event_text(event),
                 [each.next for each in best],
                 "no run ticks this leaf there",
             )
         attempt, place = own[0]
         self.runs.restore_before(attempt.state, attempt.way, place)
-        possible = [event_words(each.way.answers[place]) for each, place in own]
-        return event.number, event_words(event), possible, _why(self._leaves[event.number], event)
+        possible = [event_text(each.way.answers[place]) for each, place in own]
+        return event.number, event_text(event), possible, _why(self._leaves[event.number], event)
 
     def _missing_answer(self, lost: LostTick, best: "Sequence[_Attempt]") -> tuple[int, str, list[str], str]:
         """Return the description of an event that is missing in the record."""
@@ -317,7 +322,9 @@ class _ReplayedRun:
         said, other = (HALTED, "goes on") if number in stopped else ("goes on", HALTED)
         return number, f"{name} {said}", [f"{name} {other}"], ""
 
-    def _wrong_status(self, lost: LostTick, fitting: Sequence[Way]) -> tuple[int, str, list[str], str]:
+    def _wrong_status(
+        self, lost: LostTick, fitting: Sequence[PossibleTick]
+    ) -> tuple[int, str, list[str], str]:
         """Return the description of a tick with possible answers, but an impossible status of a node."""
         recorded = lost.events[-1].statuses
         wrong = [(each, way) for way in fitting if (each := way.other_status(recorded)) is not None]
@@ -330,10 +337,10 @@ class _ReplayedRun:
 
 
 class _Attempt(NamedTuple):
-    """A possible tick compared with a recorded one: its state before, and the length of their common part (`Way.common`)."""
+    """A possible tick compared with a recorded one: its state before, and the length of their common part (`PossibleTick.common`)."""
 
     state: bytes
-    way: Way
+    way: PossibleTick
     common: int
     place: int
 
@@ -347,10 +354,10 @@ class _Attempt(NamedTuple):
         """Its next event."""
         if self.is_whole:
             return f"the tick ends with {self.way.root}"
-        return event_words(self.way.answers[self.place])
+        return event_text(self.way.answers[self.place])
 
 
-def event_words(event: Event) -> str:
+def event_text(event: Event) -> str:
     """Return an event in the form of a properties file: `OpenDoor opened`."""
     return f"{event.leaf} {'starts' if event.what == STARTED else event.deed}"
 
@@ -361,11 +368,13 @@ def _why(leaf: StubLeaf, event: Event) -> str:
     if not known:
         return f"it is assumed that {undeclared(leaf, event.status, event.label)}"
     return (
-        "" if any(map(leaf.is_possible, known)) else f"it is assumed that {''.join(only_when(leaf, known))}"
+        ""
+        if any(map(leaf.is_possible, known))
+        else f"it is assumed that {''.join(describe_condition(leaf, known))}"
     )
 
 
-class _Breakage(NamedTuple):
+class _Violation(NamedTuple):
     """The violation of a property: the tick, its time, and the event, None for the end of a run."""
 
     tick: int
@@ -374,7 +383,7 @@ class _Breakage(NamedTuple):
     by_events: bool = False
 
 
-class _Judged:
+class _PropertyEvaluation:
     """The states of properties, tick by tick, in all runs that match a record.
 
     Args:
@@ -392,8 +401,8 @@ class _Judged:
         self._some = {recorded.runs.start: 0}
         self._each = dict(self._some)
         # When each was violated on some path, and when no path was left without a violation.
-        self._doubted: dict[int, _Breakage] = {}
-        self._broken: dict[int, _Breakage] = {}
+        self._doubted: dict[int, _Violation] = {}
+        self._broken: dict[int, _Violation] = {}
         for moment in moments:
             self._take(moment)
 
@@ -419,7 +428,7 @@ class _Judged:
         self._some, self._each = some, each
         in_some, in_each = reduce(or_, some.values(), 0), reduce(and_, each.values(), -1)
         for rule in range(len(self._properties.names)):
-            breakage = _Breakage(self._last.number, self._last.time_sec, events.get(rule))
+            breakage = _Violation(self._last.number, self._last.time_sec, events.get(rule))
             if in_some >> rule & 1:
                 self._doubted.setdefault(rule, breakage)
             if in_each >> rule & 1:
@@ -461,7 +470,7 @@ class _Judged:
         for alarm in watch.alarms:
             if alarm.cause.is_broken and alarm.tick >= lost.number:
                 led = None if alarm.number is None else self._event_of(alarm)
-                breakage = _Breakage(alarm.tick, times.get(alarm.tick, 0.0), led, by_events=True)
+                breakage = _Violation(alarm.tick, times.get(alarm.tick, 0.0), led, by_events=True)
                 self._broken.setdefault(names.index(alarm.about), breakage)
         self._open = sum(1 << names.index(name) for name in watch.owed)
         if not is_over:
@@ -473,21 +482,23 @@ class _Judged:
             for each in self._compared_run.record
             if (each.tick, each.number) == (alarm.tick, alarm.number)
         )
-        return next((each for each in said if event_words(each) == alarm.event), None)
+        return next((each for each in said if event_text(each) == alarm.event), None)
 
     def found(self) -> tuple[RecordedProperty, ...]:
         """Return the result of each property."""
         return tuple(self._fate(rule, name) for rule, name in enumerate(self._properties.names))
 
     def _fate(self, rule: int, name: str) -> RecordedProperty:
-        breakage, fate = self._broken.get(rule), PropertyFate.BROKEN
+        breakage, fate = self._broken.get(rule), PropertyResult.BROKEN
         if breakage is None:
-            breakage, fate = self._doubted.get(rule), PropertyFate.IN_DOUBT
+            breakage, fate = self._doubted.get(rule), PropertyResult.IN_DOUBT
         if breakage is None:
-            return RecordedProperty(name, PropertyFate.OPEN if self._open >> rule & 1 else PropertyFate.KEPT)
+            return RecordedProperty(
+                name, PropertyResult.OPEN if self._open >> rule & 1 else PropertyResult.KEPT
+            )
         tick, time_sec, event, by_events = breakage
         number = None if event is None else event.number
         place = "" if number is None else self._compared_run.place(number)
-        said = "" if event is None else event_words(event)
+        said = "" if event is None else event_text(event)
         run = self._compared_run.led_to(tick, number)
         return RecordedProperty(name, fate, tick, time_sec, said, place, by_events, run)

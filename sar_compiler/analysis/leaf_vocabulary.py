@@ -11,7 +11,7 @@ from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.checks.rules.entry_accesses import entry_table_of
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.nodes.values import type_of
+from sar_compiler.nodes.values import require_value_type
 from sar_compiler.runtime.answers import STATUSES, Fact
 from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event
@@ -20,7 +20,7 @@ from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.tree.guessing import nearest
 
-_DURATION = type_of(timedelta)
+_DURATION = require_value_type(timedelta)
 
 
 def word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
@@ -35,10 +35,10 @@ def word(document: Document, value: Value, known: Iterable[str], what: str) -> s
 
 def seconds(value: Value) -> float:
     """Return a duration that a schema has accepted, in seconds."""
-    return span_sec(value)[0]
+    return parse_duration_range(value)[0]
 
 
-def span_sec(value: Value) -> tuple[float, float]:
+def parse_duration_range(value: Value) -> tuple[float, float]:
     """Return the bounds of durations that a schema has accepted (`4s`, `4s to 9s`), in seconds."""
     if isinstance(value.data, (int, float)):
         return float(value.data), float(value.data)
@@ -69,7 +69,7 @@ def parameters(value: Value | None) -> dict[str, Fact]:
     return {} if value is None else dict(value.data)
 
 
-class Names(NamedTuple):
+class ConditionNames(NamedTuple):
     """The names that conditions on a tree can use.
 
     Attributes:
@@ -81,7 +81,7 @@ class Names(NamedTuple):
     is_open: bool
 
 
-class Typo(NamedTuple):
+class ConditionFault(NamedTuple):
     """An error in a condition.
 
     Attributes:
@@ -97,7 +97,7 @@ class Typo(NamedTuple):
     hint: str | None = None
 
 
-def names_of(simulated: SimulatedTree) -> Names:
+def names_of(simulated: SimulatedTree) -> ConditionNames:
     """Return the names of a tree's facts, and the keys of its main tree."""
     top = simulated.compiled.instance
     table = entry_table_of(top)
@@ -114,7 +114,9 @@ def names_of(simulated: SimulatedTree) -> Names:
         key = name.removeprefix(prefix)
         if name != key and "/" not in key:
             keys.append(key)
-    return Names(tuple(dict.fromkeys([*simulated.fact_values(), *keys, *simulated.enums])), table.is_open)
+    return ConditionNames(
+        tuple(dict.fromkeys([*simulated.fact_values(), *keys, *simulated.enums])), table.is_open
+    )
 
 
 def _made_by(effect: str) -> Iterator[str]:
@@ -122,7 +124,9 @@ def _made_by(effect: str) -> Iterator[str]:
     return (use.name for use in name_uses(parse(effect)) if use.access is Access.CREATE)
 
 
-def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Iterator[Typo]:
+def unknown_names(
+    script: Script, names: ConditionNames, own: Collection[str] = ()
+) -> Iterator[ConditionFault]:
     """Yield the unknown names in a script: those that neither the tree nor the script itself defines.
 
     Args:
@@ -136,10 +140,12 @@ def unknown_in(script: Script, names: Names, own: Collection[str] = ()) -> Itera
             message = (
                 f"'{use.name}' is neither a fact nor a key of this tree (known: {', '.join(known) or 'none'})"
             )
-            yield Typo(message, (use.start, use.end), suggestion=nearest(use.name, known))
+            yield ConditionFault(message, (use.start, use.end), suggestion=nearest(use.name, known))
 
 
-def typos(script: Script, names: Names, own: Collection[str], later: Collection[str] = ()) -> Iterator[Typo]:
+def typos(
+    script: Script, names: ConditionNames, own: Collection[str], later: Collection[str] = ()
+) -> Iterator[ConditionFault]:
     """Yield the errors in a condition.
 
     Args:
@@ -153,15 +159,15 @@ def typos(script: Script, names: Names, own: Collection[str], later: Collection[
         place = (use.start, use.end)
         if use.access is not Access.READ:
             message = f"a condition only reads '{use.name}' and must not change it"
-            yield Typo(message, place, hint="write == to compare")
+            yield ConditionFault(message, place, hint="write == to compare")
         elif use.name in later:
             message = f"'{use.name}' is only known after a tick, but is needed for an event within one"
-            yield Typo(message, place, hint="use it in end or at_end")
+            yield ConditionFault(message, place, hint="use it in end or at_end")
         else:
             continue
         usable = False
     if usable:
-        yield from unknown_in(script, names, own)
+        yield from unknown_names(script, names, own)
 
 
 STARTS = "starts"
@@ -201,7 +207,7 @@ class LeafVocabulary:
         self._origins = simulated.compiled.origins
 
     @functools.cached_property
-    def names(self) -> Names:
+    def names(self) -> ConditionNames:
         """The names that conditions know."""
         return names_of(self.simulated)
 

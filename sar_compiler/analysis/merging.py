@@ -75,7 +75,7 @@ def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
     yield from (str(each) for each in merged if not each.is_irrelevant)
 
 
-class Merging:
+class ValueMerging:
     """Values of entries that a search does not distinguish: a written value is replaced by its representative.
 
     The switch for this is an entry itself, so that it is part of each state, and of the remembered effects of

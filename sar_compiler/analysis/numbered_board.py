@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from sar_compiler.analysis.merging import Merging
+from sar_compiler.analysis.merging import ValueMerging
 from sar_compiler.runtime.blackboard import Board, Entry
 from sar_compiler.runtime.frozen import PLAIN, FrozenValueError, can_change, freeze, thaw
 from sar_compiler.runtime.kernel.entry_cells import EntryCells, Memo
@@ -35,10 +35,10 @@ class NumberedBoard(Board):
     """
 
     cells: EntryCells
-    merging: Merging | None = None
+    merging: ValueMerging | None = None
 
     @classmethod
-    def of(cls, board: Board, cells: EntryCells) -> None:
+    def from_board(cls, board: Board, cells: EntryCells) -> None:
         """Turn a board into a numbered one, in place: the ports of all nodes refer to it.
 
         Raises:
@@ -68,7 +68,7 @@ class NumberedBoard(Board):
             self.cells, sorted(places.union(self.merging.add_switch(entries) if self.merging else ()))
         )
 
-    def merge(self, merging: Merging) -> None:
+    def merge(self, merging: ValueMerging) -> None:
         """Merge some values, beginning with the current ones."""
         self.merging = merging
         for name in self.names():

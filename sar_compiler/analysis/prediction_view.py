@@ -7,9 +7,9 @@ from importlib.resources import files
 
 from sar_compiler.analysis.merging import merging_notes
 from sar_compiler.analysis.predict import Prediction
-from sar_compiler.analysis.predict.weighed_graph import Between
+from sar_compiler.analysis.predict.weighed_graph import ProbabilityBounds
 from sar_compiler.style import literal
-from sar_compiler.tree.plain import as_json, count_text
+from sar_compiler.tree.plain import as_json, count_with_noun
 
 _SHARES = (0.05, 0.5, 0.95)
 """The reported quantiles of the time."""
@@ -30,7 +30,7 @@ def prediction_as_text(prediction: Prediction, seconds: float) -> str:
 
 
 def _lines(found: Prediction, seconds: float) -> Iterator[str]:
-    states, steps = count_text(found.states, "state"), count_text(found.steps, "step")
+    states, steps = count_with_noun(found.states, "state"), count_with_noun(found.steps, "step")
     yield f"{states}{'' if found.complete else ' and more'}, {steps} between them, {seconds:.1f} s"
     rows = [("success", _percent(found.success)), ("an end", _percent(found.ends))]
     rows += [("time", _time(found))] if found.time_sec else []
@@ -68,12 +68,12 @@ def _influence_lines(found: Prediction) -> Iterator[str]:
         yield f"  {'/'.join(each.leaf):{width}}  {gain:>18}  {100 * each.if_never_failed:>16.1f} %"
 
 
-def _percent(probability: Between) -> str:
+def _percent(probability: ProbabilityBounds) -> str:
     low, high = (f"{100 * each:.1f}" for each in probability)
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
-def _seconds(time_sec: Between | None) -> str:
+def _seconds(time_sec: ProbabilityBounds | None) -> str:
     if time_sec is None:
         return ""
     low, high = (f"{each:.1f}" for each in time_sec)
@@ -89,7 +89,7 @@ def _time(found: Prediction) -> str:
 def prediction_as_json(prediction: Prediction, seconds: float) -> str:
     """Return a prediction as a JSON object; see `prediction_as_text`."""
 
-    def numbers(between: Between | None) -> dict[str, float] | None:
+    def numbers(between: ProbabilityBounds | None) -> dict[str, float] | None:
         return None if between is None else {"low": between.low, "high": between.high}
 
     data = {

@@ -8,11 +8,11 @@ from typing import TypeVar
 
 from sar_compiler.analysis.assumptions import (
     StartValues,
+    apply_controls,
     check_answers,
     raise_disputes,
     read_assumptions,
     start_assumptions,
-    take_controls,
 )
 from sar_compiler.analysis.bounded_search import SearchBudget, can_prepare, findings_of_runs, mark
 from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary
@@ -22,7 +22,7 @@ from sar_compiler.documents.located import Document
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.opener import admit
-from sar_compiler.parts import is_here
+from sar_compiler.parts import is_part_installed
 from sar_compiler.project.project_tree import ProjectTree
 from sar_compiler.runtime.answers import Fact
 from sar_compiler.tree.diagnostic import Diagnostic
@@ -47,10 +47,10 @@ def search_runs(
     others = [read_property_file(each) for each in answers]
     parameters = {**start.parameters, **({} if file is None else file.parameters)}
     # The findings about the file are raised together.
-    with contextlib.nullcontext() if file is None else file.document.findings_first():
+    with contextlib.nullcontext() if file is None else file.document.prefer_findings():
         if file is not None and file.controls is not None:
             files = (*tree.project.palettes, *tree.forest.files)
-            take_controls(file.document, file.controls, binding, tree.project.registry, files)
+            apply_controls(file.document, file.controls, binding, tree.project.registry, files)
         compiled = functools.partial(compile_simulated, binding, parameters, all_runs=True)
         simulated = compiled()
         assumed = start_assumptions(start, simulated)
@@ -97,9 +97,9 @@ def try_runs(tree: ProjectTree, binding: Binding, budget: SearchBudget, how_to_s
 
 def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
     """Return the default properties file of a bound tree's mission; None for none."""
-    if not is_here("missions"):
+    if not is_part_installed("missions"):
         return None
-    from sar_compiler.missions.choosing import mission_of
+    from sar_compiler.missions.mission_choice import mission_of
 
     mission = mission_of(tree, binding)
     if mission is None:
@@ -113,9 +113,9 @@ def default_properties(tree: ProjectTree, binding: Binding) -> Path | None:
 
 def _of_the_user(facts: Mapping[str, object] | Document, simulated: SimulatedTree) -> Assumptions:
     if not isinstance(facts, Document):
-        from sar_compiler.documents.yaml_files import document_of
+        from sar_compiler.documents.yaml_files import document_from_data
 
-        facts = document_of(facts, "facts", "name a fact")
+        facts = document_from_data(facts, "facts", "name a fact")
     said = read_assumptions(facts, facts.root, None, simulated)
     facts.raise_findings()
     return said

@@ -18,7 +18,7 @@ from sar_compiler.analysis.stub_leaf import FactVariables, StubLeaf, StubLeafErr
 from sar_compiler.analysis.verify.limits import spending_conditions
 from sar_compiler.analysis.verify.properties import ConditionError, Properties, PropertyFile, properties_of
 from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
-from sar_compiler.analysis.verify.state import Alphabet, Prepared
+from sar_compiler.analysis.verify.state import EventAlphabet, PreparedTree
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, TICKED, Event
@@ -151,7 +151,7 @@ class RuntimeMonitor:
         clock: Callable[[], float] = lambda: 0.0,
         limits: Collection[str] = (),
     ) -> None:
-        prepared = Prepared(simulated, Alphabet(simulated))
+        prepared = PreparedTree(simulated, EventAlphabet(simulated))
         keys = None if watched is None else watched.instance.scope
         self.properties: Properties = properties_of(file, prepared, tags, keys)
         if watched is not None:
@@ -228,11 +228,11 @@ class RuntimeMonitor:
 
     def starts(self, number: int) -> None:
         """Process the start of a leaf."""
-        self._happens(number, STARTED)
+        self._add_leaf_event(number, STARTED)
 
     def halts(self, number: int) -> None:
         """Process that a running leaf was stopped."""
-        self._happens(number, HALTED)
+        self._add_leaf_event(number, HALTED)
 
     def answers(self, number: int, status: str, label: str = "") -> None:
         """Process an outcome of a leaf.
@@ -257,10 +257,10 @@ class RuntimeMonitor:
             (event, answer), excluded = self._possible(number, numbers)
         self._note(number, deed, is_heard=event in self._hears)
         if excluded is not None:
-            self._tell_assumption(number, *excluded)
+            self._report_assumption(number, *excluded)
         self._trail.take(event)
         if self._trail.broken:
-            self._tell_broken(number, deed)
+            self._report_violation(number, deed)
         if answer is not None and answer.then:
             self._change(self._leaves[number], answer)
 
@@ -292,17 +292,17 @@ class RuntimeMonitor:
         if judgement.ends:
             self._tell(judgement.broken, "", None, judgement.pending)
 
-    def _happens(self, number: int, what: str) -> None:
+    def _add_leaf_event(self, number: int, what: str) -> None:
         for event, _ in self._numbers.get((number, what, "", ""), ()):
             self._note(number, what, is_heard=event in self._hears)
             self._trail.take(event)
             if self._trail.broken:
-                self._tell_broken(number, what)
+                self._report_violation(number, what)
 
     def _possible(
         self, number: int, numbers: Sequence[tuple[int, Answer | None]]
     ) -> tuple[tuple[int, Answer | None], tuple[str, str] | None]:
-        """Return the possible answer; if none is possible now, the first one with the reason (`only_when`)."""
+        """Return the possible answer; if none is possible now, the first one with the reason (`describe_condition`)."""
         leaf = self._leaves[number]
         try:
             for event, answer in numbers:
@@ -311,7 +311,7 @@ class RuntimeMonitor:
         except StubLeafError as error:
             self._cannot_judge(str(error))
             return numbers[0], None
-        return numbers[0], only_when(leaf, [answer for _, answer in numbers if answer is not None])
+        return numbers[0], describe_condition(leaf, [answer for _, answer in numbers if answer is not None])
 
     def _answers_unknown(self, number: int, status: str, label: str) -> None:
         """Process an answer that a leaf has not declared or not identified."""
@@ -321,10 +321,10 @@ class RuntimeMonitor:
             return
         known = [each for each in leaf.answers if each.status == status]
         if label or not known:
-            self._tell_assumption(number, undeclared(leaf, status, label))
+            self._report_assumption(number, undeclared(leaf, status, label))
         else:
             listed = ", ".join(dict.fromkeys(answer.name for answer in known))
-            self._tell_assumption(number, f"'{leaf.name}' says which of its answers it gives: {listed}")
+            self._report_assumption(number, f"'{leaf.name}' says which of its answers it gives: {listed}")
 
     def _change(self, leaf: StubLeaf, answer: Answer) -> None:
         try:
@@ -341,7 +341,7 @@ class RuntimeMonitor:
             event = WatchedEvent(self._clock(), self._tick, number, deed)
             (self._heard if is_heard else self._others).append((self._count, event))
 
-    def _tell_broken(self, number: int, deed: str) -> None:
+    def _report_violation(self, number: int, deed: str) -> None:
         broken, self._trail.broken = self._trail.broken, 0
         leaf = self._leaves[number]
         word = "starts" if deed == STARTED else deed
@@ -354,7 +354,7 @@ class RuntimeMonitor:
                 cause = AlarmCause.OWED if owed >> place & 1 else AlarmCause.BROKEN
                 self._raise(cause, name, event, number)
 
-    def _tell_assumption(self, number: int, about: str, now: str = "") -> None:
+    def _report_assumption(self, number: int, about: str, now: str = "") -> None:
         if about not in self._told:
             self._told.add(about)
             leaf = self._leaves[number]
@@ -370,7 +370,7 @@ class RuntimeMonitor:
         self.alarms.append(WatchAlarm(cause, about, event, self._tick, number, run))
 
 
-def only_when(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
+def describe_condition(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
     """Return when a leaf can give some answers that are impossible now, and the present values, in words."""
     whens = dict.fromkeys(answer.when for answer in answers)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
@@ -407,7 +407,7 @@ def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
         leaf.variables = _OwnKeys(simulated.facts, scope, leaf.variables.enums)
 
 
-def _numbers(alphabet: Alphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Answer | None]]]:
+def _numbers(alphabet: EventAlphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Answer | None]]]:
     """Return the indices of events of answers, by the leaf's number, event, status and label.
 
     If a status has only one answer, a leaf need not identify it.

@@ -5,13 +5,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from sar_compiler.analysis.leaf_vocabulary import LeafVocabulary
-from sar_compiler.analysis.simulate.running import Failure, Run, ScenarioPlayer, failures
-from sar_compiler.analysis.simulate.scenario_files import Play, read_expectations, read_scenario, understand
+from sar_compiler.analysis.simulate.scenario_files import (
+    ScenarioSimulation,
+    read_expectations,
+    read_scenario,
+    understand,
+)
+from sar_compiler.analysis.simulate.scenario_run import Failure, ScenarioPlayer, ScenarioRun, failures
 from sar_compiler.analysis.trace_view import failure_line, trace
 from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.checks.golden import compare_golden
 from sar_compiler.documents.located import Document
-from sar_compiler.documents.yaml_files import document_of
+from sar_compiler.documents.yaml_files import document_from_data
 from sar_compiler.project.project_tree import ProjectTree
 
 
@@ -36,14 +41,14 @@ def play_scenario(tree: ProjectTree, scenario: str | Path) -> None:
 class Simulated:
     """A tree that is ticked by a script."""
 
-    def __init__(self, play: Play) -> None:
+    def __init__(self, play: ScenarioSimulation) -> None:
         self._simulation = ScenarioPlayer(play.simulated, play.scenario)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: root {self.root} after tick {len(self.run.ticks)}>"
 
     @property
-    def run(self) -> Run:
+    def run(self) -> ScenarioRun:
         """The run so far, tick by tick."""
         return self._simulation.run
 
@@ -62,7 +67,7 @@ class Simulated:
         """The trace so far, as `sar-compile simulate` prints it."""
         return trace(self.run)
 
-    def until_end(self) -> "Simulated":
+    def run_to_end(self) -> "Simulated":
         """Tick until the end: until the root has succeeded or failed, unless the scenario has another `until`.
 
         Raises:
@@ -105,10 +110,10 @@ class Simulated:
 
 
 def _document(said: Mapping[str, object]) -> Document:
-    return document_of(said, "script", "list the answers of the leaves")
+    return document_from_data(said, "script", "list the answers of the leaves")
 
 
-def _complain(run: Run, missed: list[Failure], golden: Path | None = None) -> None:
+def _complain(run: ScenarioRun, missed: list[Failure], golden: Path | None = None) -> None:
     """Raise the expectations that are not met, with the trace."""
     different = compare_golden(golden, trace(run), "the trace now") if golden else None
     if different is not None:

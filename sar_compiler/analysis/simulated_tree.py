@@ -17,13 +17,19 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.analysis.stub_leaf import FactVariables, OutcomePolicy, StubLeaf
 from sar_compiler.compiler import Arguments, Builder, CompiledTree, Construction, compile_with
 from sar_compiler.errors import SarError, UndecidableError
-from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_answer, fill_text, number_text
-from sar_compiler.nodes.binding.bound import Binding, BoundNode, SkipAnalysis, by_itself, report_misread
-from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.answers import NOBODY, SELF, Identifiers, fill_outcome, fill_placeholders, number_text
+from sar_compiler.nodes.binding.bound import (
+    Binding,
+    BoundNode,
+    SkipAnalysis,
+    is_skippable_itself,
+    report_misread_skips,
+)
+from sar_compiler.nodes.binding.instances import TreeInstance
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.language import leaves as language
 from sar_compiler.nodes.outcome_sets import ALLOWED, WORD_OF, F, R, S
-from sar_compiler.nodes.palettes import palettes_with
+from sar_compiler.nodes.palettes import palettes_containing
 from sar_compiler.nodes.semantics import AccessKind, Order, Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter
 from sar_compiler.runtime import stock
@@ -67,14 +73,14 @@ def _finding(bound: BoundNode) -> Diagnostic:
     replace = f"name its replacement in the scenario or the file of properties: controls: {{{tag}: ...}}"
     if not bound.spec.is_foreign:
         message = (
-            f"<{tag}> has its own methods ({bound.spec.maker_path.replace(':', '.')}), and its record does not say "
+            f"<{tag}> has its own methods ({bound.spec.factory_path.replace(':', '.')}), and its record does not say "
             "exactly when it ticks "
             "its children"
         )
         hint = f"derive it from sar_compiler.{bound.spec.kind.value}, with begin and resume, or register it with semantics, or {replace}"
         return element.finding("only-described", message, hint=hint)
     message = f"<{tag}> is only described by a model, which does not define when it ticks its children"
-    palettes = " or ".join(palettes_with(tag))
+    palettes = " or ".join(palettes_containing(tag))
     known = f", or the palette that describes it (--model {palettes})" if palettes else ""
     hint = f"load the module that has it (--nodes PKG.MOD){known}, or {replace}"
     return element.finding("only-described", message, hint=hint)
@@ -147,7 +153,7 @@ def _repeat(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour
     return decorators.Retry(name, child, count) if again == F else decorators.Repeat(name, child, count)
 
 
-def put_in_place(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
+def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
     """Replace some nodes, with the defaults of their attributes.
 
     Args:
@@ -158,7 +164,7 @@ def put_in_place(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
         for node in tree.nodes:
             if node.spec.tag in controls:
                 node.spec, node.values, node.keys = controls[node.spec.tag], {}, {}
-                tree.skips = tree.skips or by_itself(node)
+                tree.skips = tree.skips or is_skippable_itself(node)
 
 
 # A leaf of the language that answers randomly would make every run different.
@@ -166,7 +172,7 @@ _BY_CHANCE = "py_trees.behaviours:ProbabilisticBehaviour"
 _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.class_path != _BY_CHANCE}
 
 
-def is_answered(spec: NodeSpec) -> bool:
+def needs_stub(spec: NodeSpec) -> bool:
     """Return whether a node is a leaf that acts on something outside the tree, and so becomes a stub leaf."""
     return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
@@ -286,7 +292,7 @@ def compile_simulated(
     compiled = compile_with(binding, builder, parameters, collector)
     builder.start_facts()
     leaves = tuple(each for each in compiled.root.iterate() if isinstance(each, StubLeaf))
-    named = dict.fromkeys((node.spec.tag, node.spec.maker_path.replace(":", ".")) for node in stand_ins)
+    named = dict.fromkeys((node.spec.tag, node.spec.factory_path.replace(":", ".")) for node in stand_ins)
     return SimulatedTree(
         compiled, builder.facts, leaves, clock, builder.disputes, tuple(named), binding.enums
     )
@@ -317,18 +323,18 @@ class SimulationArguments(Arguments):
     stand_ins: Mapping[BoundNode, Substitute] = MappingProxyType({})
     parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
 
-    def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
+    def of(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by parameter name; the replacement of a leaf has its ports."""
         if bound in self.stand_ins or bound.spec.stand_in:
             return {"name": bound.name}
-        if not is_answered(bound.spec):
+        if not needs_stub(bound.spec):
             return super().of(instance, bound)
         ports: dict[str, Any] = {}
         for parameter in bound.spec.ports:
             self._port(instance, bound, parameter, ports)
         return ports
 
-    def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+    def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         target = parameter.target
         if parameter.required and target is not None and target not in self._context:
             self._context[target] = preview_of(target)
@@ -361,39 +367,39 @@ class SimulationBuilder(Builder):
         said = [
             key for key, answers in assumptions.answers.items() if any(a.status == "SKIPPED" for a in answers)
         ]
-        skipped = [node for node in binding.nodes() if is_answered(node.spec) and _may_name(said, node)]
+        skipped = [node for node in binding.nodes() if needs_stub(node.spec) and _may_name(said, node)]
         if skipped:
             # A class that takes this for an interruption depends on more than the tree.
             self._skipping = SkipAnalysis(binding.trees(), skipped)
-            report_misread(binding.trees(), collector, skipped)
+            report_misread_skips(binding.trees(), collector, skipped)
         self.facts = Scope(Board("facts"))
         self.disputes: dict[str, str] = {}
         self._assumptions = assumptions
-        self._places = Places(binding)
+        self._places = NodePaths(binding)
         self._identifiers = Identifiers()
-        self._names: dict[tuple[Instance, BoundNode], str] = {}
-        self._said: dict[tuple[Instance, BoundNode], tuple[Answer, ...]] = {}
-        self._numbers: dict[tuple[Instance, BoundNode], dict[str, str]] = {}
+        self._names: dict[tuple[TreeInstance, BoundNode], str] = {}
+        self._said: dict[tuple[TreeInstance, BoundNode], tuple[Answer, ...]] = {}
+        self._numbers: dict[tuple[TreeInstance, BoundNode], dict[str, str]] = {}
         self._start: dict[str, tuple[Fact, str]] = {}
 
-    def prepare(self, instance: Instance) -> None:
+    def prepare(self, instance: TreeInstance) -> None:
         """Set the identifiers of an instance's leaves, and check that all nodes can get their arguments."""
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf or bound.spec.asks:
                 self._names[instance, bound] = self._identifiers.take(bound.name)
-            if is_answered(bound.spec) or bound.spec.asks:
+            if needs_stub(bound.spec) or bound.spec.asks:
                 path = self._places.path(instance, bound)
                 said = self._said[instance, bound] = answers_for(self._assumptions.answers, path, bound.spec)
                 self._numbers[instance, bound] = self._numbers_in(said, instance, bound)
         super().prepare(instance)
 
-    def _numbers_in(self, said: Sequence[Answer], instance: Instance, bound: BoundNode) -> dict[str, str]:
+    def _numbers_in(self, said: Sequence[Answer], instance: TreeInstance, bound: BoundNode) -> dict[str, str]:
         """Return the integers in the scripts of some answers, by their placeholders."""
         scripts = [script for answer in said for script in (answer.when, answer.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
             for parameter in bound.spec.parameters.values()
-            if parameter.is_whole_number and any(f"{{{parameter.name}}}" in script for script in scripts)
+            if parameter.is_integer_parameter and any(f"{{{parameter.name}}}" in script for script in scripts)
         }
 
     def report_only_described(self, bound: BoundNode) -> None:
@@ -415,8 +421,8 @@ class SimulationBuilder(Builder):
             entry.declare(type(value))
             entry.write(value)
 
-    def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
-        if is_answered(bound.spec):
+    def _make(self, instance: TreeInstance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
+        if needs_stub(bound.spec):
             return self._stub(instance, bound)
         if not bound.spec.asks:
             return super()._make(instance, bound, children)
@@ -425,20 +431,20 @@ class SimulationBuilder(Builder):
         made.ask(self._stub(instance, bound))
         return made
 
-    def _stub(self, instance: Instance, bound: BoundNode) -> StubLeaf:
+    def _stub(self, instance: TreeInstance, bound: BoundNode) -> StubLeaf:
         """Create the leaf that answers for a node, or for the world around it."""
         names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.target_of(bound, parameter.name)
             names[parameter.name] = NOBODY if target is None else self._names.get(target, NOBODY)
         for fact, value in bound.spec.facts.items():
-            self._add_fact(fill_text(fact, names), value, bound.name)
+            self._add_fact(fill_placeholders(fact, names), value, bound.name)
         path = self._places.path(instance, bound)
         said = self._said[instance, bound]
         enums = self._source.enums
         outputs = _Outputs(instance.scope, bound)
         variables = FactVariables(self.facts, instance.scope, enums, bound.name, outputs.named)
-        answers = outputs.unknown_after([fill_answer(answer, names) for answer in said])
+        answers = outputs.with_unknown_outputs([fill_outcome(answer, names) for answer in said])
         leaf = StubLeaf(bound.name, bound.spec.tag, answers, variables, enums)
         leaf.path = path
         self.constructions.append(Construction(leaf.id, instance, bound))
@@ -484,7 +490,7 @@ class _Outputs:
         self.named[f"_output_{len(self.named)}"] = self._scope.resolve(key)
         self._attributes.append(attribute)
 
-    def unknown_after(self, answers: list[Answer]) -> list[Answer]:
+    def with_unknown_outputs(self, answers: list[Answer]) -> list[Answer]:
         """Return the answers of the leaf, with unknown values for the keys that no answer writes."""
         if not self.named:
             return answers
@@ -506,16 +512,16 @@ class _Outputs:
         return replace(answer, then="; ".join(filter(None, [answer.then.rstrip().rstrip(";"), *effects])))
 
 
-class Places:
+class NodePaths:
     """The paths of the nodes of a bound tree."""
 
     def __init__(self, binding: Binding) -> None:
         self._around = {child: node for node in binding.nodes() for child in node.children}
 
-    def path(self, instance: Instance, bound: BoundNode) -> tuple[str, ...]:
+    def path(self, instance: TreeInstance, bound: BoundNode) -> tuple[str, ...]:
         """Return the names of a node's ancestors, from the root down, and its own."""
         names: list[str] = []
-        place: tuple[Instance, BoundNode] | None = (instance, bound)
+        place: tuple[TreeInstance, BoundNode] | None = (instance, bound)
         while place is not None:
             within, node = place
             names.append(node.name)

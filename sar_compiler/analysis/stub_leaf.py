@@ -17,7 +17,7 @@ from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.events import ANSWERED, HALTED, STARTED, Event, FactChanges, changes_in
 from sar_compiler.runtime.expressions import Script, name_uses
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.script_code import quick_script
+from sar_compiler.runtime.script_code import compile_fast_script
 from sar_compiler.runtime.scripting import ScopeVariables
 from sar_compiler.runtime.skipping import SkippableLeaf
 from sar_compiler.runtime.variables import UNKNOWN, Enums, ScriptValue, UnknownValue
@@ -141,7 +141,7 @@ class FactVariables:
         if not all(self.is_fact(use.name) for use in name_uses(program.script)):
             return None
         usual = [partial(statement, self) for statement in program.statements]
-        return quick_script(program.script, self.entry, self.enums.numbers, usual, condition)
+        return compile_fast_script(program.script, self.entry, self.enums.numbers, usual, condition)
 
     def _forget(self, name: str, value: object) -> ScriptValue | None:
         """Write an unknown value over any earlier one; return None for any other value."""

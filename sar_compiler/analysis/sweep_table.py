@@ -6,14 +6,14 @@ from pathlib import Path
 from statistics import NormalDist, fmean, stdev
 from typing import NamedTuple
 
-from sar_compiler.analysis.sweep import Played, StoppingRule, SweptRow
+from sar_compiler.analysis.sweep import RunResultSample, StoppingRule, SweepRow
 from sar_compiler.tree.plain import as_json
 
-Smallest = tuple[SweptRow, Played] | None
+Smallest = tuple[SweepRow, RunResultSample] | None
 
 
 def sweep_as_text(
-    rows: Sequence[SweptRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
+    rows: Sequence[SweepRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
 ) -> str:
     """Return a line for each row, with the rates in percent, and the failures.
 
@@ -54,7 +54,7 @@ def _align(cells: Sequence[str], widths: Sequence[int], labels: int) -> Iterator
         yield cell.ljust(width) if index < labels else cell.rjust(width)
 
 
-def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
+def _line(row: SweepRow, rule: StoppingRule, confidence: str) -> Mapping[str, str]:
     interval, times = rule.interval(row.outcomes), _times(row.outcomes)
     return {
         **row.labels,
@@ -68,7 +68,7 @@ def _line(row: SweptRow, rule: StoppingRule, confidence: str) -> Mapping[str, st
 
 
 def sweep_as_json(
-    rows: Sequence[SweptRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
+    rows: Sequence[SweepRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
 ) -> str:
     """Return the same as `sweep_as_text` as a JSON object; times are seconds, rates between 0 and 1."""
     result: dict[str, object] = {"rows": [_object(row, rule) for row in rows], "smallest": None}
@@ -80,7 +80,7 @@ def sweep_as_json(
     return as_json(result)
 
 
-def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
+def _object(row: SweepRow, rule: StoppingRule) -> Mapping[str, object]:
     times, failed = _times(row.outcomes), [each for each in row.outcomes if each.failure]
     means = _means(row.outcomes, rule.confidence)
     return {
@@ -96,7 +96,7 @@ def _object(row: SweptRow, rule: StoppingRule) -> Mapping[str, object]:
     }
 
 
-def _rate(outcomes: Sequence[Played]) -> float:
+def _rate(outcomes: Sequence[RunResultSample]) -> float:
     return sum(not each.failure for each in outcomes) / len(outcomes)
 
 
@@ -107,7 +107,7 @@ class _Mean(NamedTuple):
     margin: float | None
 
 
-def _means(outcomes: Sequence[Played], confidence: float) -> dict[str, _Mean]:
+def _means(outcomes: Sequence[RunResultSample], confidence: float) -> dict[str, _Mean]:
     """Return the mean of each number over the runs that have it: some runs have no time of a first event."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
@@ -122,7 +122,7 @@ def _margin_text(value: float, margin: float | None) -> str:
     return f"{value:.2f}" if margin is None else f"{value:.2f} ± {margin:.2f}"
 
 
-def _times(outcomes: Sequence[Played]) -> list[float]:
+def _times(outcomes: Sequence[RunResultSample]) -> list[float]:
     """Return the durations of successful runs, the shortest first."""
     return sorted(each.time_sec for each in outcomes if not each.failure)
 

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
-from sar_compiler.analysis.simulate.running import Coverage, Covered, Failure, Run
+from sar_compiler.analysis.simulate.scenario_run import Failure, NodeCoverage, OutcomeCoverage, ScenarioRun
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord, ValueChange
 from sar_compiler.tree.plain import as_json, plain, speakable, value_as_script
 
 
-def trace(run: Run) -> str:
+def trace(run: ScenarioRun) -> str:
     """Return the ticks of a run with new events, and its end."""
     writer = _Writer(run)
     lines: list[str] = []
@@ -42,7 +42,7 @@ def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
     return f"{leaf.name} ({namesakes.index(leaf) + 1})"
 
 
-def verdict(run: Run, failures: Sequence[Failure]) -> str:
+def verdict(run: ScenarioRun, failures: Sequence[Failure]) -> str:
     """Return a scenario's unmet expectations, or that all are met; for a run without a scenario, the reason of its end."""
     scenario = run.scenario
     if not (scenario.path or failures):
@@ -60,13 +60,13 @@ def verdict(run: Run, failures: Sequence[Failure]) -> str:
     return "\n".join([f"{title} {how}:", *(f"  {failure_line(run, each)}" for each in failures)])
 
 
-def failure_line(run: Run, failure: Failure) -> str:
+def failure_line(run: ScenarioRun, failure: Failure) -> str:
     """Return an unmet expectation with its location."""
     place = f"{run.scenario.path}:{failure.line}: " if failure.line and run.scenario.path else ""
     return f"{place}{failure.expected}: {failure.message}"
 
 
-def coverage_text(coverage: Coverage) -> str:
+def coverage_text(coverage: OutcomeCoverage) -> str:
     """Return the nodes and outcomes that did not occur in a set of runs."""
     nodes, missed = coverage.nodes, coverage.never_ticked
     possible = sum(len(node.outcomes) for node in nodes)
@@ -93,7 +93,7 @@ def _visible_events(tick: TickRecord) -> list[Event]:
 
 
 class _Writer:
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: ScenarioRun) -> None:
         self._labels = leaf_labels(run.simulated.leaves)
         self._width = max(map(len, self._labels.values()), default=0)
         origins = run.simulated.compiled.origins
@@ -129,14 +129,14 @@ class _Writer:
         return event.status != "RUNNING" and event.number not in self._conditions
 
 
-def _end(run: Run) -> str:
+def _end(run: ScenarioRun) -> str:
     last = f"tick {len(run.ticks)} ({run.time_sec:g} s)"
     if run.trouble:
         return f"aborted in {last}: {run.trouble}"
     return f"{'ended' if run.ended else 'aborted, without an end,'} after {last}: root {run.root}"
 
 
-def _facts_at_the_end(run: Run) -> list[str]:
+def _facts_at_the_end(run: ScenarioRun) -> list[str]:
     facts = run.simulated.fact_values()
     return [f"facts at the end: {_values(facts)}"] if facts else []
 
@@ -162,7 +162,7 @@ class PlayedScenario:
     """
 
     name: str
-    run: Run | None = None
+    run: ScenarioRun | None = None
     failures: Sequence[Failure] = field(default_factory=tuple)
     problem: str = ""
     is_finding: bool = False
@@ -200,7 +200,9 @@ def _add_case(suite: ET.Element, tree: str, played: PlayedScenario) -> None:
     result.text = speakable(text)
 
 
-def runs_as_json(tree: str, scenarios: Sequence[PlayedScenario], coverage: Coverage | None = None) -> str:
+def runs_as_json(
+    tree: str, scenarios: Sequence[PlayedScenario], coverage: OutcomeCoverage | None = None
+) -> str:
     """Return the played scenarios as a JSON object; times are simulated seconds."""
     result: dict[str, object] = {"file": tree, "scenarios": [_scenario(each) for each in scenarios]}
     if coverage is not None:
@@ -231,7 +233,7 @@ def _scenario(played: PlayedScenario) -> dict[str, object]:
     }
 
 
-def _tick(run: Run, tick: TickRecord) -> dict[str, object]:
+def _tick(run: ScenarioRun, tick: TickRecord) -> dict[str, object]:
     names = {behaviour.id: behaviour.name for behaviour in run.simulated.root.iterate()}
     return {
         "tick": tick.number,
@@ -253,6 +255,6 @@ def _tick(run: Run, tick: TickRecord) -> dict[str, object]:
     }
 
 
-def _node(covered: Covered) -> dict[str, object]:
+def _node(covered: NodeCoverage) -> dict[str, object]:
     element = covered.bound.element
     return {"name": covered.bound.name, "file": element.source.path, "line": element.line}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.conformance import Conformance
     from sar_compiler.analysis.predict import Prediction
     from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
-    from sar_compiler.analysis.simulate.scenario_files import Stage
+    from sar_compiler.analysis.simulate.scenario_files import ScenarioStage
     from sar_compiler.analysis.simulated_tree import SimulatedTree
     from sar_compiler.analysis.verify.properties import PropertyFile
     from sar_compiler.analysis.verify.verdicts import Verification
@@ -35,9 +35,9 @@ def _start_values(
     """
     if params is None or isinstance(params, StartValues):
         return params or StartValues()
-    from sar_compiler.missions.beginning import begin_without_ros
+    from sar_compiler.missions.mission_start import start_without_ros
 
-    values, _, begun = begin_without_ros(tree, Path(params), binding)
+    values, _, begun = start_without_ros(tree, Path(params), binding)
     for text in begun.notes:
         tree.note(text if text.startswith(f"{params}:") else f"{params}: {text}")
     return StartValues(values, begun.mission.facts(), 1.0 / begun.parameters.tick_rate_hz)
@@ -45,7 +45,7 @@ def _start_values(
 
 def stage_of(
     tree: ProjectTree, tree_id: str | None = None, params: str | Path | StartValues | None = None
-) -> "Stage":
+) -> "ScenarioStage":
     """Return the object that simulates scenarios.
 
     Args:
@@ -56,11 +56,11 @@ def stage_of(
     Raises:
         TreeError: If there are errors.
     """
-    from sar_compiler.analysis.simulate.scenario_files import Stage
+    from sar_compiler.analysis.simulate.scenario_files import ScenarioStage
 
     tree.require_no_errors()
     start = functools.partial(_start_values, tree, params)
-    return Stage(tree.forest, tree.project.registry, tree.palettes, tree_id, start)
+    return ScenarioStage(tree.forest, tree.project.registry, tree.palettes, tree_id, start)
 
 
 def verify_tree(
@@ -124,7 +124,7 @@ def watch_tree(
     """
     from sar_compiler.analysis.proofs import search_runs, set_initial_facts
     from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
-    from sar_compiler.analysis.verify.limits import limits_of
+    from sar_compiler.analysis.verify.limits import find_limits
 
     known = facts or {}
 
@@ -132,7 +132,7 @@ def watch_tree(
         simulated: "SimulatedTree", file: "PropertyFile | None", tags: Collection[str]
     ) -> RuntimeMonitor:
         set_initial_facts(simulated, known)
-        return RuntimeMonitor(simulated, file, tags, watched, clock, limits_of(simulated, known))
+        return RuntimeMonitor(simulated, file, tags, watched, clock, find_limits(simulated, known))
 
     start = StartValues(parameters or {}, known)
     return search_runs(tree, tree.binding(tree_id), properties, None, start, watch)

@@ -36,7 +36,7 @@ class TrialOutcome(NamedTuple):
     is_cut: bool = False
 
 
-def try_within(
+def try_runs_within(
     tree: ProjectTree, work: int | None, seconds: float | None, is_spent: Callable[[], bool]
 ) -> TrialOutcome:
     """Try the runs of a tree file.
@@ -70,7 +70,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
         tree: The tree file.
         budget: Returns the budget for the file; called only if there is something to try.
     """
-    if tree.is_malformed or any(each.severity is Severity.ERROR for each in tree.findings_of_the_tree):
+    if tree.is_malformed or any(each.severity is Severity.ERROR for each in tree.tree_findings):
         return []
     forest, registry = tree.forest, tree.project.registry
     executable = forest.executable

@@ -18,7 +18,7 @@ from sar_compiler.analysis.verify.verdicts import (
     VerificationComparison,
 )
 from sar_compiler.runtime.events import ANSWERED, HALTED, TICKED, Event, TickRecord
-from sar_compiler.tree.plain import as_json, count_text, plain, value_as_script
+from sar_compiler.tree.plain import as_json, count_with_noun, plain, value_as_script
 
 _WIDTH = 110
 
@@ -101,13 +101,13 @@ def _changes_in(comparison: VerificationComparison, names: tuple[str, str], seco
     answers, sides = comparison.answers, (comparison.before, comparison.now)
     named = max(map(len, names)) + 2
     for name, side, when in zip(names, sides, ("before", "now"), strict=True):
-        size = f"{count_text(side.states, 'state')}, {count_text(side.steps, 'step')} between them"
+        size = f"{count_with_noun(side.states, 'state')}, {count_with_noun(side.steps, 'step')} between them"
         yield f"{when + ':':8}{name:{named}}{size}"
     counts = Counter(answer.change for answer in answers)
     listed = ", ".join(
         f"{counts[change]} {change}" for change in (WORSE, BETTER, OTHER, SAME) if counts[change]
     )
-    yield f"{count_text(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
+    yield f"{count_with_noun(len(answers), 'answer')}: {listed}; {seconds:.1f} s"
     width = max(len(answer.question) for answer in answers) + 2
     for answer in answers:
         line = f"  {answer.question + ':':{width}}{_answer_or_none(answer.now)}"
@@ -150,8 +150,8 @@ def _tick_lines(number: int, tick: TickRecord, labels: Mapping[int, str]) -> Ite
 def _summary(verification: Verification, seconds: float) -> Iterator[str]:
     verdicts = verification.verdicts
     width = max(len(verdict.question) for verdict in verdicts) + 2
-    states = count_text(verification.states, "state")
-    steps, depth = count_text(verification.steps, "step"), count_text(verification.depth, "tick")
+    states = count_with_noun(verification.states, "state")
+    steps, depth = count_with_noun(verification.steps, "step"), count_with_noun(verification.depth, "tick")
     yield f"{states}, {steps} between them, {depth} deep, {seconds:.1f} s"
     yield _tally(verification)
     for verdict in verdicts:
@@ -172,7 +172,7 @@ def _tally(verification: Verification) -> str:
         (len(verification.left_out), "left out"),
     ]
     listed = ", ".join(f"{count} {kind}" for count, kind in kinds if count)
-    return f"{count_text(sum(count for count, _ in kinds), 'answer')}: {listed}"
+    return f"{count_with_noun(sum(count for count, _ in kinds), 'answer')}: {listed}"
 
 
 def _answer(verdict: Verdict) -> str:
@@ -191,7 +191,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     if verification.complete:
         return
     how = "it was stopped there" if verification.stopped else "raise the limit with --max-states"
-    yield f"Not proved beyond {count_text(verification.states, 'state')}: there are more states ({how})."
+    yield f"Not proved beyond {count_with_noun(verification.states, 'state')}: there are more states ({how})."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
         yield f"Most different values among the last ones had: {listed}."

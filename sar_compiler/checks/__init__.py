@@ -107,10 +107,10 @@ def check(
             returns the findings about these files.
         btcpp: The version of BehaviorTree.CPP that the trees are for; None if it is not configured.
     """
-    return check_context(context_of(forest, registry, palettes, btcpp))
+    return check_context(make_check_context(forest, registry, palettes, btcpp))
 
 
-def context_of(
+def make_check_context(
     forest: Forest,
     registry: Registry,
     palettes: Palettes = (),
@@ -174,7 +174,7 @@ def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diag
     return remove_suppressed(forest, findings)
 
 
-def first_of_each(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return the first `MOST` findings of each kind, with a note about the number of the others."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
@@ -225,7 +225,7 @@ def failure_of_rule(
     elif isinstance(error, _EXPECTED):
         raise error
     else:
-        told = _error_words(error)
+        told = _describe_error(error)
         message = f"the rule {name} failed here: {told}"
         finding = element.finding("internal-error", message, hint=_HINT)
     said = (each.message for each in found if each.code == finding.code)
@@ -246,11 +246,11 @@ def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagno
     """
     if isinstance(error, _EXPECTED):
         raise error
-    message = f"the {what} of this file failed: {_error_words(error)}"
+    message = f"the {what} of this file failed: {_describe_error(error)}"
     return Diagnostic("internal-error", message, Source(str(path), "", NO_SPANS), _START, hint=_HINT)
 
 
-def _error_words(error: Exception) -> str:
+def _describe_error(error: Exception) -> str:
     """Return an error's text with the source location that raised it."""
     last = _calls(error)[-1]
     place = f"{Path(last.f_code.co_filename).name}, in {last.f_code.co_name}"

@@ -9,7 +9,7 @@ from sar_compiler.checks.rules.version_differences import check_literals
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.btcpp.to_btcpp import to_btcpp
 from sar_compiler.nodes.registry import Registry
-from sar_compiler.tree.conversion import Converted, convert
+from sar_compiler.tree.conversion import ConvertedTree, convert
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.model import TreeFile
@@ -22,7 +22,7 @@ _MODELLED = ("unknown-node",)
 
 def convert_to_btcpp(
     forest: Forest, registry: Registry, palettes: Iterable[TreeFile] = (), btcpp: Version | None = None
-) -> Converted:
+) -> ConvertedTree:
     """Convert a tree file for BehaviorTree.CPP 4 and Groot2; see `to_btcpp`.
 
     The result includes notes about constructs without counterpart, and the findings for which BehaviorTree.CPP
@@ -46,7 +46,9 @@ def convert_to_btcpp(
         each for each in _refusals(written) if each.source is forest.main.source and each.span not in noted
     ]
     found = dict.fromkeys((*notes, *refused))
-    return Converted(convert(rewritten, Form.XML).text, (*losses, *sorted(found, key=lambda each: each.span)))
+    return ConvertedTree(
+        convert(rewritten, Form.XML).text, (*losses, *sorted(found, key=lambda each: each.span))
+    )
 
 
 def _replace_main(forest: Forest, main: TreeFile) -> Forest:

@@ -117,7 +117,7 @@ def configuration_for(
     return NOTHING_DECIDED
 
 
-def repository_of(folder: Path) -> Path | None:
+def find_repository(folder: Path) -> Path | None:
     """Return the repository that a folder is in; None if it is in none."""
     return next((each for each in (folder, *folder.parents) if is_there(each / ".git")), None)
 
@@ -128,12 +128,12 @@ def enclosing_folder(folder: Path) -> Path:
     A file of this package may name other files of the package.
     """
     own = real_path(folder)
-    if (repository := repository_of(own)) is not None:
+    if (repository := find_repository(own)) is not None:
         return repository
     return shipped_root() if own.is_relative_to(shipped_root()) else own
 
 
-def project_places(folders: Iterable[Path]) -> list[Path]:
+def project_paths(folders: Iterable[Path]) -> list[Path]:
     """Return the paths outside the given folders that belong to their projects, with links resolved.
 
     These are the configurations that are searched for above the folders, whether they exist or not, and the paths
@@ -245,7 +245,7 @@ def path_inside(
     if "\0" not in text and real_path(folder / text).is_relative_to(around):
         # Checked again when the file is opened, because a link may change until then.
         return NamedPath.within(folder / text, (around,))
-    where = "folder" if repository_of(around) is None else "repository"
+    where = "folder" if find_repository(around) is None else "repository"
     message = f"{name}: '{text}' is outside the {where} of this file"
     document.report("setting-outside", message, value, hint=f"move it into the {where}{otherwise}")
     return None

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from sar_compiler.checks.rules import CheckContext, is_misnamed
 from sar_compiler.nodes.binding.attributes import typo_in_note
-from sar_compiler.nodes.binding.nesting import find_main_tree, is_node
+from sar_compiler.nodes.binding.nesting import find_main_tree, is_btcpp_node_id
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models import read_models
 from sar_compiler.nodes.registry import Registry, subtree
@@ -106,7 +106,7 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
                 yield tree.finding("missing-tree-id", message, value="ID")
             elif first.setdefault(tree_id, tree) is not tree:
                 yield _duplicate(tree, first[tree_id])
-            elif is_node(tree_id, registry):
+            elif is_btcpp_node_id(tree_id, registry):
                 message = f"'{tree_id}' is a node and cannot be the ID of a tree"
                 yield tree.finding("wrong-tree-id", message, value="ID", hint="rename the tree")
 

@@ -9,11 +9,11 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, close_key
+from sar_compiler.nodes.binding.attributes import CONDITIONS, ONESHOT, complete_key_braces
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Source
+from sar_compiler.tree.display_text import escape_to_one_line, shortened
 from sar_compiler.tree.guessing import is_typo
-from sar_compiler.tree.model import Element, TreeFile, last_before
-from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.tree.model import Element, TreeFile, last_element_before
 from sar_compiler.tree.yaml_writer import scalar
 
 _COMMON = frozenset({"ID", "name", "memory", "BTCPP_format", "main_tree_to_execute", ONESHOT, *CONDITIONS})
@@ -49,7 +49,7 @@ def _value(written: str, suggestion: str) -> bool:
     return (
         written.strip() == suggestion
         or _same_but_case(written.strip(), suggestion)
-        or close_key(written) == suggestion
+        or complete_key_braces(written) == suggestion
         or (suggestion in _TRUTHS and is_typo(written, suggestion))
     )
 
@@ -111,7 +111,8 @@ class Fix:
         source, span = finding.source, finding.span
         place = f"{source.path}:{span.line}:{span.column}"
         written, suggestion = (
-            in_one_line(shortened(each)) for each in (_escape(finding), finding.suggestion or "left out")
+            escape_to_one_line(shortened(each))
+            for each in (_escape(finding), finding.suggestion or "left out")
         )
         return f"{place}: fixed[{finding.code}]: {written} -> {suggestion}"
 
@@ -202,7 +203,7 @@ class _Values:
 
     def around(self, finding: Diagnostic) -> _AttributeSpan | None:
         """Return the value that contains a finding; None if there is none."""
-        element = last_before(self._elements, finding.span[:2])
+        element = last_element_before(self._elements, finding.span[:2])
         if element is None:
             return None
         start, end = finding.source.offsets(finding.span)
@@ -229,10 +230,10 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     if not text and finding.code == "ignored-attribute":
-        return _without_attribute(finding, start)
+        return _attribute_removal(finding, start)
     value = values.around(finding) if finding.code != "loose-xml" else None
     if value is None and finding.code != "loose-xml" and finding.source.text.startswith("<", start):
-        return _other_tag(finding, start + 1, end)
+        return _tag_fix(finding, start + 1, end)
     if value is None:  # a name, the whole text, or an unreadable value
         return Fix(finding, start, end, text)
     source = finding.source
@@ -244,7 +245,7 @@ def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
     return None if "\n" in whole or "\r" in whole else Fix(finding, value.start, value.end, scalar(whole))
 
 
-def _without_attribute(finding: Diagnostic, start: int) -> Fix | None:
+def _attribute_removal(finding: Diagnostic, start: int) -> Fix | None:
     """Return the fix that deletes an attribute: in XML with the blanks before it, in YAML with its line or comma."""
     text = finding.source.text
     if finding.source.form is Form.XML:
@@ -264,7 +265,7 @@ def _without_attribute(finding: Diagnostic, start: int) -> Fix | None:
     return None if rest is None else Fix(finding, line, rest.end(), "")
 
 
-def _other_tag(finding: Diagnostic, start: int, end: int) -> Fix:
+def _tag_fix(finding: Diagnostic, start: int, end: int) -> Fix:
     """Return the fix of a tag's name in XML, in its start tag and end tag."""
     text, tag, depth = finding.source.text, finding.suggestion or "", 0
     for found in _MARKUP.finditer(text, start - 1):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sar_compiler.errors import SarError
 from sar_compiler.opener import RECORDED_OUTPUT, is_there, read_file
-from sar_compiler.tree.showing import shortened
+from sar_compiler.tree.display_text import shortened
 
 RENEW = "SAR_RENEW_GOLDEN"
 """The environment variable that makes tests rewrite such files."""

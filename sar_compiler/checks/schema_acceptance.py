@@ -256,7 +256,7 @@ def _node_type(specs: Sequence[NodeSpec]) -> _NodeType | None:
     for name, choices in attributes_by_name(specs).items():
         spec, parameter = choices[0]
         if name in spec.fixed:
-            attributes[name] = _Texts(tuple(spec.texts_of_fixed(parameter)))
+            attributes[name] = _Texts(tuple(spec.fixed_value_names(parameter)))
         elif parameter.role is not ParameterRole.ATTRIBUTE:
             attributes[name] = _ANY if parameter.role is ParameterRole.NAME else _NAME
         elif not parameter.value_type.name:

@@ -103,9 +103,9 @@ def _notes(elements: Iterable[Element]) -> frozenset[str]:
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
     """Return a file as XML, and for each line of that the line of the file."""
     if tree_file.source.form is not Form.XML:
-        from sar_compiler.tree.xml_writer import one_tag_a_line
+        from sar_compiler.tree.xml_writer import xml_with_tag_per_line
 
-        return one_tag_a_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
+        return xml_with_tag_per_line(tree_file.root), [element.line for element in tree_file.root.iterate()]
     # Unlike expat, libxml2 does not treat a lone carriage return as the end of a line.
     text = readable(tree_file)
     if "\r" in text:
@@ -162,9 +162,9 @@ def check_schema(
 
 def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
     """Yield the text between elements with its location, which libxml2 does not report."""
-    from sar_compiler.tree.conversion import rest_of
+    from sar_compiler.tree.conversion import ignored_content
 
     message = "this text between elements has no meaning"
-    for finding in rest_of(tree_file):
+    for finding in ignored_content(tree_file):
         if finding.code == "stray-text":
             yield dataclasses.replace(finding, message=message)

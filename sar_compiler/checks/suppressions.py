@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Span
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses
-from sar_compiler.tree.model import Comment, Element, TreeFile, last_before
+from sar_compiler.tree.model import Comment, Element, TreeFile, last_element_before
 
 _MARK, _UNNEEDED = "sar:", "unneeded-allow"
 _ALLOW = r"sar:\s*allow\s+([^:]*[^:\s])\s*(?::.*)?"
@@ -76,7 +76,7 @@ def _suppress(
     for finding in findings:
         silencing = []
         if finding.source is tree_file.source and finding.severity is not Severity.ERROR:
-            element = last_before(elements, finding.span[:2])
+            element = last_element_before(elements, finding.span[:2])
             about = by_element.get(id(element), []) if element is not None else []
             silencing = [each for each in about if finding.code in each.codes]
         for suppression in silencing:

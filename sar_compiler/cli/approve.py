@@ -65,7 +65,7 @@ def approve_file(arguments: argparse.Namespace) -> int:
     loader = workspace(arguments)
     tree = loader.load(arguments.file)
     status = (_propose if arguments.propose else _approve)(tree, arguments)
-    loader.note_use()
+    loader.report_use()
     return status
 
 
@@ -108,7 +108,7 @@ def _approve(tree: "ProjectTree", arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         print_error(f"sar-compile: {tree.path} is not approved: it has errors")
         return RULE_FAILED if any(each.code == "internal-error" for each in findings) else FINDINGS
-    fingerprint = Fingerprint.of(tree, arguments.tree, arguments.params, arguments.properties)
+    fingerprint = Fingerprint.from_tree(tree, arguments.tree, arguments.params, arguments.properties)
     if arguments.digest not in (None, fingerprint.digest):
         raise SarError(
             f"{tree.path} is not approved: it differs from the proposal. Its digest is {fingerprint.digest}"

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sar_compiler.budget import MAX_MEMORY_MB, MAX_SEC, Budget
-from sar_compiler.commands import FINDINGS, OK, tell_note
+from sar_compiler.commands import FINDINGS, OK, print_note
 from sar_compiler.errors import SarError
 from sar_compiler.gc_pause import large_imports
-from sar_compiler.parts import is_here
-from sar_compiler.resources import require_there
+from sar_compiler.parts import is_part_installed
+from sar_compiler.resources import require_tree_file
 
 if TYPE_CHECKING:
     from sar_compiler.journal.georeference import Georeference
@@ -86,11 +86,11 @@ def telling(read: Callable[[str], T]) -> Callable[[str], T]:
 
 def report_forms() -> str:
     """Describe the available reports, for the help of options."""
-    if not is_here("reports"):
+    if not is_part_installed("reports"):
         return "(needs sar_compiler.reports)"
-    from sar_compiler.reports.report_forms import forms_in_words
+    from sar_compiler.reports.report_forms import describe_forms
 
-    return forms_in_words()
+    return describe_forms()
 
 
 def georeference(text: str) -> "Georeference":
@@ -212,12 +212,12 @@ def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
     """Return a workspace with the options of a command; *added* are further fields of `CommandLineSettings`."""
     with large_imports():
         from sar_compiler.project.workspace import Workspace
-    return Workspace(additions(arguments)._replace(**added), note=tell_note, further_checks=further_checks())
+    return Workspace(additions(arguments)._replace(**added), note=print_note, further_checks=further_checks())
 
 
 def further_checks() -> "Sequence[FurtherCheck]":
     """Return the checks of a tree in addition to the rules, from the installed parts."""
-    if not is_here("missions"):
+    if not is_part_installed("missions"):
         return ()
     from sar_compiler.missions.tree_check import check_mission
 
@@ -238,12 +238,12 @@ def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[Pro
     from sar_compiler.tree.diagnostic import Severity, TreeError
 
     for name in names:
-        require_there(name)
+        require_tree_file(name)
     loader = workspace(arguments)
     trees = [loader.load(name) for name in names]
     for tree in trees:
         findings = tree.check()
-        loader.note_use()
+        loader.report_use()
         if any(each.severity is Severity.ERROR for each in findings):
             raise TreeError(findings)
         report_findings(findings)

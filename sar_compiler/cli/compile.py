@@ -37,7 +37,7 @@ from sar_compiler.commands import (
 )
 from sar_compiler.errors import SarError
 from sar_compiler.gc_pause import gc_paused
-from sar_compiler.resources import require_there
+from sar_compiler.resources import require_tree_file
 from sar_compiler.terminal import findings_as_text, painter
 
 if TYPE_CHECKING:
@@ -186,13 +186,13 @@ def _show(arguments: argparse.Namespace) -> int:
     if arguments.fold and arguments.format not in _PICTURES:
         print_error(f"{PROG}: --fold applies to pictures: add --format {', '.join(_PICTURES)}")
         return USAGE
-    require_there(arguments.file)
+    require_tree_file(arguments.file)
     loader = workspace(arguments)
     loaded = loader.load(arguments.file)
     try:
         findings, text = budget_of(arguments, patience_sec=0.0).run(lambda: _drawn(loaded, arguments))
     finally:
-        loader.note_use()
+        loader.report_use()
     if arguments.output is None:
         print(text, end="", flush=True)
     else:
@@ -245,10 +245,10 @@ def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
                 f"{PROG}: this flowchart is too large for GitHub and GitLab. --format svg has no limit"
             )
         return picture
-    from sar_compiler.compiler.outline import ascii_tree, unicode_tree, with_tags
-    from sar_compiler.tree.showing import visible
+    from sar_compiler.compiler.outline import add_tags, ascii_tree, unicode_tree
+    from sar_compiler.tree.display_text import visible
 
-    return visible(with_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
+    return visible(add_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
 
 
 def _diff(arguments: argparse.Namespace) -> int:
@@ -288,13 +288,13 @@ def _explain(arguments: argparse.Namespace) -> int:
     """
     from sar_compiler.tree.guessing import did_you_mean, nearest
     from sar_compiler.tree.kinds import KINDS
-    from sar_compiler.views.findings import page_of, without_markdown
+    from sar_compiler.views.findings import page_of, plain_text
 
     if arguments.code not in KINDS:
         advice = did_you_mean(nearest(arguments.code, KINDS))
         raise SarError(f"there is no kind of finding '{arguments.code}'{advice}")
     page = page_of(arguments.code)
-    print(without_markdown(page, painter(sys.stdout)) if sys.stdout.isatty() else page, end="")
+    print(plain_text(page, painter(sys.stdout)) if sys.stdout.isatty() else page, end="")
     return OK
 
 
@@ -316,12 +316,12 @@ def _nodes(arguments: argparse.Namespace) -> int:
         return OK
     registry = _registry(arguments)
     if arguments.tag is not None and arguments.tag not in registry:
-        from sar_compiler.nodes.palettes import palettes_with
+        from sar_compiler.nodes.palettes import palettes_containing
         from sar_compiler.tree.guessing import did_you_mean
 
         others = ". List known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE"
         advice = did_you_mean(registry.nearest(arguments.tag)) or others
-        if known := palettes_with(arguments.tag):
+        if known := palettes_containing(arguments.tag):
             advice = f". Add a palette that describes it: --model {' or '.join(known)}"
         raise SarError(f"there is no node '{arguments.tag}'{advice}")
     specs = list(registry) if arguments.tag is None else registry.variants(arguments.tag)
@@ -342,20 +342,20 @@ def _nodes_from_use(arguments: argparse.Namespace) -> int:
         UnreadableFileError: If the folder, or a file in it, cannot be read.
         TreeError: If a configuration, or a palette named by the user, is malformed.
     """
-    from sar_compiler.nodes.models.from_use import UseOfNodes
+    from sar_compiler.nodes.models.from_use import UndescribedNodes
     from sar_compiler.nodes.models.palette import palette_of
     from sar_compiler.tree.discovery import tree_files_in
 
     files = tree_files_in(arguments.from_use)
     loader = workspace(arguments, folders=(arguments.from_use,))
-    uses = UseOfNodes()
+    uses = UndescribedNodes()
     for path in files:
         tree = loader.load_file(path)
         if tree.is_malformed:
             print_error(f"{PROG}: {path} is skipped. Run `{PROG} validate` for its errors")
         else:
             uses.add(tree.forest.main, tree.palettes, tree.project.registry)
-    loader.note_use()
+    loader.report_use()
     print(palette_of(uses.models(arguments.tag)), end="")
     return OK
 
@@ -382,7 +382,7 @@ def _registry(arguments: argparse.Namespace) -> "Registry":
         RegistryError: If a module of leaves cannot be imported or has none.
         UnreadableFileError: If a palette cannot be read.
     """
-    project = workspace(arguments).project_here()
+    project = workspace(arguments).current_project()
     registry = project.vocabulary
     for finding in project.findings:
         print(finding.render(), file=sys.stderr)

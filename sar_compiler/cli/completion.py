@@ -16,7 +16,7 @@ from sar_compiler.cli.arguments import ArgumentKind
 from sar_compiler.commands import OK
 from sar_compiler.nodes.palettes import palette_names
 from sar_compiler.resources import shipped_root
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.project import Workspace
@@ -72,11 +72,11 @@ def _worlds(prefix: str, **_: Any) -> list[str]:
 def _ids(parsed_args: argparse.Namespace, **_: Any) -> Iterable[str]:
     """Return the IDs of the trees in the file named so far."""
     trees = _workspace(parsed_args).load(parsed_args.file).forest.trees
-    return [name for name in trees if in_one_line(name) == name]
+    return [name for name in trees if escape_to_one_line(name) == name]
 
 
 def _tags(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    return [spec.tag for spec in _workspace(parsed_args).project_here().vocabulary.specs()]
+    return [spec.tag for spec in _workspace(parsed_args).current_project().vocabulary.specs()]
 
 
 def _workspace(parsed_args: argparse.Namespace) -> "Workspace":
@@ -94,7 +94,7 @@ def _codes(**_: Any) -> Mapping[str, str]:
 
 
 def _missions(**_: Any) -> Iterable[str]:
-    from sar_compiler.missions.choosing import load_missions
+    from sar_compiler.missions.mission_choice import load_missions
 
     return load_missions()
 

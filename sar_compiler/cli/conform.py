@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sar_compiler.budget import BudgetSpentError
 from sar_compiler.cli.arguments import FILE, INPUT_HELP, TREE_INPUT, YAML_FILE, budget_of, load_checked
-from sar_compiler.cli.verify import add_search_options, facts_given
+from sar_compiler.cli.verify import add_search_options, parse_facts
 from sar_compiler.commands import FINDINGS, OK, print_text
 from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.journal_entries import OF_ROBOT, STATUS, Ending
@@ -69,12 +69,12 @@ def _compared_run(
     from sar_compiler.journal.database import JournalFile
     from sar_compiler.journal.mission_state import MissionState
     from sar_compiler.reports.compared_runs import ComparedRun
-    from sar_compiler.reports.journals import journal_word
+    from sar_compiler.reports.journals import journal_state
 
     with JournalFile.reading(place) as file:
-        state = MissionState.of(file.last_run(without=(*OF_ROBOT, STATUS)))
-    state.look_at_process(is_gone=not file.is_written)
-    compared = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_word(state), None)
+        state = MissionState.from_stream(file.last_run(without=(*OF_ROBOT, STATUS)))
+    state.update_process(is_gone=not file.is_written)
+    compared = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_state(state), None)
     if not state.nodes:
         return compared._replace(problem="it has no run of a tree")
     try:
@@ -116,7 +116,7 @@ def _compared(
             arguments.properties,
             is_over=run.ending == Ending.OVER.value,
             start=StartValues(state.parameters, run.about.get("facts") or {}),
-            facts=facts_given(arguments.set),
+            facts=parse_facts(arguments.set),
             params=arguments.params,
             tree_id=arguments.tree or run.about.get("tree_id"),
         )
@@ -128,15 +128,17 @@ def _compared(
 
 def _changed(tree: "ProjectTree", state: "MissionState", arguments: argparse.Namespace) -> str:
     """Describe the changes of the tree since the run; empty without changes."""
-    from sar_compiler.cli.journal_stats import nodes_difference, nodes_told
+    from sar_compiler.cli.journal_stats import node_identities, nodes_difference
     from sar_compiler.compiler.outline import outline
 
     tree_id = arguments.tree or state.runs[-1].about.get("tree_id")
-    now = nodes_told(outline(tree.preview(tree_id)))
+    now = node_identities(outline(tree.preview(tree_id)))
     # An entry that a parameter selected for the run is in braces here.
     then = [
         (name, depth, kind, {**had, **{key: each for key, each in has.items() if "{" in str(each)}})
-        for (name, depth, kind, had), (*_, has) in zip(nodes_told(state.about.get("tree")), now, strict=True)
+        for (name, depth, kind, had), (*_, has) in zip(
+            node_identities(state.about.get("tree")), now, strict=True
+        )
     ]
     return nodes_difference(then, now) if then != now else ""
 

@@ -11,7 +11,7 @@ from sar_compiler.tree.diagnostic import Form, Severity
 from sar_compiler.writing import WriteError, same_file, write_text
 
 if TYPE_CHECKING:
-    from sar_compiler.tree.conversion import Converted
+    from sar_compiler.tree.conversion import ConvertedTree
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -52,14 +52,14 @@ def convert_file(arguments: argparse.Namespace) -> int:
     return OK if all(loss.severity is Severity.INFO for loss in converted.losses) else FINDINGS
 
 
-def _convert(path: Path, arguments: argparse.Namespace) -> "Converted":
+def _convert(path: Path, arguments: argparse.Namespace) -> "ConvertedTree":
     if arguments.to == "btcpp":
         from sar_compiler.checks.btcpp_conversion import convert_to_btcpp
 
         loader = workspace(arguments)
         tree = loader.load(path)
         project, palettes = tree.project, tree.palettes
-        loader.note_use()
+        loader.report_use()
         return convert_to_btcpp(tree.forest, project.registry, palettes, project.configuration.btcpp)
     from sar_compiler.tree.conversion import convert
     from sar_compiler.tree.discovery import read_tree_file

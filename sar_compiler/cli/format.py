@@ -9,7 +9,7 @@ from sar_compiler.commands import FINDINGS, OK, USAGE, print_error, print_text
 from sar_compiler.opener import STANDARD_INPUT, TREE, UnreadableFileError, read_file
 from sar_compiler.terminal import findings_as_text
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.discovery import parse_tree, path_named
+from sar_compiler.tree.discovery import parse_tree, path_for_name
 from sar_compiler.writing import write_bytes
 
 
@@ -50,7 +50,7 @@ def _format(name: str, *, write: bool) -> bool:
     """Return whether a file differs from its canonical form, and rewrite it if requested."""
     from sar_compiler.tree.conversion import canonical_bytes
 
-    path = path_named(name)
+    path = path_for_name(name)
     written = read_file(path, TREE).data
     data = canonical_bytes(parse_tree(written, str(path)))
     differs = written != data

@@ -41,7 +41,7 @@ def check_journals(parser: argparse.ArgumentParser, options: argparse.Namespace)
         parser.error("--head applies to one journal: check it alone")
     from sar_compiler.reports.checked_journal import CheckedJournal
 
-    verdicts = [CheckedJournal.of(place, options.head) for place in options.journals]
+    verdicts = [CheckedJournal.check(place, options.head) for place in options.journals]
     if options.format == "json":
         print(as_json([verdict.data() for verdict in verdicts]))
     else:

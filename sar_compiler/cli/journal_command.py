@@ -97,9 +97,9 @@ def _show(options: argparse.Namespace) -> None:
 
     # Checking the lock releases the locks of other readers of the file in this process.
     with JournalFile.reading(options.journal) as file:
-        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, is_condensed=True))
+        inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True))
         state, show_all = inquiry.state, options.all
-        state.look_at_process(is_gone=not file.is_written)
+        state.update_process(is_gone=not file.is_written)
         if options.format == "json":
             lines = journal_json(file, state, with_watched=show_all)
         else:

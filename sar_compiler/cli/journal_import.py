@@ -5,7 +5,7 @@ import shlex
 from pathlib import Path
 
 from sar_compiler.cli.arguments import FILE, ArgumentKind, add_project_options, workspace
-from sar_compiler.commands import print_text, tell_note
+from sar_compiler.commands import print_note, print_text
 
 
 def add_import(parser: argparse.ArgumentParser) -> None:
@@ -39,9 +39,9 @@ def _import(options: argparse.Namespace) -> None:
 
     found = import_run(options.recording, options.output, workspace(options), options.tree)
     for flaw in found.flaws:
-        tell_note(f"{options.recording}: {flaw}")
+        print_note(f"{options.recording}: {flaw}")
     if found.unsure:
-        tell_note(f"{found.unsure} borders between ticks rest on a short pause alone")
+        print_note(f"{found.unsure} borders between ticks rest on a short pause alone")
     runs = f"{found.runs} runs" if found.runs != 1 else "1 run"
     print_text(
         f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} changes of status in {found.ticks} ticks"

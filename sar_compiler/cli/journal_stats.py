@@ -22,10 +22,10 @@ def add_stats(parser: argparse.ArgumentParser) -> None:
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
     text = f"{FORMAT_HELP}; yaml: as answers: of a file of properties, each with its probability p and its time sec"
     add("--format", choices=("text", "json", "yaml"), default="text", help=text)
-    parser.set_defaults(run=tell_statistics)
+    parser.set_defaults(run=print_statistics)
 
 
-def tell_statistics(options: argparse.Namespace) -> None:
+def print_statistics(options: argparse.Namespace) -> None:
     """Print the outcomes of the leaves in all runs of some journals.
 
     Raises:
@@ -48,7 +48,7 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
     found, first = RunStatistics(), None
     for place in journals:
         with JournalFile.reading(place) as file:
-            nodes = nodes_told(file.about().get("tree"))
+            nodes = node_identities(file.about().get("tree"))
             first = nodes if first is None else first
             if nodes != first:
                 raise JournalError(
@@ -59,7 +59,7 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
     return found
 
 
-def nodes_told(tree: Any) -> list[tuple[str, int, str, Any]]:
+def node_identities(tree: Any) -> list[tuple[str, int, str, Any]]:
     """Return the identity of each node, which is equal in two journals of one tree, wherever its file is."""
     from sar_compiler.journal.mission_state import tree_nodes
 
@@ -67,7 +67,7 @@ def nodes_told(tree: Any) -> list[tuple[str, int, str, Any]]:
 
 
 def nodes_difference(there: Sequence[tuple[Any, ...]], here: Sequence[tuple[Any, ...]]) -> str:
-    """Describe the first difference between two trees' nodes (`nodes_told`)."""
+    """Describe the first difference between two trees' nodes (`node_identities`)."""
     for was, now in zip(there, here, strict=False):
         if was[:3] != now[:3]:
             return f"'{now[0]}' ({now[2]}) replaces '{was[0]}' ({was[2]})"

@@ -33,10 +33,10 @@ def add_why(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_budget(parser)
     add("--format", choices=("text", "json"), default="text", help=FORMAT_HELP)
-    parser.set_defaults(run=tell_why)
+    parser.set_defaults(run=print_explanation)
 
 
-def tell_why(options: argparse.Namespace) -> int:
+def print_explanation(options: argparse.Namespace) -> int:
     """Print why the last run of a mission failed, which outcomes would have made it succeed, and how another run differs.
 
     Returns:
@@ -59,7 +59,7 @@ def tell_why(options: argparse.Namespace) -> int:
     with JournalFile.reading(options.journal) as file:
         # Its code never checks whether to stop.
         budget = budget_of(options, patience_sec=0.0)
-        explained = Explanation.of(
+        explained = Explanation.explain(
             file, workspace(options), options.tree_file, is_gone=not file.is_written, budget=budget
         )
     difference = None if options.against is None else _difference(options.journal, options.against)

@@ -15,7 +15,7 @@ from sar_compiler.cli.arguments import (
     load_checked,
     tick_period,
 )
-from sar_compiler.cli.verify import MAX_STATES, ProgressOfSearch, add_search_options, facts_given
+from sar_compiler.cli.verify import MAX_STATES, SearchProgress, add_search_options, parse_facts
 from sar_compiler.commands import FINDINGS, OK, print_error, print_text
 from sar_compiler.errors import UndecidableError
 
@@ -52,7 +52,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
     from sar_compiler.writing import write_text
 
     started = time.monotonic()
-    progress = ProgressOfSearch()
+    progress = SearchProgress()
     budget = budget_of(arguments, on_progress=progress.show)
     try:
         with contextlib.closing(progress):
@@ -61,7 +61,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
                 load_checked(arguments, arguments.file)[0],
                 arguments.properties,
                 answers=arguments.answers,
-                facts=facts_given(arguments.set),
+                facts=parse_facts(arguments.set),
                 params=arguments.params,
                 tree_id=arguments.tree,
                 period_sec=arguments.period,

@@ -46,7 +46,7 @@ def _last_words(log: str, status: int) -> str:
 
 def _run(arguments: list[str], ros: ExitStack) -> int:
     try:
-        return run.run_in(arguments, ros, stepped=True)
+        return run.run_with_ros(arguments, ros, stepped=True)
     except SystemExit as end:  # wrong usage, reported by argparse
         return end.code if isinstance(end.code, int) else USAGE
 

@@ -12,7 +12,12 @@ from ros2cli.command import CommandExtension
 
 from sar_compiler.commands import OK, USAGE
 from sar_compiler.journal.journal_entries import CommandAuthor
-from sar_compiler.ros.mission_graph import OrderError, give_order, missions_in_sight, orders_of
+from sar_compiler.ros.mission_graph import (
+    MissionCommandError,
+    available_commands,
+    find_missions,
+    send_command,
+)
 from sar_compiler.ros.serving import spinning_node
 
 _ORDERS = {
@@ -72,7 +77,7 @@ def _main(verb: str, args: argparse.Namespace) -> int:
         return _list()
     try:
         print(_give(args.order if verb == "order" else verb, args.node, args.reason))
-    except OrderError as error:
+    except MissionCommandError as error:
         print(f"ros2 mission {verb}: {error}", file=sys.stderr)
         return USAGE
     return OK
@@ -80,12 +85,12 @@ def _main(verb: str, args: argparse.Namespace) -> int:
 
 def _list() -> int:
     with spinning_node("sar_mission_list") as node:
-        claims = missions_in_sight(node)
+        claims = find_missions(node)
         for claim in claims:
             since = time.strftime("%H:%M:%S", time.localtime(claim.since / 1e9))
             state = "flying" if claim.runs else "waiting"
             print(f"{claim.describe()}: {state} since {since}, drives {claim.action}")
-            if orders := orders_of(node, claim.node):
+            if orders := available_commands(node, claim.node):
                 print(f"  orders: {', '.join(orders)}")
     if not claims:
         print("No mission that drives a robot was found.")
@@ -93,10 +98,10 @@ def _list() -> int:
 
 
 def _give(name: str, of: str | None, reason: str) -> str:
-    from sar_compiler.execution.order_record import RemoteSignature
+    from sar_compiler.execution.command_authors import RemoteCommandAuthor
 
     with spinning_node("sar_mission_order") as node:
-        claims = missions_in_sight(node)
+        claims = find_missions(node)
         known = {claim.node for claim in claims}
         if of is None and len(known) != 1:
             which = (
@@ -104,18 +109,19 @@ def _give(name: str, of: str | None, reason: str) -> str:
                 if known
                 else "no mission was found"
             )
-            raise OrderError(which)
+            raise MissionCommandError(which)
         full = f"/{of.lstrip('/')}" if of is not None else known.pop()
-        orders = orders_of(node, full)
+        orders = available_commands(node, full)
         meant = [each for each in orders if each == name] or [
             each for each in orders if each.startswith(name)
         ]
         if len(meant) != 1:
-            raise OrderError(
+            raise MissionCommandError(
                 f"{full} has no command '{name}' (known: {', '.join(orders) or 'none without values'})"
             )
         author = CommandAuthor(f"ros2 mission of {getpass.getuser()}@{socket.gethostname()}", reason)
-        signature = RemoteSignature(node, full)
+        signature = RemoteCommandAuthor(node, full)
         return (
-            give_order(node, full, meant[0], partial(signature.sign, meant[0], author)) or f"{meant[0]}: done"
+            send_command(node, full, meant[0], partial(signature.sign, meant[0], author))
+            or f"{meant[0]}: done"
         )

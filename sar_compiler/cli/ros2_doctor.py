@@ -12,9 +12,9 @@ from importlib.metadata import version
 from ros2doctor.api import DoctorCheck, DoctorReport, Report, Result
 from ros2doctor.api.format import doctor_error, doctor_warn
 
-from sar_compiler.commands import INTERFACES, not_installed
+from sar_compiler.commands import INTERFACES, missing_library_message
 from sar_compiler.errors import SarError
-from sar_compiler.missions.choosing import load_missions
+from sar_compiler.missions.mission_choice import load_missions
 from sar_compiler.runtime import kernel
 
 _CATEGORY = "mission"
@@ -66,9 +66,9 @@ class MissionReport(DoctorReport):
 
 
 def _conflicts() -> list[str]:
-    from sar_compiler.ros.graph_check import conflicts_in_sight
+    from sar_compiler.ros.graph_check import find_conflicts
 
-    return conflicts_in_sight()
+    return find_conflicts()
 
 
 def _trouble_with(load: Callable[[], object]) -> str:
@@ -76,7 +76,7 @@ def _trouble_with(load: Callable[[], object]) -> str:
     try:
         load()
     except ImportError as error:
-        return not_installed(error) or str(error)
+        return missing_library_message(error) or str(error)
     except SarError as error:
         return str(error)
     return ""

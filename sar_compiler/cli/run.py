@@ -27,7 +27,7 @@ from sar_compiler.cli.arguments import (
     speed,
 )
 from sar_compiler.cli.parser import Parser
-from sar_compiler.cli.run_extensions import extensions_asked_for
+from sar_compiler.cli.run_extensions import requested_extensions
 from sar_compiler.commands import USAGE, add_version, print_error, run
 from sar_compiler.execution.supervision import Supervision, own_supervision
 from sar_compiler.gc_pause import gc_paused
@@ -35,7 +35,7 @@ from sar_compiler.helper_process import helper_command
 from sar_compiler.json_values import json_text
 from sar_compiler.opener import is_file
 from sar_compiler.process_end import end_process, shut_down
-from sar_compiler.resources import find, require_there
+from sar_compiler.resources import find, require_tree_file
 from sar_compiler.ros.arguments import split_arguments
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
@@ -57,17 +57,17 @@ _SERVE, _MANAGED = "--serve", "--managed"
 def command() -> NoReturn:
     """Run `sar-run` as a process, which ends with its exit status however ROS shuts down."""
     with ExitStack() as ros:
-        status = run_in(sys.argv[1:], ros)
+        status = run_with_ros(sys.argv[1:], ros)
         end_process(status, ros.pop_all().close, PROG)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `sar-run` in this process and return its exit status."""
     with ExitStack() as ros:
-        return run_in(sys.argv[1:] if argv is None else argv, ros)
+        return run_with_ros(sys.argv[1:] if argv is None else argv, ros)
 
 
-def run_in(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int:
+def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) -> int:
     """Run `sar-run` in this process, and let the caller shut down ROS.
 
     Args:
@@ -119,7 +119,7 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
         return serve(_passed_on(argv, options), served, signals)
     _supervise(options, supervision)
     if options.tree is not None and options.journal is None:
-        require_there(options.tree)  # beside a journal that is named, a refused start is recorded
+        require_tree_file(options.tree)  # beside a journal that is named, a refused start is recorded
     require_middleware()
     with gc_paused():  # the imports leave nothing to collect
         from sar_compiler.execution.mission_run import run_mission
@@ -128,7 +128,7 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
     staying: list[Callable[[], object]] = []
     output = RunOutput()
     try:
-        makes = list(extensions_asked_for(options))  # missing libraries are reported before the start
+        makes = list(requested_extensions(options))  # missing libraries are reported before the start
         given, report = _run_options(options, supervision), partial(_print_outcome, output, options.format)
         status = run_mission(given, makes, signals, ros, staying, output, report).status
     except TreeError as error:
@@ -263,7 +263,7 @@ def _default_tree(mission: str | None) -> str:
     Raises:
         MissionError: If the mission does not exist, or has no default tree.
     """
-    from sar_compiler.missions.choosing import MissionError, default_mission, find_mission
+    from sar_compiler.missions.mission_choice import MissionError, default_mission, find_mission
 
     mission = mission or default_mission()
     if mission is None:

@@ -7,26 +7,26 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from sar_compiler.errors import SarError
-from sar_compiler.parts import is_here
+from sar_compiler.parts import is_part_installed
 
 if TYPE_CHECKING:
     from sar_compiler.execution.run_setup import MakeExtension
 
 
-def extensions_asked_for(options: Namespace) -> "Iterator[MakeExtension]":
+def requested_extensions(options: Namespace) -> "Iterator[MakeExtension]":
     """Yield the constructors of the extensions requested on the command line; their dependencies are imported.
 
     Raises:
         ImportError: If a library is not installed.
     """
-    if is_here("reports"):
-        from sar_compiler.reports.run_report import RunInquiry
+    if is_part_installed("reports"):
+        from sar_compiler.reports.run_report import FailureCause
 
-        yield lambda run: RunInquiry() if run.journal.is_kept else None
+        yield lambda run: FailureCause() if run.journal.is_kept else None
     if options.properties:
-        from sar_compiler.execution.run_watch import RunWatch
+        from sar_compiler.execution.run_watch import PropertyWatch
 
-        yield RunWatch
+        yield PropertyWatch
     if options.view == "web":
         from sar_compiler.web.run_page import RunPage
 
@@ -44,7 +44,7 @@ def extensions_asked_for(options: Namespace) -> "Iterator[MakeExtension]":
     if (file := options.record) is not None:
         from sar_compiler.ros.mission_recording import MissionRecording
 
-        yield errors_of("--record")(lambda run: MissionRecording(run.node, file))
+        yield prefix_errors("--record")(lambda run: MissionRecording(run.node, file))
     if options.publish:
         from sar_compiler.ros.mission_publisher import MissionPublisher
 
@@ -60,7 +60,7 @@ def extensions_asked_for(options: Namespace) -> "Iterator[MakeExtension]":
 
 
 @contextmanager
-def errors_of(option: str) -> Iterator[None]:
+def prefix_errors(option: str) -> Iterator[None]:
     """Prefix errors raised in the block with the option's name.
 
     Raises:

@@ -145,12 +145,12 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     require_middleware()
     from sar_compiler.execution.sim_isolation import look_around
     from sar_compiler.sim.isolation import stay_on_this_machine
-    from sar_compiler.sim.placement import KeptPlaces
+    from sar_compiler.sim.placement import PoseFile
     from sar_compiler.sim.simulation import Simulation, check_placements
 
     world = _world(options.world)
     robots = options.robot or [Placement("")]
-    kept = KeptPlaces(options.keep, world.name) if options.keep is not None else None
+    kept = PoseFile(options.keep, world.name) if options.keep is not None else None
     if kept is not None:
         robots = kept.restore(robots)
     robots = [replace(each, localised=options.localised, like=options.like) for each in robots]
@@ -166,7 +166,7 @@ def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
             world, robots, context=context, speed=options.speed, faults=faults, seed=options.seed
         )
         if kept is not None:
-            simulation.keep_places(kept)
+            simulation.store_poses(kept)
         with simulation:
             how = f"at most {options.speed:g} times as fast as real time"
             print(f"sar-sim: '{world.name}' runs{_with(robots)}, {how}", flush=True)

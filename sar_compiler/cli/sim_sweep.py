@@ -30,12 +30,12 @@ from sar_compiler.cli.sweep import (
 )
 from sar_compiler.commands import CommandParser, interruptible
 from sar_compiler.helper_process import helper_command
-from sar_compiler.missions.choosing import mission_of
+from sar_compiler.missions.mission_choice import mission_of
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.writing import write_text
 
 if TYPE_CHECKING:
-    from sar_compiler.analysis.sweep import Played, SweptRow
+    from sar_compiler.analysis.sweep import RunResultSample, SweepRow
     from sar_compiler.sim.simulated_runs import SimulatedRuns
 
 _NO_FAULTS = "none"
@@ -70,7 +70,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
         TreeError: If the tree or a world is not valid.
         SarError: If a file cannot be read, a fault is impossible, or a run ends before its mission starts.
     """
-    from sar_compiler.sim.simulated_runs import fewest_faults, in_threads
+    from sar_compiler.sim.simulated_runs import in_threads, minimize_faults
 
     require_middleware()
     # The runs are stopped gracefully, however the command ends.
@@ -79,8 +79,8 @@ def sweep_missions(options: argparse.Namespace) -> int:
     require_rows(len(options.world or [""]), len(options.fault or [""]), *varied)
     rows = dict(_rows(options))
 
-    def write(row: "SweptRow", played: "Played") -> Written:
-        command = ["sar-run", *fewest_faults(rows[row], played.seed).command(played.seed)]
+    def write(row: "SweepRow", played: "RunResultSample") -> Written:
+        command = ["sar-run", *minimize_faults(rows[row], played.seed).command(played.seed)]
         reason = " ".join(played.failure.split())
         write_text(options.output, f"#!/bin/sh\n# {reason}\nexec {shlex.join(command)}\n")
         return options.output, shlex.join(["sh", str(options.output)])
@@ -90,9 +90,9 @@ def sweep_missions(options: argparse.Namespace) -> int:
     return run_sweep(list(rows), 1, in_threads, write, kind, options, budget)
 
 
-def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, SimulatedRuns]]":
+def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweepRow, SimulatedRuns]]":
     """Yield a row for each combination, with its runs, after all possible checks."""
-    from sar_compiler.analysis.sweep import SweptRow
+    from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.sim.simulated_runs import SimulatedRuns
 
     program = tuple(helper_command("sar_compiler.cli.console", "sar_run_repeatedly"))
@@ -109,11 +109,11 @@ def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweptRow, SimulatedRun
         runs = SimulatedRuns(
             program, (options.tree, "--sim", world, *_passed_on(options)), faults, tuple(ros)
         )
-        yield SweptRow(labels, runs), runs
+        yield SweepRow(labels, runs), runs
 
 
 def _check(options: argparse.Namespace, worlds: list[str], mixes: list[str]) -> None:
-    from sar_compiler.missions.beginning import parse_faults
+    from sar_compiler.missions.mission_start import parse_faults
     from sar_compiler.project import Workspace
     from sar_compiler.sim.world import find_world
 

@@ -25,8 +25,8 @@ from sar_compiler.opener import is_folder
 from sar_compiler.tree.guessing import did_you_mean
 
 if TYPE_CHECKING:
-    from sar_compiler.analysis.simulate.running import Coverage, Failure, Run
-    from sar_compiler.analysis.simulate.scenario_files import Stage
+    from sar_compiler.analysis.simulate.scenario_files import ScenarioStage
+    from sar_compiler.analysis.simulate.scenario_run import Failure, OutcomeCoverage, ScenarioRun
     from sar_compiler.analysis.simulated_tree import SimulatedTree
     from sar_compiler.analysis.trace_view import PlayedScenario
     from sar_compiler.budget import Budget
@@ -67,13 +67,13 @@ def simulate_file(arguments: argparse.Namespace) -> int:
         TreeError: If the tree has errors.
         UnreadableFileError: If the tree file does not exist or cannot be read.
     """
-    from sar_compiler.analysis.simulate.running import Coverage
+    from sar_compiler.analysis.simulate.scenario_run import OutcomeCoverage
     from sar_compiler.analysis.trace_view import PlayedScenario
     from sar_compiler.analysis.tree_analysis import stage_of
 
     stage = stage_of(load_checked(arguments, arguments.file)[0], arguments.tree, arguments.params)
     stage.binding()
-    coverage, budget, played = Coverage(), budget_of(arguments), list[PlayedScenario]()
+    coverage, budget, played = OutcomeCoverage(), budget_of(arguments), list[PlayedScenario]()
     files = scenario_files(arguments.scenario)
     for path in files:
         if not budget.reason:
@@ -107,14 +107,14 @@ def scenario_files(paths: "list[Path]") -> "list[Path | None]":
 
 def _play(
     path: Path | None,
-    stage: "Stage",
-    coverage: "Coverage",
+    stage: "ScenarioStage",
+    coverage: "OutcomeCoverage",
     budget: "Budget",
     arguments: argparse.Namespace,
 ) -> "PlayedScenario":
     """Run a scenario, and print the error if this is impossible."""
-    from sar_compiler.analysis.simulate.running import ScenarioPlayer, failures
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
+    from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, failures
     from sar_compiler.analysis.simulated_tree import OnlyDescribedError
     from sar_compiler.analysis.trace_view import PlayedScenario
     from sar_compiler.runtime.evaluation import Program
@@ -137,7 +137,7 @@ def _play(
     scenario = replace(play.scenario, until=until, max_ticks=most, seed=arguments.seed)
     player = ScenarioPlayer(play.simulated, scenario)
 
-    def go() -> "Run":
+    def go() -> "ScenarioRun":
         # An abandoned run may continue.
         budget.publish(lambda: replace(player.run, ticks=[*player.run.ticks]))
         return player.go(budget.is_spent)
@@ -162,9 +162,9 @@ def _typo(until: "Script", simulated: "SimulatedTree") -> str | None:
     return f"--until: {typo.message}{advice}"
 
 
-def _trace_failure(run: "Run") -> "list[Failure]":
+def _trace_failure(run: "ScenarioRun") -> "list[Failure]":
     """Compare the trace with the file that the scenario names, if any."""
-    from sar_compiler.analysis.simulate.running import Failure
+    from sar_compiler.analysis.simulate.scenario_run import Failure
     from sar_compiler.analysis.trace_view import trace
     from sar_compiler.checks.golden import compare_golden
 
@@ -173,7 +173,9 @@ def _trace_failure(run: "Run") -> "list[Failure]":
     return [Failure("trace", different, expect.lines.get("trace", 0))] if different else []
 
 
-def _print(played: "list[PlayedScenario]", coverage: "Coverage", arguments: argparse.Namespace) -> None:
+def _print(
+    played: "list[PlayedScenario]", coverage: "OutcomeCoverage", arguments: argparse.Namespace
+) -> None:
     from sar_compiler.analysis.trace_view import coverage_text, junit, runs_as_json, trace, verdict
 
     shown = coverage if arguments.coverage else None

@@ -39,9 +39,9 @@ from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.writing import write_text
 
 if TYPE_CHECKING:
-    from sar_compiler.analysis.sweep import Played, SweptRow
-    from sar_compiler.analysis.sweep.workers import Workers
-    from sar_compiler.analysis.swept import ScenarioRuns
+    from sar_compiler.analysis.sweep import RunResultSample, SweepRow
+    from sar_compiler.analysis.sweep.workers import ReplaceableExecutor
+    from sar_compiler.analysis.sweep_runs import ScenarioRuns
 
 # The half width of the interval of a tree that always succeeds is below 0.02 after four batches.
 _BATCH = 25
@@ -103,16 +103,16 @@ def sweep_file(arguments: argparse.Namespace) -> int:
         SarError: If a file cannot be read, or nothing is random.
     """
     from sar_compiler.analysis.sweep.workers import in_processes
-    from sar_compiler.analysis.swept import smallest_scenario
+    from sar_compiler.analysis.sweep_runs import smallest_scenario
 
     varied = [len(values) for _, values in (*arguments.vary, *arguments.set)]
     require_rows(len(arguments.scenario) or 1, len(arguments.unusual), *varied)
     rows = dict(_rows(arguments))
-    if not any(runs.are_random() for runs in rows.values()):
+    if not any(runs.has_randomness() for runs in rows.values()):
         message = "all runs would be the same: add probability: (or after: 4s to 9s) to steps of a scenario, or --unusual 0.1"
         raise NothingRandomError(message)
 
-    def write(row: "SweptRow", played: "Played") -> Written | None:
+    def write(row: "SweepRow", played: "RunResultSample") -> Written | None:
         text = smallest_scenario(rows[row], played.seed)
         if text is None:
             return None
@@ -125,11 +125,11 @@ def sweep_file(arguments: argparse.Namespace) -> int:
     return run_sweep(list(rows), _BATCH, in_processes, write, kind, arguments, budget)
 
 
-def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRuns]]":
+def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRuns]]":
     """Yield a row for each combination, with its runs; all of them are known to be valid."""
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
-    from sar_compiler.analysis.sweep import SweptRow
-    from sar_compiler.analysis.swept import ScenarioRuns, change_scenario, content_of
+    from sar_compiler.analysis.sweep import SweepRow
+    from sar_compiler.analysis.sweep_runs import ScenarioRuns, change_scenario, content_of
     from sar_compiler.analysis.tree_analysis import stage_of
     from sar_compiler.documents.yaml_files import read_yaml
     from sar_compiler.opener import SCENARIO
@@ -162,7 +162,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweptRow, ScenarioRu
             runs = ScenarioRuns(tree.path.resolve(), content, added, changed, whose, unusual, counted)
             runs.events(runs.understood().simulated)
             named = {"scenario": Path(path).stem} if path is not None and len(paths) > 1 else {}
-            yield SweptRow({**named, **labels}, runs), runs
+            yield SweepRow({**named, **labels}, runs), runs
 
 
 def _combinations(
@@ -234,10 +234,10 @@ def parse_variation(text: str) -> Variation:
 
 
 def run_sweep(
-    rows: "Sequence[SweptRow]",
+    rows: "Sequence[SweepRow]",
     batch: int,
-    workers: "Callable[[int], Workers]",
-    write: "Callable[[SweptRow, Played], Written | None]",
+    workers: "Callable[[int], ReplaceableExecutor]",
+    write: "Callable[[SweepRow, RunResultSample], Written | None]",
     smallest: str,
     arguments: argparse.Namespace,
     budget: Budget,
@@ -259,7 +259,7 @@ def run_sweep(
     rule = StoppingRule(arguments.runs, arguments.half_width, arguments.confidence, batch)
     line = ProgressLine()
 
-    def show(rows: "Sequence[SweptRow]") -> None:
+    def show(rows: "Sequence[SweepRow]") -> None:
         if not budget.reason:
             line.show(lambda: _progress(rows))
 
@@ -284,6 +284,6 @@ def run_sweep(
     return OK if failure is None else FINDINGS
 
 
-def _progress(rows: "Sequence[SweptRow]") -> str:
+def _progress(rows: "Sequence[SweepRow]") -> str:
     done, runs = sum(row.is_done for row in rows), sum(len(row.outcomes) for row in rows)
     return f"{runs:,} runs, {done} of {len(rows)} rows done"

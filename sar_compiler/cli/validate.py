@@ -19,14 +19,14 @@ from sar_compiler.cli.arguments import (
     seconds,
     workspace,
 )
-from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_text, tell_note
+from sar_compiler.commands import FINDINGS, OK, RULE_FAILED, USAGE, print_error, print_note, print_text
 from sar_compiler.errors import SarError
-from sar_compiler.opener import is_folder, reading_once
-from sar_compiler.parts import is_here
-from sar_compiler.resources import require_there
+from sar_compiler.opener import is_folder, read_files_once
+from sar_compiler.parts import is_part_installed
+from sar_compiler.resources import require_tree_file
 from sar_compiler.terminal import findings_as_text
-from sar_compiler.tree.plain import count_text
-from sar_compiler.tree.showing import visible
+from sar_compiler.tree.display_text import visible
+from sar_compiler.tree.plain import count_with_noun
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,17 +66,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _validate(arguments: argparse.Namespace) -> int:
     """Print the findings about files, and return the exit status: 130 after Ctrl-C, with the findings so far."""
     if not arguments.files[1:] and arguments.format == _TEXT:
-        require_there(arguments.files[0], or_folder=True)
+        require_tree_file(arguments.files[0], or_folder=True)
     if arguments.print_fixed:
         return _print_fixed(arguments)
-    if not (is_here("validation") or arguments.fix or any(map(is_folder, arguments.files))):
+    if not (is_part_installed("validation") or arguments.fix or any(map(is_folder, arguments.files))):
         return _validate_singly(arguments)
     # Its imports are slow, and a missing file is reported without them.
     from sar_compiler.validation.validation import CheckOptions, Validation
 
-    with nullcontext() if arguments.fix else reading_once():
+    with nullcontext() if arguments.fix else read_files_once():
         added, further = additions(arguments), further_checks()
-        validation = Validation(arguments.files, added, further, _tell_error, tell_note)
+        validation = Validation(arguments.files, added, further, _print_error, print_note)
         budget = budget_of(arguments, patience_sec=0.5, clock=validation.processor_sec)
         if arguments.fix:
             output = sys.stdout if arguments.format == _TEXT else sys.stderr
@@ -89,7 +89,7 @@ def _validate(arguments: argparse.Namespace) -> int:
         arguments, validation.findings, validation.clean, validation.checked, fixable, validation.fixes
     )
     if validation.unchecked:
-        _tell_error(f"{budget.reason} ({count_text(validation.unchecked, 'file')} not checked)")
+        _print_error(f"{budget.reason} ({count_with_noun(validation.unchecked, 'file')} not checked)")
         return budget.exit_status
     if validation.unreadable:
         return USAGE
@@ -105,7 +105,7 @@ def _validate_singly(arguments: argparse.Namespace) -> int:
     return _status(arguments, findings)
 
 
-def _tell_error(text: str) -> None:
+def _print_error(text: str) -> None:
     print_error(f"sar-compile: {text}")
 
 
@@ -125,7 +125,7 @@ def _print_fixed(arguments: argparse.Namespace) -> int:
         SarError: If the argument is not a single file, or cannot be read.
         TreeError: If the project's configuration, or a palette, has errors.
     """
-    from sar_compiler.agent.mending import mend
+    from sar_compiler.agent.suggestion_fixes import apply_suggestions
     from sar_compiler.project import Workspace
     from sar_compiler.tree.diagnostic import Severity
     from sar_compiler.tree.discovery import find_tree
@@ -133,7 +133,9 @@ def _print_fixed(arguments: argparse.Namespace) -> int:
     if len(arguments.files) > 1 or arguments.fix:
         raise SarError("--print-fixed prints a single file: name one file, and remove --fix")
     path, added = find_tree(arguments.files[0]), additions(arguments)
-    tree = mend(path, lambda read: Workspace(added, read, tell_note, further_checks()).load_file(path))
+    tree = apply_suggestions(
+        path, lambda read: Workspace(added, read, print_note, further_checks()).load_file(path)
+    )
     print(tree.source.text, end="")
     return FINDINGS if any(each.severity is Severity.ERROR for each in tree.findings) else OK
 
@@ -177,9 +179,9 @@ def _group_by_cause(findings: "Sequence[Diagnostic]") -> "Sequence[Diagnostic]":
     """Return each cause once."""
     if len(findings) <= 1:
         return findings
-    from sar_compiler.views.findings import by_cause
+    from sar_compiler.views.findings import group_by_cause
 
-    return by_cause(findings)
+    return group_by_cause(findings)
 
 
 def _summary(
@@ -187,10 +189,10 @@ def _summary(
 ) -> str:
     """Return the number of findings in words."""
     counts = Counter(finding.severity.value for finding in told if finding.code != "more-findings")
-    listed = [count_text(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
+    listed = [count_with_noun(counts[each], each) for each in ("error", "warning", "info") if counts[each]]
     if any(each.code == "more-findings" for each in findings):
         listed.append("others not shown")
     more = f"; {fixable:,} fixable with --fix" if fixable else ""
     hidden = len(findings) != len(told)
-    places = f"; --all lists {count_text(len(findings), 'location')}" if hidden else ""
-    return f"{', '.join(listed) or 'no findings'} in {count_text(checked, 'file')}{more}{places}"
+    places = f"; --all lists {count_with_noun(len(findings), 'location')}" if hidden else ""
+    return f"{', '.join(listed) or 'no findings'} in {count_with_noun(checked, 'file')}{more}{places}"

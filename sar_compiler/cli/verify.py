@@ -87,7 +87,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
     started = time.monotonic()
     files = [file for file in (arguments.file, arguments.against) if file is not None]
     done: list[Verification] = []
-    progress = ProgressOfSearch()
+    progress = SearchProgress()
     budget = budget_of(arguments, on_progress=progress.show)
     try:
         with contextlib.closing(progress):
@@ -114,7 +114,7 @@ def _verify_into(
     done: "list[Verification]",
     files: "list[str]",
     budget: "Budget",
-    progress: "ProgressOfSearch",
+    progress: "SearchProgress",
     arguments: argparse.Namespace,
 ) -> None:
     """Verify the trees one after the other by the same properties, until the budget is spent."""
@@ -132,7 +132,7 @@ def _verify_into(
             verify_tree,
             tree,
             properties,
-            facts=facts_given(arguments.set),
+            facts=parse_facts(arguments.set),
             params=arguments.params,
             tree_id=arguments.tree,
             max_states=arguments.max_states,
@@ -163,14 +163,14 @@ def _print(done: "list[Verification]", files: "list[str]", seconds: float, form:
 
 def _print_answers(text: str, form: str) -> None:
     """Print a result; verdicts in text are coloured if standard output supports it."""
-    from sar_compiler.tree.showing import visible
+    from sar_compiler.tree.display_text import visible
 
     paint = painter(sys.stdout)
     text = visible(text)
     print(text if form == "json" else _ANSWER.sub(lambda said: paint(said[0], _COLOURS[said[0]]), text))
 
 
-def facts_given(pairs: "list[tuple[str, str]]") -> "Document | None":
+def parse_facts(pairs: "list[tuple[str, str]]") -> "Document | None":
     """Return the facts given on the command line."""
     if not pairs:
         return None
@@ -188,7 +188,7 @@ def _assignment(text: str) -> tuple[str, str]:
     return name.strip(), value.strip()
 
 
-class ProgressOfSearch:
+class SearchProgress:
     """Shows progress and violated properties on standard error."""
 
     _PATIENCE_SEC = 1.0  # a violation found sooner is part of the result

@@ -17,7 +17,7 @@ from py_trees.decorators import OneShot, PassThrough
 from sar_compiler.gc_pause import gc_paused
 from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.binding.bound import Binding, BoundNode, SkipAnalysis
-from sar_compiler.nodes.binding.instances import Instance, expand
+from sar_compiler.nodes.binding.instances import TreeInstance, expand
 from sar_compiler.nodes.binding.nesting import find_main_tree
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.registry import Registry, is_library_tag
@@ -68,7 +68,7 @@ class Construction(NamedTuple):
     """
 
     behaviour: UUID
-    instance: Instance
+    instance: TreeInstance
     bound: BoundNode
     wrapper: Mapping[str, object] | None = None
     known: Mapping[str, Any] | None = None
@@ -96,7 +96,7 @@ class Origins(Mapping[UUID, Origin]):
         """Return the construction of a behaviour."""
         return self._by_id[behaviour]
 
-    def declared_answers(self) -> dict[UUID, tuple[Answer, ...]]:
+    def declared_outcomes(self) -> dict[UUID, tuple[Answer, ...]]:
         """Return the declared outcomes of leaves, by their behaviours' ids."""
         return {
             each.behaviour: each.bound.spec.answers
@@ -141,7 +141,7 @@ def file_and_line_of(behaviour: Behaviour) -> str | None:
     return None
 
 
-def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) -> dict[str, object]:
+def _attributes(instance: TreeInstance, bound: BoundNode, known: Mapping[str, Any]) -> dict[str, object]:
     attributes: dict[str, object] = {}
     for name, parameter in bound.spec.parameters.items():
         if parameter.role is ParameterRole.ATTRIBUTE:
@@ -160,7 +160,7 @@ def _attributes(instance: Instance, bound: BoundNode, known: Mapping[str, Any]) 
     return attributes
 
 
-def _uses(instance: Instance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
+def _uses(instance: TreeInstance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
     """Yield the resources that a node needs outside the tree, except those named by a key without a value."""
     ports = {each.name for each in bound.spec.ports}
     entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
@@ -203,7 +203,7 @@ class Arguments:
         assert isinstance(enums, Enums)  # noqa: S101 - the type is the key
         return enums
 
-    def of(self, instance: Instance, bound: BoundNode) -> dict[str, Any]:
+    def of(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
         """Return the arguments of a node, by its parameters' names."""
         spec = bound.spec
         if not (spec.ports or spec.handed_over or bound.keys):
@@ -218,14 +218,14 @@ class Arguments:
             arguments[parameter.name] = self._handed_over(instance, bound, parameter)
         return arguments
 
-    def fixed_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+    def fixed_value(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         """Return the value of an attribute that is fixed at compile time; its default if the file does not set it."""
         if parameter.name in bound.keys:
             return self._blackboard_value(instance, bound, parameter)
         return bound.values.get(parameter.name, parameter.default)
 
     def _port(
-        self, instance: Instance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
+        self, instance: TreeInstance, bound: BoundNode, parameter: Parameter, arguments: dict[str, Any]
     ) -> None:
         """Add a port; a port that is not set in the file keeps the constructor's default."""
         name, value_type = parameter.name, parameter.value_type
@@ -234,7 +234,7 @@ class Arguments:
             entry = instance.scope.resolve(bound.keys[name])
             kind = kind_of(value_type.python)
             entry.declare(kind)
-            self._check_given(bound, parameter, bound.keys[name], instance.scope)
+            self._check_mission_parameter(bound, parameter, bound.keys[name], instance.scope)
             written = parameter.direction is _OUTPUT
             arguments[name] = (
                 Output(entry, kind) if written else cls(entry, value_type.fit, name, value_type.kept)
@@ -242,7 +242,9 @@ class Arguments:
         elif name in bound.values:
             arguments[name] = cls(bound.values[name], name=name)
 
-    def _check_given(self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope) -> None:
+    def _check_mission_parameter(
+        self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope
+    ) -> None:
         """Report a mission parameter that is a number but is read as a string: a file distinguishes the two."""
         if parameter.value_type.python is not str or not self._parameters:
             return
@@ -253,7 +255,7 @@ class Arguments:
             hint = f"set it to the string '{given}'"
             self._collector.add("wrong-value", message, bound.element, value=parameter.name, hint=hint)
 
-    def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+    def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         target = parameter.target
         assert target is not None  # noqa: S101 - every context parameter has one
         if target is Scope:
@@ -265,7 +267,7 @@ class Arguments:
         self._collector.add("missing-context", message, bound.element, hint=hint)
         return None
 
-    def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+    def _blackboard_value(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         """Return the value of a key at compile time."""
         key, name = bound.keys[parameter.name], parameter.name
         entry = instance.scope.resolve(key)
@@ -282,7 +284,7 @@ class Arguments:
             self._collector.add("wrong-value", message, bound.element, value=name, hint=hint)
             return None
 
-    def _missing_key(self, instance: Instance, bound: BoundNode, parameter: Parameter, key: str) -> None:
+    def _missing_key(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter, key: str) -> None:
         owner, name = instance.scope.owner(key)
         prefix = ROOT_SIGN if key.startswith(ROOT_SIGN) else ""
         if owner is instance.scope.root:
@@ -319,19 +321,19 @@ def _as_text(value: object) -> str:
 class PreviewArguments(Arguments):
     """Collects arguments with placeholders for objects and values that only a mission has."""
 
-    def _handed_over(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:
+    def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         if parameter.target in (Scope, Enums):
             return super()._handed_over(instance, bound, parameter)
         if not parameter.required or parameter.target is None:
             return parameter.default
         return self._context.setdefault(parameter.target, preview_of(parameter.target))
 
-    def _blackboard_value(self, instance: Instance, bound: BoundNode, parameter: Parameter) -> object:  # noqa: ARG002
+    def _blackboard_value(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:  # noqa: ARG002
         value_type = parameter.value_type
         return value_type.convert(value_type.example) if parameter.required else parameter.default
 
 
-_NodeInInstance = tuple[Instance, BoundNode]
+_NodeInInstance = tuple[TreeInstance, BoundNode]
 """A node with its instance."""
 
 
@@ -363,10 +365,10 @@ class Builder:
         self._skipping = SkipAnalysis(binding.trees())
         # Targets of references may be built before their turn, so they are kept.
         self._targets: set[BoundNode] = set()
-        self._built: dict[tuple[Instance, BoundNode], Behaviour] = {}
-        self._arguments: dict[tuple[Instance, BoundNode], dict[str, Any]] = {}
+        self._built: dict[tuple[TreeInstance, BoundNode], Behaviour] = {}
+        self._arguments: dict[tuple[TreeInstance, BoundNode], dict[str, Any]] = {}
 
-    def prepare(self, instance: Instance) -> None:
+    def prepare(self, instance: TreeInstance) -> None:
         """Name the entries of an instance and its descendants, write constants, and check the arguments."""
         self._targets.update(target for _, target in instance.references.values())
         for bound in instance.tree.demanding:
@@ -386,12 +388,12 @@ class Builder:
         """Report a node without a class."""
         report_without_class(bound, self._collector)
 
-    def place(self, instance: Instance, bound: BoundNode) -> Behaviour:
+    def place(self, instance: TreeInstance, bound: BoundNode) -> Behaviour:
         """Build a node with its wrappers and descendants; iteratively, since trees may be deep."""
         left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
         # The enclosing nodes, each with its remaining siblings and the built ones.
-        waiting: list[tuple[Instance, BoundNode, Iterator[_NodeInInstance], list[Behaviour]]] = []
+        waiting: list[tuple[TreeInstance, BoundNode, Iterator[_NodeInInstance], list[Behaviour]]] = []
         while True:
             for inner, node in left:
                 if node.children or node.subtree is not None:
@@ -407,7 +409,7 @@ class Builder:
                 children = siblings
 
     @staticmethod
-    def _below(instance: Instance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
+    def _below(instance: TreeInstance, bound: BoundNode) -> "Iterator[_NodeInInstance]":
         if bound.subtree is not None:
             inner = instance.inner[bound]
             assert inner.tree.root is not None  # noqa: S101 - else there are findings
@@ -416,9 +418,11 @@ class Builder:
             for child in bound.children:
                 yield instance, child
 
-    def _with_wrappers(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
+    def _with_wrappers(
+        self, instance: TreeInstance, bound: BoundNode, children: list[Behaviour]
+    ) -> Behaviour:
         """Build a node and its wrappers."""
-        make = self._make_once if bound in self._targets else self._make
+        make = self._build_oneshot if bound in self._targets else self._make
         behaviour = make(instance, bound, children)
         if bound.conditions:
             behaviour = self._conditions(instance, bound, behaviour)
@@ -428,15 +432,15 @@ class Builder:
             self.constructions.append(Construction(behaviour.id, instance, bound, {"policy": policy}))
         return behaviour
 
-    def _conditions(self, instance: Instance, bound: BoundNode, child: Behaviour) -> Behaviour:
+    def _conditions(self, instance: TreeInstance, bound: BoundNode, child: Behaviour) -> Behaviour:
         name = f"{bound.name}Conditions"
         wrapper = Conditions(name, child, bound.conditions, instance.scope, self._source.enums)
         shown = {name: script.text for name, script in bound.conditions.items()}
         self.constructions.append(Construction(wrapper.id, instance, bound, shown))
         return wrapper
 
-    def _make_once(
-        self, instance: Instance, bound: BoundNode, children: list[Behaviour] | None = None
+    def _build_oneshot(
+        self, instance: TreeInstance, bound: BoundNode, children: list[Behaviour] | None = None
     ) -> Behaviour:
         if (instance, bound) not in self._built:
             if children is None:
@@ -444,14 +448,14 @@ class Builder:
             self._built[instance, bound] = self._make(instance, bound, children)
         return self._built[instance, bound]
 
-    def _make(self, instance: Instance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
+    def _make(self, instance: TreeInstance, bound: BoundNode, children: list[Behaviour]) -> Behaviour:
         spec = bound.spec
         known = self._arguments[instance, bound] if bound.keys or spec.handed_over else None
         arguments = self._source.of(instance, bound) if known is None else dict(known)
         for parameter in spec.references:
             target = instance.target_of(bound, parameter.name)
             if target is not None:
-                arguments[parameter.name] = self._make_once(*target)
+                arguments[parameter.name] = self._build_oneshot(*target)
         if bound.subtree is not None:
             (arguments["child"],) = children
         elif spec.structure:
@@ -491,7 +495,7 @@ class Builder:
         """
         spec = bound.spec
         replacement = spec.skipping.replacement
-        if replacement is not None and self._skipping.among_children(bound):
+        if replacement is not None and self._skipping.has_skippable_child(bound):
             return replacement.maker
         return spec.maker or functools.partial(_stand_in, spec.kind)
 
@@ -544,7 +548,7 @@ class CompiledTree:
 
     root: Behaviour
     origins: Origins
-    instance: Instance
+    instance: TreeInstance
 
     def __repr__(self) -> str:
         count = len(self.origins)

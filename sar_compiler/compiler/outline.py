@@ -51,7 +51,7 @@ def ascii_tree(root: Behaviour) -> str:
     return _draw(py_trees.display.ascii_tree, root)
 
 
-def with_tags(drawing: str, tree: Drawable) -> str:
+def add_tags(drawing: str, tree: Drawable) -> str:
     """Add the tags of leaves and decorators to the drawing of a tree, unless their names already contain them."""
     lines, behaviours = drawing.rstrip("\n").split("\n"), list(pre_order(tree.root))
     if len(behaviours) != len(lines):  # a constructor has set a name of several lines

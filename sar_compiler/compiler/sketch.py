@@ -110,10 +110,10 @@ def sketch_tree(tree: BoundTree, others: Iterable[BoundTree]) -> Sketch:
         others: All trees that were bound together with it.
     """
     known = {id(bound.element): bound for each in (tree, *others) for bound in each.nodes}
-    return _Sketching(known).sketch(tree)
+    return _SketchBuilder(known).sketch(tree)
 
 
-class _Sketching:
+class _SketchBuilder:
     def __init__(self, known: Mapping[int, BoundNode]) -> None:
         self._known = known
         self._origins: dict[UUID, Origin] = {}

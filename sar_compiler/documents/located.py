@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.numbers import (
     convert_mistaken,
-    find_oddity,
-    meant_duration,
-    meant_plain_number,
+    convert_with_unit,
+    find_implausible_number,
+    intended_duration,
+    intended_plain_number,
     number_hint,
-    number_in,
 )
 from sar_compiler.nodes.values import literal_value
 from sar_compiler.resources import shared_file_path
@@ -39,7 +39,7 @@ _MOST_LISTED = 15
 
 
 @dataclass(frozen=True)
-class Refusal:
+class SchemaViolation:
     """A value that a schema refuses.
 
     Attributes:
@@ -59,7 +59,7 @@ class Refusal:
     hint: str | None = None
 
 
-def refusals(root: "Value", schema: str) -> Iterator[Refusal]:
+def refusals(root: "Value", schema: str) -> Iterator[SchemaViolation]:
     """Yield the parts of a value that a schema refuses."""
     validator = _validator(schema)
     errors: Iterator[Any] = validator.iter_errors(root.data)
@@ -90,7 +90,7 @@ def _validator(schema: str) -> "Draft7Validator":
 
     def check_unit(_validator: Any, unit: str, number: Any, _schema: Any) -> Iterator[ValidationError]:
         is_number = isinstance(number, int | float) and not isinstance(number, bool)
-        oddity = find_oddity(number, unit) if is_number else None
+        oddity = find_implausible_number(number, unit) if is_number else None
         # The limits of the schema refuse impossible values.
         if oddity is not None and not oddity.is_impossible:
             yield ValidationError(oddity.message, cause=None, context=())
@@ -101,16 +101,16 @@ def _validator(schema: str) -> "Draft7Validator":
     return made
 
 
-def _unknown_keys(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _unknown_keys(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     known = list(error.schema["properties"])
     listed = f"; it has {', '.join(known)}" if len(known) <= _MOST_LISTED else ""
     for name in (each for each in error.instance if each not in known):
         message = f"{_owner(path, error.schema)} has no '{name}'{listed}"
         inner = (*path, name)
-        yield Refusal("unknown-key", message, inner, root.name_at(inner), nearest(name, known))
+        yield SchemaViolation("unknown-key", message, inner, root.name_at(inner), nearest(name, known))
 
 
-def _missing_keys(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _missing_keys(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     """Yield one finding for all missing keys, except those probably meant by an unknown one that has its own."""
     given, properties = error.instance, error.schema["properties"]
     unknown = set() if error.schema.get("additionalProperties", True) else given.keys() - properties.keys()
@@ -124,16 +124,20 @@ def _missing_keys(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
     examples = properties[names[0]].get("examples") if len(names) == 1 else None
     hint = f"for example {names[0]}: {examples[0]}" if examples else None
     message = f"{_owner(path, error.schema)} needs {needs}" if needs else ""
-    yield Refusal("missing-key", message, path, root.name_at(path), hint=hint)
+    yield SchemaViolation("missing-key", message, path, root.name_at(path), hint=hint)
 
 
-def _conflict(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _conflict(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     inner = (*path, error.instance)
     message = f"'{error.instance}' cannot be combined with {error.schema['title']}"
-    yield Refusal("conflicting-keys", message, inner, root.name_at(inner), hint="write two separate entries")
+    yield SchemaViolation(
+        "conflicting-keys", message, inner, root.name_at(inner), hint="write two separate entries"
+    )
 
 
-def _wrong_quotes(validator: "Draft7Validator", value: "Value", path: Path, error: Any) -> Refusal | None:
+def _wrong_quotes(
+    validator: "Draft7Validator", value: "Value", path: Path, error: Any
+) -> SchemaViolation | None:
     """Return the finding about a value that would be valid with quotes, or without them; None for other values."""
     if error.validator not in ("type", "enum") or value.text is None or value.is_nothing:
         return None
@@ -148,10 +152,10 @@ def _wrong_quotes(validator: "Draft7Validator", value: "Value", path: Path, erro
         f"{_title(path, error.schema)} is {_accepted_values(error.schema)}, and {value.text} {which} quotes is "
         f"{_KINDS.get(type(value.data), 'a date or a time')}"
     )
-    return Refusal("wrong-value", message, path, value, suggestion, hint)
+    return SchemaViolation("wrong-value", message, path, value, suggestion, hint)
 
 
-def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     value, schema = root.at(path), error.schema
     message = f"{_title(path, schema)} is {_accepted_values(schema)}, and this is {value.kind}"
     if value.text and "enum" in schema:
@@ -162,15 +166,15 @@ def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) 
     code = "wrong-shape" if error.validator == "type" and misshapen else "wrong-value"
     if value.is_nothing or value.data in ("", []):
         code = "missing-value"
-    yield Refusal(code, message, path, value, suggestion, hint)
+    yield SchemaViolation(code, message, path, value, suggestion, hint)
 
 
-def _unusual(root: "Value", path: Path, error: Any) -> Iterator[Refusal]:
+def _unusual(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     """Yield a warning about a number that is possible but unusual in its unit."""
-    oddity = find_oddity(error.instance, error.schema[UNIT])
+    oddity = find_implausible_number(error.instance, error.schema[UNIT])
     assert oddity is not None  # noqa: S101 - the error is about it
     message = f"{_title(path, error.schema)} {oddity.message}"
-    yield Refusal("out-of-range", message, path, root.at(path), hint=oddity.hint)
+    yield SchemaViolation("out-of-range", message, path, root.at(path), hint=oddity.hint)
 
 
 def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str | None, str | None]:
@@ -178,7 +182,7 @@ def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str
     only = value.items[0] if value.items is not None and len(value.items) == 1 else value
     text, unit = only.text or "", schema.get(UNIT, "")
     meant = next(
-        (each for each in _meanings(text, unit, schema) if validator.is_valid(meaning_of(each))), None
+        (each for each in _meanings(text, unit, schema) if validator.is_valid(parse_scalar(each))), None
     )
     if meant is not None and only is value and value.is_plain:
         return meant, None
@@ -189,8 +193,8 @@ def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str
     elif value.text and validator.is_valid([value.data]):
         hint = f"write [{json.dumps(value.data, ensure_ascii=False)}]"
     elif meant is not None:
-        hint = f"write {meant}{unquoted_too if not isinstance(meaning_of(meant), str) else ''}"
-    elif converted and validator.is_valid(meaning_of(converted.rpartition(" ")[2])):
+        hint = f"write {meant}{unquoted_too if not isinstance(parse_scalar(meant), str) else ''}"
+    elif converted and validator.is_valid(parse_scalar(converted.rpartition(" ")[2])):
         hint = f"{converted}{unquoted_too}"
     elif "," in text and _types(schema) & {"number", "integer"}:
         hint = number_hint(text, unit)
@@ -202,9 +206,9 @@ def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str
 def _meanings(text: str, unit: str, schema: dict[str, Any]) -> Iterator[str]:
     """Yield the possible meanings of a text in another notation or another unit."""
     readings = (
-        meant_duration(text) if "pattern" in schema else None,
-        number_in(text, unit),
-        meant_plain_number(text),
+        intended_duration(text) if "pattern" in schema else None,
+        convert_with_unit(text, unit),
+        intended_plain_number(text),
     )
     return (each for each in readings if each is not None and each != text)
 
@@ -275,13 +279,13 @@ class Value:
     entries: tuple[tuple["Value", "Value"], ...] | None = None
 
     @classmethod
-    def of_items(cls, start: int, end: int, items: Iterable["Value"]) -> "Value":
+    def from_items(cls, start: int, end: int, items: Iterable["Value"]) -> "Value":
         """Return a list."""
         taken = tuple(items)
         return cls(start, end, [item.data for item in taken], items=taken)
 
     @classmethod
-    def of_entries(cls, start: int, end: int, entries: Iterable[tuple["Value", "Value"]]) -> "Value":
+    def from_entries(cls, start: int, end: int, entries: Iterable[tuple["Value", "Value"]]) -> "Value":
         """Return a mapping; its keys are unique strings."""
         taken = tuple(entries)
         return cls(start, end, {key.text: inner.data for key, inner in taken}, entries=taken)
@@ -309,7 +313,7 @@ class Value:
     @property
     def meaning(self) -> bool | float | str | None:
         """The value of a scalar's text without quotes."""
-        return meaning_of(self.text or "")
+        return parse_scalar(self.text or "")
 
     @property
     def mapping(self) -> dict[str, "Value"]:
@@ -341,15 +345,15 @@ class Value:
         if self.items is not None:
             kept = [(item, below[index]) for index, item in enumerate(self.items)]
             items = [item.without(gone) if gone else item for item, gone in kept if () not in gone]
-            return Value.of_items(self.start, self.end, items)
+            return Value.from_items(self.start, self.end, items)
         entries = [(key, inner, below[key.text or ""]) for key, inner in self.entries or ()]
         left = [
             (key, inner.without(gone) if gone else inner) for key, inner, gone in entries if () not in gone
         ]
-        return Value.of_entries(self.start, self.end, left)
+        return Value.from_entries(self.start, self.end, left)
 
 
-def meaning_of(text: str) -> bool | float | str | None:
+def parse_scalar(text: str) -> bool | float | str | None:
     """Return the value of an unquoted text: a number, a Boolean or None if it is written as one, else the string."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
@@ -437,7 +441,7 @@ class Document:
         return left
 
     @contextmanager
-    def findings_first(self) -> Iterator[None]:
+    def prefer_findings(self) -> Iterator[None]:
         """Raise the findings about the file in place of an error that may result from them.
 
         Raises:

@@ -7,7 +7,7 @@ from typing import Any
 
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.opener import SETTINGS, read_file
-from sar_compiler.tree.content import source_of
+from sar_compiler.tree.content import make_source
 from sar_compiler.tree.diagnostic import Diagnostic, Source, TreeError
 from sar_compiler.tree.model import NO_SPANS
 
@@ -39,12 +39,14 @@ def read_toml(path: Path, shown: str) -> Document:
     file = read_file(path, SETTINGS)
     data = file.data
     source = (
-        source_of(data, shown, NO_SPANS, None, "", SETTINGS) if data.strip() else Source(shown, "", NO_SPANS)
+        make_source(data, shown, NO_SPANS, None, "", SETTINGS)
+        if data.strip()
+        else Source(shown, "", NO_SPANS)
     )
     document = Document(source, file.real_path.parent)
     try:
         content = tomllib.loads(source.text)
-        document.root = _value(content, (), _TomlPlaces(source.text), (0, len(source.text)), document)
+        document.root = _value(content, (), _TomlLocations(source.text), (0, len(source.text)), document)
     except RecursionError:
         message = "lists and tables are nested too deeply"
         raise TreeError([Diagnostic("too-deep", message, source, source.span(0, 1))]) from None
@@ -59,13 +61,15 @@ def read_toml(path: Path, shown: str) -> Document:
     return document
 
 
-def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets, document: Document) -> Value:
+def _value(
+    data: Any, path: _KeyPath, places: "_TomlLocations", around: _Offsets, document: Document
+) -> Value:
     """Return the value at a path; one of unknown location has that of the enclosing one."""
     document.count_value()
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
         pairs = [(name, (*path, name), inner) for name, inner in data.items()]
-        return Value.of_entries(
+        return Value.from_entries(
             start,
             end,
             (
@@ -77,7 +81,7 @@ def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets, d
             ),
         )
     if isinstance(data, list):
-        return Value.of_items(
+        return Value.from_items(
             start,
             end,
             (_value(item, (*path, index), places, place, document) for index, item in enumerate(data)),
@@ -86,7 +90,7 @@ def _value(data: Any, path: _KeyPath, places: "_TomlPlaces", around: _Offsets, d
     return Value(start, end, plain, text=data if isinstance(data, str) else places.text_of(path, data))
 
 
-class _TomlPlaces:
+class _TomlLocations:
     """The locations of keys and values, by their paths; tables in a list of tables have none."""
 
     def __init__(self, text: str) -> None:

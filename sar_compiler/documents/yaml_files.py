@@ -10,12 +10,12 @@ from typing import Any
 
 import yaml
 
-from sar_compiler.documents.located import Document, Value, meaning_of
+from sar_compiler.documents.located import Document, Value, parse_scalar
 from sar_compiler.errors import SarError
 from sar_compiler.opener import DOCUMENT, FileKind, read_file
-from sar_compiler.tree.content import source_of
+from sar_compiler.tree.content import make_source
 from sar_compiler.tree.diagnostic import Diagnostic, Span, TreeError
-from sar_compiler.tree.yaml_events import Events
+from sar_compiler.tree.yaml_events import YamlEvents
 from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 
@@ -46,8 +46,8 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
     Raises:
         TreeError: If it is not YAML, empty, too large, or uses features beyond plain data.
     """
-    document = Document(source_of(data, path, YamlSpans(), None, empty_hint, DOCUMENT), folder)
-    events = Events(document.source)
+    document = Document(make_source(data, path, YamlSpans(), None, empty_hint, DOCUMENT), folder)
+    events = YamlEvents(document.source)
     events.take()  # start of the stream
     if not isinstance(events.next, yaml.DocumentStartEvent):
         start, message = Span(1, 1, 1, 1), "the file is empty"
@@ -86,7 +86,7 @@ def as_yaml(said: Mapping[str, object]) -> str:
     return text
 
 
-def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Document:
+def document_from_data(said: Mapping[str, object], name: str, empty_hint: str) -> Document:
     """Return Python data as the document of an equivalent file.
 
     Raises:
@@ -103,7 +103,7 @@ def document_of(said: Mapping[str, object], name: str, empty_hint: str) -> Docum
     return parse_yaml(text, name, empty_hint)
 
 
-def _value(events: Events, document: Document) -> Value:
+def _value(events: YamlEvents, document: Document) -> Value:
     document.count_value()
     event: Any = events.take()
     start, end = _start(event), int(event.end_mark.index)
@@ -111,7 +111,7 @@ def _value(events: Events, document: Document) -> Value:
         items = []
         while not isinstance(events.next, yaml.SequenceEndEvent):
             items.append(_value(events, document))
-        return Value.of_items(start, events.take().end_mark.index, items)
+        return Value.from_items(start, events.take().end_mark.index, items)
     if isinstance(event, yaml.MappingStartEvent):
         entries: dict[str, tuple[Value, Value]] = {}
         while not isinstance(events.next, yaml.MappingEndEvent):
@@ -127,10 +127,10 @@ def _value(events: Events, document: Document) -> Value:
                 document.report("duplicate-key", f"'{key.text}' is written twice here", key)
             else:
                 entries[key.text] = (key, inner)
-        return Value.of_entries(start, events.take().end_mark.index, entries.values())
+        return Value.from_entries(start, events.take().end_mark.index, entries.values())
     if isinstance(event, yaml.AliasEvent):  # already reported
         return Value(start, end, None, text="")
-    return Value(start, end, event.value if event.style else meaning_of(event.value), text=event.value)
+    return Value(start, end, event.value if event.style else parse_scalar(event.value), text=event.value)
 
 
 def _start(event: Any) -> int:

@@ -14,7 +14,7 @@ from sar_compiler.project import ProjectTree
 from sar_compiler.runtime.blackboard import ROOT_SIGN
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Source, Span
-from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, Element, TreeFile, last_before
+from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, Element, TreeFile, last_element_before
 
 _MAIN = "main_tree_to_execute"
 _NAME = re.compile(r"@?[A-Za-z_]\w*", re.ASCII)
@@ -27,7 +27,7 @@ class RenamingError(SarError):
     """A name cannot be changed at all its locations."""
 
 
-class Spot(NamedTuple):
+class NameLocation(NamedTuple):
     """A location of a name.
 
     Attributes:
@@ -53,13 +53,13 @@ class NamedThing(NamedTuple):
     """
 
     name: str
-    spots: tuple[Spot, ...]
+    spots: tuple[NameLocation, ...]
     refusal: str = ""
     taken: frozenset[str] = frozenset()
     is_key: bool = False
 
 
-class _Pointed(NamedTuple):
+class _PointedAttribute(NamedTuple):
     """The attribute at a location: its element, its name, and the character of its value."""
 
     element: Element
@@ -76,7 +76,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
         beside: Other files that may use its trees, as they include it.
     """
     main = tree.forest.main
-    element = last_before(list(main.root.iterate()), main.source.place(offset))
+    element = last_element_before(list(main.root.iterate()), main.source.place(offset))
     if element is None:
         return None
     pointed = _pointed(element, offset)
@@ -88,7 +88,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
     return _in_node(tree, files, pointed)
 
 
-def _in_node(tree: ProjectTree, files: Sequence[TreeFile], pointed: _Pointed) -> NamedThing | None:
+def _in_node(tree: ProjectTree, files: Sequence[TreeFile], pointed: _PointedAttribute) -> NamedThing | None:
     """Return the meaning of a name in an attribute of a node: another node, or a key."""
     bound, around = _bound(tree, pointed.element)
     if bound is None or around is None:
@@ -114,12 +114,12 @@ def _is_use(element: Element, offset: int) -> bool:
     return start <= offset <= end
 
 
-def _pointed(element: Element, offset: int) -> _Pointed | None:
+def _pointed(element: Element, offset: int) -> _PointedAttribute | None:
     source = element.source
     for name, (*_, start, end) in source.spans.attributes(element):
         first, last = source.spans.inside(source.text, start, end)
         if first <= offset <= last:
-            return _Pointed(element, name, offset - first)
+            return _PointedAttribute(element, name, offset - first)
     return None
 
 
@@ -152,26 +152,26 @@ def _of_tree(files: Sequence[TreeFile], name: str) -> NamedThing:
     return NamedThing(name, tuple(_spots_of_tree(files, name)), taken=taken)
 
 
-def _spots_of_tree(files: Iterable[TreeFile], name: str) -> Iterator[Spot]:
+def _spots_of_tree(files: Iterable[TreeFile], name: str) -> Iterator[NameLocation]:
     for file in files:
         if file.main_tree_name == name:
-            yield Spot(file.source, file.root.value_span(_MAIN))
+            yield NameLocation(file.source, file.root.value_span(_MAIN))
         for each in file.trees:
             if each.attributes.get("ID") == name:
-                yield Spot(file.source, each.value_span("ID"), is_origin=True)
+                yield NameLocation(file.source, each.value_span("ID"), is_origin=True)
         for each in file.root.iterate():
             if each.tag == SUBTREE_TAG and each.attributes.get("ID") == name:
-                yield Spot(file.source, each.value_span("ID"))
+                yield NameLocation(file.source, each.value_span("ID"))
 
 
 def _of_node(around: BoundTree, meant: BoundNode) -> NamedThing:
     element = meant.element
     own = element.value_span("name") if "name" in element.attributes else element.tag_span()
-    spots = [Spot(element.source, own, is_origin=True)]
+    spots = [NameLocation(element.source, own, is_origin=True)]
     for each in around.referring:
         for attribute, target in each.references.items():
             if target is meant and attribute in each.element.attributes:
-                spots.append(Spot(each.element.source, each.element.value_span(attribute)))
+                spots.append(NameLocation(each.element.source, each.element.value_span(attribute)))
     return NamedThing(meant.name, tuple(spots), "names of nodes are also used in scenarios and properties")
 
 
@@ -182,7 +182,7 @@ def _of_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key
     for node in around.nodes:
         spots += _in_braces(node, key)
     users = [*_users(files, around.name)]
-    spots += [Spot(each.source, each.name_span(key)) for each in users if key in each.attributes]
+    spots += [NameLocation(each.source, each.name_span(key)) for each in users if key in each.attributes]
     spots += _in_models(files, around.name, key)
     inner = (use.element for use in around.uses)
     refusal = ""
@@ -199,27 +199,27 @@ def _of_key(tree: ProjectTree, files: Sequence[TreeFile], around: BoundTree, key
     return NamedThing(key, tuple(told.values()), refusal, taken, is_key=True)
 
 
-def _spots_of_access(access: KeyAccess) -> Iterator[Spot]:
+def _spots_of_access(access: KeyAccess) -> Iterator[NameLocation]:
     element, is_origin = access.bound.element, access.kind in _WRITES
-    if access.place is not None or access.place_in_braces is not None:
-        yield Spot(element.source, access.span(), is_origin)
+    if access.place is not None or access.position_in_braces is not None:
+        yield NameLocation(element.source, access.span(), is_origin)
         return
     text = element.attributes.get(access.attribute, "")
     found = next((each for each in _NAME.finditer(text) if each[0] == access.key), None)
     if found is not None:
-        span = element.within_value(access.attribute, *found.span())
-        yield Spot(element.source, span, is_origin)
+        span = element.value_part_span(access.attribute, *found.span())
+        yield NameLocation(element.source, span, is_origin)
 
 
-def _in_braces(node: BoundNode, key: str) -> Iterator[Spot]:
+def _in_braces(node: BoundNode, key: str) -> Iterator[NameLocation]:
     """Yield the locations of keys in attributes, in braces or as names of keys, for any use."""
     element = node.element
     for attribute, text in element.attributes.items():
         parameter = node.spec.parameters.get(attribute)
         if parameter is not None and parameter.value_type.names_key and text == key:
-            yield Spot(element.source, element.value_span(attribute))
+            yield NameLocation(element.source, element.value_span(attribute))
         for found in re.finditer(rf"(?<=\{{){re.escape(key)}(?=\}})", text):
-            yield Spot(element.source, element.within_value(attribute, *found.span()))
+            yield NameLocation(element.source, element.value_part_span(attribute, *found.span()))
 
 
 def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
@@ -230,13 +230,13 @@ def _users(files: Iterable[TreeFile], name: str) -> Iterator[Element]:
                 yield element
 
 
-def _in_models(files: Iterable[TreeFile], name: str, key: str) -> Iterator[Spot]:
+def _in_models(files: Iterable[TreeFile], name: str, key: str) -> Iterator[NameLocation]:
     """Yield the descriptions of a tree's port."""
     for models in (each for file in files for each in file.root.children if each.tag == MODEL_TAG):
         for model in models.children:
             if model.tag == SUBTREE_TAG and model.attributes.get("ID") == name:
                 ports = (port for port in model.children if port.attributes.get("name") == key)
-                yield from (Spot(port.source, port.value_span("name")) for port in ports)
+                yield from (NameLocation(port.source, port.value_span("name")) for port in ports)
 
 
 def check_renaming(thing: NamedThing) -> None:
@@ -249,7 +249,7 @@ def check_renaming(thing: NamedThing) -> None:
         raise RenamingError(f"'{thing.name}' cannot be renamed: {thing.refusal}")
 
 
-def renamed(thing: NamedThing, name: str) -> list[tuple[Spot, str]]:
+def renamed(thing: NamedThing, name: str) -> list[tuple[NameLocation, str]]:
     """Return the new text for each location of a name.
 
     Raises:

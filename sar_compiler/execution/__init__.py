@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from sar_compiler.execution.until import Until as Until
 
 PUBLIC_MODULES = (
+    "command_authors",
     "command_client",
     "extensions",
     "mission_run",
-    "order_record",
     "run_options",
     "run_setup",
     "run_view",

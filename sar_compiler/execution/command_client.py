@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from sar_compiler.journal.command_objects import SeenObjects
 from sar_compiler.journal.journal_entries import CommandAuthor
-from sar_compiler.missions.mission import OperatorCommand, VerbError
+from sar_compiler.missions.mission import CommandError, OperatorCommand
 from sar_compiler.ros.leaves.leaf import find_interface
 
 if TYPE_CHECKING:
@@ -93,15 +93,15 @@ class CommandClient:
             Whether it was accepted, with the response's message; it can be cancelled until it is sent.
 
         Raises:
-            VerbError: If the command is unknown, a value is wrong, or no leaf of the tree executes it.
+            CommandError: If the command is unknown, a value is wrong, or no leaf of the tree executes it.
         """
         known = self._verbs.get(verb)
         if known is None:
-            raise VerbError(f"unknown command {verb!r:.60}")
+            raise CommandError(f"unknown command {verb!r:.60}")
         checked = known.check(values)
         client = self._clients[verb]
         if not client.service_is_ready():
-            raise VerbError(f"no node of this tree executes '{verb}'")
+            raise CommandError(f"no node of this tree executes '{verb}'")
         request = client.srv_type.Request()
         known.fill(request, checked)
         answer: Future[tuple[bool, str]] = Future()
@@ -142,13 +142,13 @@ class CommandClient:
                 response = called.result()
                 said = bool(response.success), str(response.message)
             except Exception as error:  # noqa: BLE001 - a failing call must not end the mission
-                answer.set_exception(VerbError(f"the command got no response: {error}"))
+                answer.set_exception(CommandError(f"the command got no response: {error}"))
                 return
             answer.set_result(said)
 
         try:
             called = client.call_async(request)
         except Exception as error:  # noqa: BLE001 - rclpy raises arbitrary exceptions on values
-            answer.set_exception(VerbError(f"the command cannot be sent: {error}"))
+            answer.set_exception(CommandError(f"the command cannot be sent: {error}"))
             return
         called.add_done_callback(take)

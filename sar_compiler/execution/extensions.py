@@ -10,7 +10,7 @@ from sar_compiler.ros.run_extension import RunExtension
 if TYPE_CHECKING:
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.execution.run_journal import RunJournal
-    from sar_compiler.execution.run_watch import RunWatch
+    from sar_compiler.execution.run_watch import PropertyWatch
     from sar_compiler.ros.engine import Engine
 
 
@@ -24,7 +24,7 @@ def guardian_of(run: RunSetup) -> RunExtension | None:
     return Guardian(run.node, security_arguments(run.options.ros), run.options.supervision.signs)
 
 
-class Extensions:
+class RunExtensions:
     """All extensions of one run.
 
     Args:
@@ -95,13 +95,13 @@ class Extensions:
         for extension in self._extensions:
             extension.on_last_tick(is_over=is_over)
 
-    def watch(self) -> "RunWatch | None":
+    def watch(self) -> "PropertyWatch | None":
         """Return the extension that monitors properties; None if there is none."""
         if not self._options.properties:
             return None
-        from sar_compiler.execution.run_watch import RunWatch
+        from sar_compiler.execution.run_watch import PropertyWatch
 
-        return next(each for each in self._extensions if isinstance(each, RunWatch))
+        return next(each for each in self._extensions if isinstance(each, PropertyWatch))
 
     def _end(self, extension: RunExtension) -> None:
         try:

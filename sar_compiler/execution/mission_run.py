@@ -13,20 +13,20 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sar_compiler.analysis.approval import ApprovalCheck
-from sar_compiler.commands import print_error, tell_note
+from sar_compiler.commands import print_error, print_note
 from sar_compiler.compiler import CompiledTree, compile_tree, require_classes
-from sar_compiler.execution.extensions import Extensions
-from sar_compiler.execution.order_record import OrderRecord
-from sar_compiler.execution.run_journal import RunJournal, RunStart
+from sar_compiler.execution.command_authors import CommandAuthors
+from sar_compiler.execution.extensions import RunExtensions
+from sar_compiler.execution.run_journal import JournalStart, RunJournal
 from sar_compiler.execution.run_options import RunOptions, RunOutcome
 from sar_compiler.execution.run_setup import MakeExtension, RunSetup
 from sar_compiler.execution.supervision import PERIOD_SEC
 from sar_compiler.execution.tree_run import RouteCheck, TreeRun, end_condition
 from sar_compiler.journal.journal import Journal
-from sar_compiler.missions.beginning import begin_run, fixed_parameters, node_name, parse_faults
-from sar_compiler.missions.choosing import mission_of
 from sar_compiler.missions.faults import NAVIGATION, Fault, FaultPlan
 from sar_compiler.missions.mission import Mission
+from sar_compiler.missions.mission_choice import mission_of
+from sar_compiler.missions.mission_start import begin_run, fixed_parameters, node_name, parse_faults
 from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.spec import Use
@@ -42,7 +42,7 @@ from sar_compiler.ros.readiness import NotReadyError
 from sar_compiler.ros.signals import StopSignals
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.terminal import RunOutput, draws_in_place
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.sim.node_host import SteppedExecutor
@@ -75,12 +75,12 @@ def run_mission(
         NotReadyError: If a requirement of the tree is missing in the simulation, or does not appear in time; the robot has not moved.
         SarError: If the mission, the parameters, the world or the ROS arguments are wrong; the robot has not moved.
     """
-    with RunStart(options) as start, ExitStack() as stack:
+    with JournalStart(options) as start, ExitStack() as stack:
         make_engine = find_engine(options.engine)
-        loader = Workspace(options.additions, note=tell_note, further_checks=[check_mission])
+        loader = Workspace(options.additions, note=print_note, further_checks=[check_mission])
         loaded = loader.load(options.tree)
         binding = loaded.binding(options.tree_id)
-        loader.note_use()
+        loader.report_use()
         approval = _approval(options, loaded) if options.approved else None
         require_classes(binding)
         mission = mission_of(loaded, binding)
@@ -91,16 +91,16 @@ def run_mission(
             return RunOutcome(signals.exit_status)
         node = _node(options, mission, context)
         ros.callback(node.destroy_node)
-        start.find_place(mission, node)
+        start.find_path(mission, node)
         files = parameter_files(options.ros, options.params)
-        reader = ParameterReader.of_files(flat_parameters(node), files, node.get_fully_qualified_name())
+        reader = ParameterReader.from_files(flat_parameters(node), files, node.get_fully_qualified_name())
         run, parameters, notes = begin_run(mission, reader, binding)
         if approval is not None:
             approval.require_parameters(reader.parameters, reader.files)
         run_journal = start.journal = RunJournal(options, mission, node, loaded.path)
         journal, fixed = run_journal.journal, fixed_parameters(mission, binding)
-        options.supervision.tell_journal(journal.place)
-        orders = OrderRecord(node, run.verbs(), journal)
+        options.supervision.send_journal_path(journal.place)
+        orders = CommandAuthors(node, run.verbs(), journal)
         setup = RunSetup(
             options,
             signals,
@@ -116,15 +116,15 @@ def run_mission(
             staying,
             approval,
         )
-        extensions = Extensions(setup, run_journal, makes, stack)
-        run_journal.keep_facts(run, reader.parameters)
+        extensions = RunExtensions(setup, run_journal, makes, stack)
+        run_journal.attach_mission(run, reader.parameters)
         end = end_condition(setup)
         leaves = {Clock: mission_clock(node), **run.context, Journal: journal}
         tree = compile_tree(binding, leaves, reader.parameters)
         engine = make_engine(tree.root)
         extensions.on_compiled(tree, engine)
         for note in notes:
-            node.get_logger().warning(in_one_line(note))
+            node.get_logger().warning(escape_to_one_line(note))
         if world is not None:
             _require_navigation(tree, world)
         executor = _executor(options, context)

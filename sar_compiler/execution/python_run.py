@@ -42,9 +42,9 @@ def run_mission(options: RunOptions, extensions: Sequence[MakeExtension] = ()) -
 
     makes = [*extensions]
     if options.properties:
-        from sar_compiler.execution.run_watch import RunWatch
+        from sar_compiler.execution.run_watch import PropertyWatch
 
-        makes.insert(0, RunWatch)
+        makes.insert(0, PropertyWatch)
     if options.guardian is not False:
         makes.append(guardian_of)
     require_middleware()

@@ -16,7 +16,7 @@ from sar_compiler.journal.refused_start import forget_refusal, record_refusal
 from sar_compiler.json_values import json_data
 from sar_compiler.missions.mission import Mission, MissionRun
 from sar_compiler.nodes.palettes import is_palette_name
-from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.project.command_line_settings import CommandLineSettings
 from sar_compiler.ros.run_extension import RunExtension
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.engine import Engine
 
 
-class RunStart:
+class JournalStart:
     """The start of a run. If it is refused, the reason is stored for `sar-journal why`, because no journal is written then.
 
     Args:
@@ -41,7 +41,7 @@ class RunStart:
         self._place: Path | None = options.journal
         self.journal: RunJournal | None = None
 
-    def find_place(self, mission: Mission | None, node: "Node") -> None:
+    def find_path(self, mission: Mission | None, node: "Node") -> None:
         """Determine the journal that the run would write; simulated runs have a new name each time, so they are excluded."""
         if self._place is None and self._options.sim is None and _keeps_by_itself(self._options, mission):
             self._place = _usual_place(self._options, node.get_fully_qualified_name())
@@ -97,7 +97,7 @@ class RunJournal(RunExtension):
         if options.supervision.deaths:
             self._run_about["after"] = options.supervision.deaths[-1]
 
-    def keep_facts(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
+    def attach_mission(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
         """Apply the events of earlier runs to a mission, and record its events from now on.
 
         Raises:
@@ -112,7 +112,7 @@ class RunJournal(RunExtension):
 
     def _identify(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
         """Record the mission's identity, or check that a resumed mission has the same."""
-        from sar_compiler.execution.resuming import require_same_identity
+        from sar_compiler.execution.resume_checks import require_same_identity
 
         self._run_about["parameters"] = json_data(parameters)
         self._about["identity"] = json_data(run.identity())
@@ -120,11 +120,11 @@ class RunJournal(RunExtension):
             require_same_identity(self.journal, self._about)
             facts = len(self.journal.facts())
             self._node.get_logger().info(f"The mission in {self.journal.place} resumes after {facts} events.")
-            self._tell_lost()
+            self._report_lost_events()
         if self._mission is not None:
             self._run_about["facts"] = json_data({**run.facts(), **run.limits()})
 
-    def _tell_lost(self) -> None:
+    def _report_lost_events(self) -> None:
         if count := sum(
             int(fact.data.get("count", 0)) for fact in self.journal.facts() if fact.kind == FACTS_LOST
         ):
@@ -141,7 +141,7 @@ class RunJournal(RunExtension):
         """
         if not self.journal.is_wanted:
             return
-        from sar_compiler.execution.resuming import require_same_tree
+        from sar_compiler.execution.resume_checks import require_same_tree
         from sar_compiler.views.run_tree import describe_tree
 
         about, of_run = describe_tree(tree)
@@ -166,7 +166,7 @@ class RunJournal(RunExtension):
             self.journal.begin({}, {})
             return
         from sar_compiler.journal.status_watch import StatusWatch
-        from sar_compiler.ros.orphaned_goals import note_goals
+        from sar_compiler.ros.orphaned_goals import record_goals
         from sar_compiler.ros.robot_observer import RobotObserver
 
         logger = self._node.get_logger()
@@ -174,8 +174,8 @@ class RunJournal(RunExtension):
         self.journal.begin(self._about, self._run_about)
         if self.journal.aside is not None:
             logger.info(f"The previous journal is kept as {self.journal.aside}.")
-        note_goals(self._node, self.journal)
-        answers = self._tree.origins.declared_answers()
+        record_goals(self._node, self.journal)
+        answers = self._tree.origins.declared_outcomes()
         self._engine.add_visitor(StatusWatch(self._tree.root, self.journal, answers, logger.warning))
         RobotObserver(self._node, self.journal)  # the node keeps it
 
@@ -198,7 +198,7 @@ def _open(options: RunOptions, mission: Mission | None, node: "Node") -> Journal
     asked = options.journal is not None or options.resume or options.new or options.keeps_journal
     if options.no_journal or options.check or not (asked or _keeps_by_itself(options, mission)):
         return Journal()
-    from sar_compiler.journal.opening import open_journal
+    from sar_compiler.journal.journal_opening import open_journal
 
     place = options.journal or _usual_place(options, node.get_fully_qualified_name())
     is_named = options.journal is not None
@@ -216,10 +216,10 @@ def _keeps_by_itself(options: RunOptions, mission: Mission | None) -> bool:
 
 
 def _usual_place(options: RunOptions, name: str) -> Path:
-    from sar_compiler.journal.opening import default_place, forget_simulated, simulated_place
+    from sar_compiler.journal.journal_opening import default_place, delete_old_simulated, simulated_place
 
     if options.sim is None:
         return default_place(name)
     place = simulated_place(name, resume=options.resume)
-    forget_simulated(place)
+    delete_old_simulated(place)
     return place

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sar_compiler.execution.supervision import Supervision
 from sar_compiler.execution.until import Until
-from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.project.command_line_settings import CommandLineSettings
 
 
 @dataclass(frozen=True)

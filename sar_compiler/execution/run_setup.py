@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from sar_compiler.analysis.approval import ApprovalCheck
-    from sar_compiler.execution.order_record import OrderRecord
+    from sar_compiler.execution.command_authors import CommandAuthors
     from sar_compiler.execution.run_options import RunOptions
     from sar_compiler.journal.journal import Journal
     from sar_compiler.missions.mission import MissionRun
@@ -47,7 +47,7 @@ class RunSetup(NamedTuple):
     values: Mapping[str, object]
     fixed_parameters: Collection[str]
     output: "RunOutput"
-    orders: "OrderRecord"
+    orders: "CommandAuthors"
     staying: list[Callable[[], object]]
     approval: "ApprovalCheck | None" = None
 

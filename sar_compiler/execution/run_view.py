@@ -40,7 +40,7 @@ class RunView(RunExtension):
 
     def __init__(self, run: RunSetup) -> None:
         self._output = run.output
-        self._state = MissionState.of(run.journal.earlier())
+        self._state = MissionState.from_stream(run.journal.earlier())
 
 
 def run_view() -> Callable[[RunSetup], RunView]:
@@ -152,7 +152,7 @@ class RunScreen(RunView):
             size = tuple(os.get_terminal_size(sys.stdout.fileno()))
         except (OSError, ValueError):
             return
-        begin = self._take_lines(size) if size != self._size else ""
+        begin = self._reserve_lines(size) if size != self._size else ""
         if not self._height:
             self._output.draw(begin)
             return
@@ -163,7 +163,7 @@ class RunScreen(RunView):
         rows = (f"\x1b[{top + index};1H{row}{_TO_THE_END}" for index, row in enumerate(painted))
         self._output.draw(f"{begin}{_SAVE}{_HIDE}{''.join(rows)}{_RESTORE}{_SHOW}")
 
-    def _take_lines(self, size: tuple[int, ...]) -> str:
+    def _reserve_lines(self, size: tuple[int, ...]) -> str:
         """Return the control sequence that reserves the view's lines; it is repeated after a change of size."""
         is_first, (_, lines) = self._size == (0, 0), size
         self._size = (size[0], lines)

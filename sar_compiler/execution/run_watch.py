@@ -22,7 +22,7 @@ from sar_compiler.journal.journal_entries import (
     PROPERTY_BROKEN,
     CommandAuthor,
 )
-from sar_compiler.missions.mission import OperatorCommand, VerbError
+from sar_compiler.missions.mission import CommandError, OperatorCommand
 from sar_compiler.ros.clock import mission_clock
 from sar_compiler.ros.engine import Engine, error_text, tell
 from sar_compiler.ros.run_extension import RunExtension, UnfitLeavesError
@@ -30,7 +30,7 @@ from sar_compiler.runtime.answers import DeclaredAnswers
 from sar_compiler.runtime.leaf_listener import hear
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 TELL = "tell"
 """The reaction to every violated property."""
@@ -40,7 +40,7 @@ _ROLES: Mapping[str, Literal["hold", "stop"]] = {"hold": "hold", "abort": "stop"
 _PATIENCE_SEC = 3.0
 
 
-class _DueOrder(NamedTuple):
+class _DueCommand(NamedTuple):
     """A command to give because of a violated property.
 
     Attributes:
@@ -56,7 +56,7 @@ class _DueOrder(NamedTuple):
     since: float
 
 
-class _PropertyOrders:
+class _PropertyReactions:
     """Gives the mission's commands when properties are violated.
 
     Args:
@@ -70,7 +70,7 @@ class _PropertyOrders:
     def __init__(self, run: RunSetup, if_broken: Mapping[str, str]) -> None:
         self._node, self._logger = run.node, run.node.get_logger()
         self._verbs: dict[str, OperatorCommand] = {}
-        self._due: list[_DueOrder] = []
+        self._due: list[_DueCommand] = []
         known = {verb.role: verb for verb in run.mission.verbs()}
         for name, wanted in if_broken.items():
             if wanted == TELL:
@@ -104,16 +104,16 @@ class _PropertyOrders:
     def order(self, about: str, event: str) -> None:
         """Schedule the reaction to a property violated by an event, if it has one."""
         if about in self._verbs:
-            self._due.append(_DueOrder(about, event, self._verbs[about], time.monotonic()))
+            self._due.append(_DueCommand(about, event, self._verbs[about], time.monotonic()))
 
-    def give_due(self) -> None:
+    def send_due(self) -> None:
         """Give the commands that are due; wait for services that are not discovered yet."""
         due, self._due = self._due, []
         for order in due:
             try:
                 author = CommandAuthor(f"the property '{order.about}'", f"violated by {order.event}")
                 answer = self._calls.give(order.verb.name, {}, author)
-            except VerbError as error:  # noqa: PERF203 - one of a few
+            except CommandError as error:  # noqa: PERF203 - one of a few
                 if time.monotonic() - order.since < _PATIENCE_SEC:
                     self._due.append(order)
                 else:
@@ -121,19 +121,21 @@ class _PropertyOrders:
             else:
                 answer.add_done_callback(partial(self._take_answer, order))
 
-    def _take_answer(self, order: _DueOrder, answer: Future[tuple[bool, str]]) -> None:
+    def _take_answer(self, order: _DueCommand, answer: Future[tuple[bool, str]]) -> None:
         error = answer.exception()
         accepted, said = answer.result() if error is None else (False, str(error))
         if not accepted:
             self._say_refused(order, said)
 
-    def _say_refused(self, order: _DueOrder, why: str) -> None:
+    def _say_refused(self, order: _DueCommand, why: str) -> None:
         self._logger.error(
-            in_one_line(f"'{order.verb.label}', because '{order.about}' is violated, was not executed: {why}")
+            escape_to_one_line(
+                f"'{order.verb.label}', because '{order.about}' is violated, was not executed: {why}"
+            )
         )
 
 
-class RunWatch(RunExtension):
+class PropertyWatch(RunExtension):
     """Monitors a run, and records alarms in its journal, from which all displays read them.
 
     Args:
@@ -175,8 +177,8 @@ class RunWatch(RunExtension):
         approval = self._run.approval
         if approval is not None and given is not True and self._watch.file is not None:
             approval.require_properties(self._watch.file.document.source)
-        self._orders = _PropertyOrders(self._run, self._if_broken)
-        declared = tree.origins.declared_answers()
+        self._orders = _PropertyReactions(self._run, self._if_broken)
+        declared = tree.origins.declared_outcomes()
         for number, behaviour in enumerate(pre_order(tree.root)):
             if behaviour.id in declared and not behaviour.children:
                 self._leaves[number] = behaviour
@@ -258,7 +260,7 @@ class RunWatch(RunExtension):
         broken = dict.fromkeys(watch.broken, "broken")
         return {**dict.fromkeys(watch.properties.names, "kept"), **owed, **broken}
 
-    def in_words(self) -> str:
+    def summary_text(self) -> str:
         """Return the verdicts of the properties as a line of a summary."""
         verdicts = self.verdicts()
         parts = []
@@ -277,14 +279,14 @@ class RunWatch(RunExtension):
         if self._watch.remembered != self._remembered:
             self._remembered = self._watch.remembered
             self._run.journal.watch(PROPERTIES_OWED, owed=self._watch.owed)
-        self._orders.give_due()
+        self._orders.send_due()
 
     def _tell(self) -> None:
         if not self._watch.alarms:
             return
         alarms, self._watch.alarms = self._watch.alarms, []
         for alarm in alarms:
-            self._logger.error(in_one_line(alarm.text))
+            self._logger.error(escape_to_one_line(alarm.text))
             self._note(alarm)
             if alarm.cause.is_broken:
                 self._orders.order(alarm.about, alarm.event or "the end of the run")

@@ -15,15 +15,15 @@ from signal import SIGINT, SIGTERM
 from threading import Thread
 from typing import IO, TYPE_CHECKING, NamedTuple
 
-from sar_compiler.commands import FINDINGS, OK, ROBOT_MAY_MOVE, USAGE, tell_note
+from sar_compiler.commands import FINDINGS, OK, ROBOT_MAY_MOVE, USAGE, print_note
 from sar_compiler.errors import SarError
 from sar_compiler.execution.served_runs import EndedRun
 from sar_compiler.journal.journal_entries import CommandAuthor
-from sar_compiler.missions.choosing import mission_of
+from sar_compiler.missions.mission_choice import mission_of
 from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.process_end import dependent_environment
-from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.project.command_line_settings import CommandLineSettings
 from sar_compiler.ros.arguments import parameter_files
 from sar_compiler.ros.middleware import require_middleware
 from sar_compiler.ros.signals import StopSignals
@@ -114,12 +114,12 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
     require_middleware()
     from sar_compiler.execution.tree_server import serve_trees
 
-    runs = Runs(argv, options)
+    runs = ProcessRunStarter(argv, options)
     has_served = serve_trees(runs, options.ros, signals, is_managed=options.is_managed)
     return runs.status if has_served else USAGE
 
 
-class Runs:
+class ProcessRunStarter:
     """Starts runs of some trees, each in its own process.
 
     Args:
@@ -147,9 +147,9 @@ class Runs:
         """
         from sar_compiler.project import Workspace
 
-        workspace = Workspace(self._options.additions, note=tell_note, further_checks=[check_mission])
+        workspace = Workspace(self._options.additions, note=print_note, further_checks=[check_mission])
         found = [each for name in self._options.trees for each in self._trees_of(workspace, name)]
-        workspace.note_use()
+        workspace.report_use()
         self._trees = {each.tree_id: each for each in found}
         for each in found:
             if self._trees[each.tree_id] is not each:
@@ -164,7 +164,7 @@ class Runs:
             ServedTreesError: If it has errors.
             FaultError: If `--fault` names a fault that its mission does not have.
         """
-        from sar_compiler.missions.beginning import node_name, parse_faults, path_parameters
+        from sar_compiler.missions.mission_start import node_name, parse_faults, path_parameters
 
         found, ros = [], self._options.ros
         try:
@@ -221,13 +221,13 @@ class Runs:
 
     def _holder(self, served: ServedTree) -> "Holder":
         """Return a function that pauses or resumes a mission."""
+        from sar_compiler.execution.command_authors import RemoteCommandAuthor
         from sar_compiler.execution.command_client import CommandClient
-        from sar_compiler.execution.order_record import RemoteSignature
 
         full = f"{self.node.get_namespace().rstrip('/')}/{served.node}"
         if full not in self._calls:
             # The services are discovered by the time they are needed.
-            sign = RemoteSignature(self.node, full).sign
+            sign = RemoteCommandAuthor(self.node, full).sign
             self._calls[full] = CommandClient(self.node, served.verbs, sign, full)
         by = self.node.get_fully_qualified_name()
         return holder(self._calls[full], {verb.role: verb.name for verb in served.verbs}, by)
@@ -241,7 +241,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
         verbs: The names of its commands, by role.
         by: The author of the commands.
     """
-    from sar_compiler.missions.mission import VerbError
+    from sar_compiler.missions.mission import CommandError
 
     # One after the other, and outside of the thread that calls the services.
     orders = ThreadPoolExecutor(1, "orders")
@@ -259,7 +259,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
             time.sleep(_LOOK_SEC)
         try:
             calls.give(verb, {}, author).add_done_callback(take)
-        except VerbError as error:
+        except CommandError as error:
             refused(str(error))
 
     def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
@@ -350,10 +350,10 @@ class ServedProcess:
         status = self._process.wait()
         for reader in (self._follower, self._listener):
             reader.join(_READ_SEC)
-        self._end(status, ended_run(status, self._last, "\n".join([*self._complaints])))
+        self._end(status, run_result(status, self._last, "\n".join([*self._complaints])))
 
 
-def ended_run(status: int, last: str, complaints: str) -> EndedRun:
+def run_result(status: int, last: str, complaints: str) -> EndedRun:
     """Return the outcome of a run.
 
     Args:
@@ -382,7 +382,7 @@ def _verbs_of(
     mission: "Mission | None", binding: "Binding", files: Sequence[Path], node: str
 ) -> "tuple[OperatorCommand, ...]":
     """Return the commands of a mission; none if its parameters are not all in files."""
-    from sar_compiler.missions.beginning import begin_run
+    from sar_compiler.missions.mission_start import begin_run
     from sar_compiler.missions.parameter_reader import ParameterReader
 
     own = mission.default_parameters() if mission is not None and not files else None
@@ -391,7 +391,7 @@ def _verbs_of(
     with suppress(SarError):
         for place in places:
             values |= read_parameter_file(place, node)
-        run, _, _ = begin_run(mission, ParameterReader.of_files(values, places, node), binding)
+        run, _, _ = begin_run(mission, ParameterReader.from_files(values, places, node), binding)
         return tuple(run.verbs())
     return ()
 

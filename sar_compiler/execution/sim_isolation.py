@@ -5,7 +5,7 @@ import time
 from typing import Any
 
 from sar_compiler.ros.signals import StopSignals
-from sar_compiler.sim.isolation import LOOK_AROUND_SEC, LOOKING_AROUND, refuse_company
+from sar_compiler.sim.isolation import LOOK_AROUND_SEC, LOOKING_AROUND, require_no_other_nodes
 from sar_compiler.terminal import ProgressLine
 
 
@@ -14,7 +14,7 @@ def look_around(signals: StopSignals, **options: Any) -> None:
 
     Args:
         signals: Requests to stop, which end the check.
-        options: Options of `refuse_company`.
+        options: Options of `require_no_other_nodes`.
 
     Raises:
         IsolationError: If another one is present.
@@ -29,6 +29,6 @@ def look_around(signals: StopSignals, **options: Any) -> None:
         return signals.came
 
     try:
-        refuse_company(on_waiting=begin, should_stop=should_stop, **options)
+        require_no_other_nodes(on_waiting=begin, should_stop=should_stop, **options)
     finally:
         line.clear()

@@ -45,7 +45,7 @@ class Supervision(NamedTuple):
         """Send a heartbeat, each `PERIOD_SEC`, which shows that the thread that ticks the tree is not blocked."""
         self._write(ALIVE)
 
-    def tell_journal(self, place: Path) -> None:
+    def send_journal_path(self, place: Path) -> None:
         """Send the place of the journal."""
         self._write(JOURNAL + json.dumps(str(place.resolve())).encode())
 
@@ -53,11 +53,11 @@ class Supervision(NamedTuple):
         """Report that discovery is lost, so that another process must resume the mission."""
         self._write(DEAF)
 
-    def tell_end(self) -> None:
+    def send_end(self) -> None:
         """Report that the run has ended, except for its reports and shutdown."""
         self._write(ENDING)
 
-    def in_words(self) -> str:
+    def summary_text(self) -> str:
         """Return the text for the summary; empty for the first run."""
         if not self.deaths:
             return ""

@@ -56,7 +56,7 @@ def supervise(
     deaths: list[str] = []
     has_begun = False
     while True:
-        life = _Life(argv, deaths, has_begun=has_begun)
+        life = _SupervisedRun(argv, deaths, has_begun=has_begun)
         signals.last_words = lambda life=life: life.hurry(signals)
         life.watch(signals)
         status, death = life.end()
@@ -77,7 +77,7 @@ def supervise(
         print_error(f"sar-run: the mission has crashed ({death}): it is {how} ({len(deaths)} of {limit})")
 
 
-class _Life:
+class _SupervisedRun:
     """One run of the mission.
 
     Args:

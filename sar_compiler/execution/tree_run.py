@@ -18,27 +18,34 @@ from sar_compiler.budget import Budget
 from sar_compiler.commands import FINDINGS, OK, ROBOT_MAY_MOVE, print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
-from sar_compiler.execution.ending import EndCondition, RunResult, default_summary
-from sar_compiler.execution.extensions import Extensions
+from sar_compiler.execution.end_condition import EndCondition, RunResult, default_summary
+from sar_compiler.execution.extensions import RunExtensions
 from sar_compiler.execution.run_options import RunOutcome
 from sar_compiler.execution.run_setup import RunSetup
 from sar_compiler.execution.until import Until
 from sar_compiler.journal.journal_entries import LEAF_RAISED, Ending
-from sar_compiler.missions.choosing import MissionError
 from sar_compiler.missions.mission import MissionRun, SearchedArea
+from sar_compiler.missions.mission_choice import MissionError
 from sar_compiler.missions.parameter_reader import RunParameters
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.arguments import readable_ros_errors
+from sar_compiler.ros.arguments import convert_ros_errors
 from sar_compiler.ros.clock import AWAKE, mission_clock
 from sar_compiler.ros.dependency_monitor import DependencyMonitor, refuse_parameters
-from sar_compiler.ros.engine import Engine, SetupFailedError, error_text, failure_text, raised_in, tell
+from sar_compiler.ros.engine import (
+    Engine,
+    SetupFailedError,
+    error_text,
+    failure_text,
+    raising_behaviour,
+    tell,
+)
 from sar_compiler.ros.executors import suited
 from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.graph_queries import declared_endpoints, ros_graph
 from sar_compiler.ros.leaves.leaf import RosLeaf, qos_profile
-from sar_compiler.ros.message_values import grid_place, value_reports
+from sar_compiler.ros.message_values import grid_geometry, value_reports
 from sar_compiler.ros.nav2_parameters import nav2_parameters
-from sar_compiler.ros.orphaned_goals import OrphanedGoals, cancel_apart
+from sar_compiler.ros.orphaned_goals import OrphanedGoals, make_separate_canceller
 from sar_compiler.ros.readiness import NotReadyError, Readiness, wait_until_ready
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate
 from sar_compiler.ros.robot_lease import LOOK_SEC, RobotLease
@@ -46,11 +53,11 @@ from sar_compiler.ros.run_extension import UnfitLeavesError
 from sar_compiler.ros.tick_watch import TickWatch
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.sim.occupancy import OccupancyMap
-    from sar_compiler.sim.planner import Leg, Planner
+    from sar_compiler.sim.planner import Planner, RouteLeg
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
@@ -139,16 +146,16 @@ class RouteReport:
                 f"Driving takes {seconds:.0f} s (estimated), and time_limit_sec is {limit:g}."
             )
         if planner is not None and (areas := mission.searched_areas()):
-            self._look_at_areas(planner, (x, y), areas)
+            self._add_areas(planner, (x, y), areas)
 
-    def _look_at_areas(
+    def _add_areas(
         self, planner: "Planner", start: tuple[float, float], areas: Sequence[SearchedArea]
     ) -> None:
         """Report the reachable part of each area, and the duration of its sweep."""
-        from sar_compiler.sim.planner import PlanningError, reach_of
+        from sar_compiler.sim.planner import PlanningError, reachable_areas
 
         try:
-            reaches = reach_of(planner, start, [area.corners for area in areas])
+            reaches = reachable_areas(planner, start, [area.corners for area in areas])
         except PlanningError:
             return  # already reported for every stop
         width = max(len(area.name) for area in areas)
@@ -165,7 +172,7 @@ class RouteReport:
             if not reach.reached_m2:
                 self.problems.append(f"{area.name}: no part of its area is reachable.")
 
-    def _table(self, legs: "Sequence[Leg]") -> list[str]:
+    def _table(self, legs: "Sequence[RouteLeg]") -> list[str]:
         width = max(len(leg.name) for leg in legs)
         rows = [(leg.name, leg.distance) for leg in legs] + [("total", _distance(legs))]
         title = f"The route on the map (estimated; robot radius {self._radius:g} m, {self._speed:g} m/s):"
@@ -228,7 +235,7 @@ class RouteCheck:
         grid = self._grid
         if (
             grid is None
-            or value_reports(self._node).read(f"Topic '{_MAP}'", lambda: grid_place(grid)) is None
+            or value_reports(self._node).read(f"Topic '{_MAP}'", lambda: grid_geometry(grid)) is None
         ):
             return None
         from sar_compiler.sim.messages import from_grid
@@ -236,7 +243,7 @@ class RouteCheck:
         return from_grid(grid)
 
 
-def _distance(legs: "Sequence[Leg]") -> float:
+def _distance(legs: "Sequence[RouteLeg]") -> float:
     """Return the total length of all reachable legs, metres."""
     return sum(leg.distance or 0.0 for leg in legs)
 
@@ -257,7 +264,7 @@ class TreeRun:
 
     setup: RunSetup
     end: EndCondition
-    extensions: Extensions
+    extensions: RunExtensions
     tree: CompiledTree
     engine: Engine
     executor: Executor
@@ -302,7 +309,7 @@ class TreeRun:
 
     def _run(self, route: RouteCheck | None) -> int:
         for line in self.setup.mission.greeting():
-            self._node.get_logger().info(in_one_line(line))
+            self._node.get_logger().info(escape_to_one_line(line))
         self.executor.add_node(self._node)
         self.executor = suited(self.executor, self._node)
         try:
@@ -312,7 +319,7 @@ class TreeRun:
                 route.tell(self.executor, self._output.say)
             raise
         if self._over:
-            return self._tell_interruption()
+            return self._interruption_status()
         return self._conclude_check(route) if self._options.check else self._tick()
 
     def _wait(self) -> None:
@@ -336,7 +343,7 @@ class TreeRun:
             for line in nav2_parameters(self._node).advice():
                 self._node.get_logger().warning(f"Nav2's parameters: {line}.")
 
-    @readable_ros_errors()
+    @convert_ros_errors()
     def _readiness(self, *, with_pose: bool) -> Readiness:
         actions = [use.name for use in self.tree.uses() if use.kind == "action"]
         # A simulation excludes other nodes, which was already checked.
@@ -374,7 +381,7 @@ class TreeRun:
         # journal is closed last: its end records whether every goal was observed to have ended, and a crash before it leaves a journal that
         # can be resumed.
         engine = self.engine
-        engine.add_post_tick_handler(self._look_for_end)
+        engine.add_post_tick_handler(self._check_end)
         self._signals.ends_unnoticed = False
         self.extensions.on_begin()
         try:
@@ -390,7 +397,7 @@ class TreeRun:
                 elapsed = self._clock.now() - self._started
                 is_over = engine.failure is None and (self._result is not None or self.end.complete)
                 self.extensions.on_last_tick(is_over=is_over)
-                self._come_to_rest()
+                self._stop_and_settle()
         except SetupFailedError as error:
             tell(self._node, str(error), error.__cause__)
             status = self._fail(
@@ -404,7 +411,7 @@ class TreeRun:
             return status
         finally:
             self._signals.last_words = None
-            self._options.supervision.tell_end()
+            self._options.supervision.send_end()
             engine.shutdown()
         try:
             status = self._conclude(elapsed)
@@ -420,7 +427,7 @@ class TreeRun:
         """Add the verdicts of the monitored properties to the outcome."""
         watch = self.extensions.watch()
         if watch is not None:
-            summary = (*self._outcome.summary, watch.in_words())
+            summary = (*self._outcome.summary, watch.summary_text())
             self._outcome = replace(self._outcome, verdicts=watch.verdicts(), summary=summary)
 
     def _end_journal(self, ending: Ending, status: int, reason: str) -> None:
@@ -428,7 +435,7 @@ class TreeRun:
         if not journal.is_wanted:
             return
         if failure is not None:
-            raised = raised_in(failure)
+            raised = raising_behaviour(failure)
             numbers = (number for number, each in enumerate(pre_order(self.tree.root)) if each is raised)
             journal.watch(LEAF_RAISED, node=next(numbers, None), text=failure_text(failure))
         journal.end(ending, status, reason)
@@ -445,7 +452,7 @@ class TreeRun:
                 if self._watch is not None and self._watch.lost_discovery:
                     self._options.supervision.send_discovery_lost()
 
-    def _come_to_rest(self) -> None:
+    def _stop_and_settle(self) -> None:
         """Halt the tree, and wait until its goals have ended and the odometry, if any, shows that the robot stands."""
         limit_sec = self._parameters.settle_timeout_sec
         deadline = time.monotonic() + limit_sec
@@ -461,7 +468,7 @@ class TreeRun:
             self._turn(lambda: self.executor.spin_once(_TURN_SEC))
         if robot is not None and robot.moves and not names:
             self._may_move = (
-                f"no goal of this mission is active, but the robot still moves ({robot.speed_in_words})"
+                f"no goal of this mission is active, but the robot still moves ({robot.speed_text})"
             )
 
     def _turn(self, spin: Callable[[], object]) -> None:
@@ -477,7 +484,7 @@ class TreeRun:
         """Return the watchdog that names a blocking leaf, and ends the run on a request meanwhile; in a simulation its goals end with it."""
         cancel, parameters = None, self._parameters
         if self.simulation is None:
-            cancel = cancel_apart(self._node)
+            cancel = make_separate_canceller(self._node)
         self._end = ForcedEnd(
             "sar-run",
             self._node,
@@ -523,7 +530,7 @@ class TreeRun:
     def _failure_of_simulation(self) -> BaseException | None:
         return self.simulation.failure if self.simulation is not None else None
 
-    def _look_for_end(self, tree: BehaviourTree) -> None:
+    def _check_end(self, tree: BehaviourTree) -> None:
         status = Status.INVALID if was_skipped(tree.root) else tree.root.status
         self._result = self.end.after_tick(status, self._clock.now() - self._started)
         if self._result is not None:
@@ -534,7 +541,7 @@ class TreeRun:
         mission, supervision, ticks = self.setup.mission, self._options.supervision, self.engine.count
         status = self._status()
         summary = mission.summary(elapsed_sec, ticks) or default_summary(
-            mission, self._end_in_words(status), elapsed_sec, ticks
+            mission, self._outcome_text(status), elapsed_sec, ticks
         )
         self._outcome = RunOutcome(
             status,
@@ -542,11 +549,11 @@ class TreeRun:
             ticks=ticks,
             figures={each.name: each.value for each in mission.display().figures},
             deaths=tuple(supervision.deaths) if supervision.is_there else None,
-            summary=tuple(filter(None, (summary, supervision.in_words()))),
+            summary=tuple(filter(None, (summary, supervision.summary_text()))),
         )
         return status
 
-    def _end_in_words(self, status: int) -> str:
+    def _outcome_text(self, status: int) -> str:
         """Return the outcome of the run in words."""
         if status > _SIGNAL_STATUS:
             return f"was stopped by {Signals(status - _SIGNAL_STATUS).name}"
@@ -572,14 +579,14 @@ class TreeRun:
                 f"a callback failed: {error_text(self._callback_failure)}",
             )
         if self._result is None and not self.end.complete:
-            return self._tell_interruption()
+            return self._interruption_status()
         if self._result is not None and not self._result.achieved:
             return self._fail(self._result.reason)
         if self.end.shortfalls():
             return self._fail("the run has ended as requested, but the mission is incomplete")
         return OK
 
-    def _tell_interruption(self) -> int:
+    def _interruption_status(self) -> int:
         """Return the exit status of a run that was ended by something other than its tree."""
         if (failure := self._failure_of_simulation) is not None:
             words = str(failure) if isinstance(failure, SarError) else f"{type(failure).__name__}: {failure}"

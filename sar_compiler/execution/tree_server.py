@@ -29,8 +29,8 @@ from sar_compiler.execution.served_runs import EndedRun, PayloadError, RunStarte
 from sar_compiler.ros.arguments import init_arguments
 from sar_compiler.ros.middleware import ros_up
 from sar_compiler.ros.signals import StopSignals
+from sar_compiler.tree.display_text import escape_to_one_line, shorten_to_line
 from sar_compiler.tree.guessing import did_you_mean, nearest
-from sar_compiler.tree.showing import in_one_line, short_line
 
 NODE_NAME = "sar_tree_server"
 ACTION, TREES_SERVICE, BOND = "bt_execution", "get_loaded_trees", "bond"
@@ -153,7 +153,7 @@ class TreeExecutionServer(LifecycleNode):
             goal_callback=self._take_goal,
             cancel_callback=self._take_cancel,
         )
-        self.create_service(GetTrees, TREES_SERVICE, self._tell_trees)
+        self.create_service(GetTrees, TREES_SERVICE, self._list_trees)
         # rclpy raises on a transition that the state does not have, which would end the server and the mission.
         service = self._service_change_state
         service.callback = partial(self._change_if_possible, service.callback)
@@ -200,7 +200,7 @@ class TreeExecutionServer(LifecycleNode):
         """Accept goals; resume a paused run."""
         self._is_active = True
         if self._run is not None:
-            self._run.hold(wanted=False, refused=self._say_held)
+            self._run.hold(wanted=False, refused=self._log_paused)
         if self._bond is not None:
             self._bond.begin()
         self.get_logger().info(f"Trees: {', '.join(self._trees)}. Goals of '{ACTION}' start them.")
@@ -210,7 +210,7 @@ class TreeExecutionServer(LifecycleNode):
         """Reject goals; pause the current run until the next activation, or stop it if it cannot be paused."""
         self._take_no_goals()
         if self._run is not None:
-            self._run.hold(wanted=True, refused=lambda why: self._later(lambda: self._stop_instead(why)))
+            self._run.hold(wanted=True, refused=lambda why: self._schedule(lambda: self._stop_instead(why)))
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
@@ -231,26 +231,28 @@ class TreeExecutionServer(LifecycleNode):
 
     def _stop_instead(self, why: str) -> None:
         if self._run is not None:
-            self.get_logger().warning(f"The mission cannot be paused, and is stopped: {in_one_line(why)}")
+            self.get_logger().warning(
+                f"The mission cannot be paused, and is stopped: {escape_to_one_line(why)}"
+            )
             self._run.stop()
 
-    def _say_held(self, why: str) -> None:
-        self.get_logger().warning(f"The mission does not resume: {in_one_line(why)}")
+    def _log_paused(self, why: str) -> None:
+        self.get_logger().warning(f"The mission does not resume: {escape_to_one_line(why)}")
 
-    def _tell_trees(self, _request: GetTrees.Request, response: GetTrees.Response) -> GetTrees.Response:
+    def _list_trees(self, _request: GetTrees.Request, response: GetTrees.Response) -> GetTrees.Response:
         response.tree_ids = [*self._trees]
         return response
 
     def _take_goal(self, goal: ExecuteTree.Goal) -> GoalResponse:
         """Accept a goal if its run can be started; the log gives the reason of a rejection."""
-        why = self._why_not(goal)
+        why = self._rejection_reason(goal)
         if why:
-            self.get_logger().warning(f"Goal refused: {in_one_line(why)}")
+            self.get_logger().warning(f"Goal refused: {escape_to_one_line(why)}")
             return GoalResponse.REJECT
         self._is_taken = True
         return GoalResponse.ACCEPT
 
-    def _why_not(self, goal: ExecuteTree.Goal) -> str:
+    def _rejection_reason(self, goal: ExecuteTree.Goal) -> str:
         """Return why a run cannot be started; empty if it can be."""
         tree = str(goal.target_tree)
         if not self._is_active:
@@ -278,14 +280,14 @@ class TreeExecutionServer(LifecycleNode):
             self._run = self._starter.start(
                 str(request.target_tree),
                 parameters_of(str(request.payload)),
-                lambda line: self._later(lambda: self._feed(goal, line)),
-                lambda end: self._later(lambda: ended.set_result(end)),
+                lambda line: self._schedule(lambda: self._feed(goal, line)),
+                lambda end: self._schedule(lambda: ended.set_result(end)),
             )
         except OSError as error:
             ended.set_result(EndedRun("IDLE", f"no process could be started: {error}"))
         end: EndedRun = await ended
         self._run, self._is_taken = None, False
-        said = "" if end.outcome == "SUCCESS" else f": {short_line(end.message)}"
+        said = "" if end.outcome == "SUCCESS" else f": {shorten_to_line(end.message)}"
         say(f"Run of '{request.target_tree}' ended with {end.outcome}{said}")
         if goal.is_cancel_requested:
             goal.canceled()
@@ -300,14 +302,14 @@ class TreeExecutionServer(LifecycleNode):
         if goal.is_active:
             goal.publish_feedback(ExecuteTree.Feedback(message=line))
 
-    def _later(self, call: Callable[[], object]) -> None:
+    def _schedule(self, call: Callable[[], object]) -> None:
         """Schedule a call in the executor's thread, in order; its own tasks would start in any order."""
         self._due.append(call)
         executor = self.executor
         if executor is not None:
-            executor.create_task(self._catch_up)
+            executor.create_task(self._run_scheduled)
 
-    def _catch_up(self) -> None:
+    def _run_scheduled(self) -> None:
         while self._due:
             self._due.popleft()()
 

@@ -14,8 +14,8 @@ from sar_compiler.importing.btlog import MAGIC, read_btlog
 from sar_compiler.importing.recorded_tree import (
     ExportedTree,
     RunNode,
-    different_names,
-    different_nodes,
+    describe_name_differences,
+    describe_node_differences,
     read_exported,
     refuse_differences,
     run_nodes,
@@ -105,8 +105,8 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
     for place in trees:
         sketch = projects.load_file(place).sketch()
         nodes = run_nodes(sketch)
-        names = different_names(recording.names, nodes)
-        wrong = names if exported is None else different_nodes(exported.nodes, nodes)
+        names = describe_name_differences(recording.names, nodes)
+        wrong = names if exported is None else describe_node_differences(exported.nodes, nodes)
         fits.append((wrong, place, sketch, nodes))
     wrong, place, sketch, nodes = min(fits, key=lambda each: len(each[0]))
     refuse_differences(wrong, place)

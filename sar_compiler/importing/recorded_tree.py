@@ -11,7 +11,7 @@ from sar_compiler.compiler.sketch import Drawable
 from sar_compiler.importing.recording import UnusableRecordingError
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.palettes import palettes_with
+from sar_compiler.nodes.palettes import palettes_containing
 from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
@@ -64,7 +64,7 @@ class ExportedTree:
             each for child in self.file.root.children if child.tag == MODEL_TAG for each in child.children
         ]
         parents = {each.attributes.get("ID", "") for each in models if each.tag in _PARENTS}
-        known = Counter(palette for tag in sorted(parents) for palette in palettes_with(tag))
+        known = Counter(palette for tag in sorted(parents) for palette in palettes_containing(tag))
         return known.most_common(1)[0][0] if known else ""
 
     def without_models_of(self, palette: str) -> TreeFile:
@@ -75,7 +75,9 @@ class ExportedTree:
                 children.append(child)
                 continue
             kept = [
-                each for each in child.children if palette not in palettes_with(each.attributes.get("ID", ""))
+                each
+                for each in child.children
+                if palette not in palettes_containing(each.attributes.get("ID", ""))
             ]
             if kept:
                 children.append(replace(child, children=tuple(kept)))
@@ -171,7 +173,7 @@ def run_nodes(tree: Drawable) -> list[RunNode]:
     return [node._replace(children=tuple(below)) for node, below in zip(nodes, children[1:], strict=True)]
 
 
-def different_nodes(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunNode]) -> list[str]:
+def describe_node_differences(recorded: Sequence[tuple[str, str]], nodes: Sequence[RunNode]) -> list[str]:
     """Describe the nodes whose tags or names differ from those of a recording."""
     wrong = []
     for uid, (there, here) in enumerate(zip_longest(recorded, nodes), 1):
@@ -205,7 +207,7 @@ def refuse_differences(wrong: Sequence[str], path: Path) -> None:
         )
 
 
-def different_names(recorded: Mapping[int, str], nodes: Sequence[RunNode]) -> list[str]:
+def describe_name_differences(recorded: Mapping[int, str], nodes: Sequence[RunNode]) -> list[str]:
     """Describe the nodes whose names differ from those of a recording with the same numbers."""
     names = {uid: node.name for uid, node in enumerate(nodes, 1) if node.tag != SUBTREE_TAG}
     subtrees = {uid for uid, node in enumerate(nodes, 1) if node.tag == SUBTREE_TAG}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sar_compiler.importing.bag import read_db3
 from sar_compiler.importing.recording import IDLE, SKIPPED, Recording, UnusableRecordingError
-from sar_compiler.opener import open_by_name, regular_file, released_pipes
+from sar_compiler.opener import open_by_name, regular_file, release_pipes
 
 MAGIC = b"SQLite format 3\0"
 _TREE = "SELECT session_id, xml_tree FROM Definitions ORDER BY session_id DESC LIMIT 1"
@@ -28,7 +28,7 @@ def read_sqlite_log(path: Path) -> Recording:
         UnreadableFileError: If the file cannot be read.
     """
     uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
-    with released_pipes(path), regular_file(path) as checked:
+    with release_pipes(path), regular_file(path) as checked:
         connection = open_by_name(path, checked, lambda: sqlite3.connect(uri, uri=True))
     with closing(connection):
         left = [path.stat().st_size * _STEPS_OF_A_BYTE + 100 * _STRIDE]

@@ -36,7 +36,7 @@ _NEAR = 3
 """A pause is near the limit if it is at most so many times longer or shorter."""
 
 
-class Wait(Enum):
+class WaitRule(Enum):
     """The conditions under which a RUNNING node may have returned RUNNING."""
 
     FREE = "always: a leaf, or a control of an unknown kind"
@@ -87,7 +87,7 @@ class TickFinder:
         count = len(nodes) + 1
         self._parents = [0, *(node.parent for node in nodes)]
         self._children: list[tuple[int, ...]] = [(1,), *(node.children for node in nodes)]
-        self._rules = [Wait.FREE, *map(_waiting, nodes)]
+        self._rules = [WaitRule.FREE, *map(_waiting, nodes)]
         self._pauses_after = [(), *map(_pauses_after, nodes)]
         self._ends = list(range(1, count + 1))
         for uid in range(count - 1, 0, -1):
@@ -234,7 +234,7 @@ class TickFinder:
         is_between = self._statuses[parent] == RUNNING and not self._running[parent]
         return (
             is_between
-            and self._rules[parent] in (Wait.STEPS, Wait.TURNS)
+            and self._rules[parent] in (WaitRule.STEPS, WaitRule.TURNS)
             and any(self._ended[each] == self._tick for each in self._children[parent])
         )
 
@@ -289,7 +289,7 @@ class TickFinder:
 
     def _must_continue(self, parent: int, statuses: Sequence[int]) -> bool:
         """Return whether a parent continues, or ends, in the tick in which it processes the end of a child."""
-        if self._rules[parent] in (Wait.FREE, Wait.PARALLEL):
+        if self._rules[parent] in (WaitRule.FREE, WaitRule.PARALLEL):
             return False
         # Only a control that ticks its children in order can run several at once, and then need not continue.
         is_in_order = self._nodes[parent - 1].bound.spec.semantics.order is Order.IN_ORDER
@@ -327,16 +327,16 @@ class TickFinder:
         self._since[uid] = index
         if was == IDLE:
             self._started[uid] = self._tick
-            self._pass_over(uid)
+            self._settle_earlier_siblings(uid)
         if status in (SUCCESS, FAILURE):
             self._ended[uid], self._outcomes[uid] = self._tick, status
         self._settle(uid)
         self._settle(parent)
 
-    def _pass_over(self, uid: int) -> None:
+    def _settle_earlier_siblings(self, uid: int) -> None:
         """Settle the earlier siblings of a node that starts; controls among them that seem to run were skipped."""
         while self._left and (parent := self._parents[uid]):
-            for sibling in self._children[parent] if self._rules[parent] is not Wait.PARALLEL else ():
+            for sibling in self._children[parent] if self._rules[parent] is not WaitRule.PARALLEL else ():
                 if sibling == uid:
                     break
                 if (
@@ -363,20 +363,20 @@ class TickFinder:
         running, rule = self._running[uid], self._rules[uid]
         if self._statuses[uid] != RUNNING:
             return not running
-        if rule is Wait.FREE or (running and rule not in (Wait.REACTIVE, Wait.PARALLEL)):
+        if rule is WaitRule.FREE or (running and rule not in (WaitRule.REACTIVE, WaitRule.PARALLEL)):
             return True
         below = self._children[uid]
         found = [self._statuses[each] for each in below]
-        if rule is Wait.WAITS:
+        if rule is WaitRule.WAITS:
             return not any(found) and (self._waits_first[uid] or self._since[below[0]] > self._since[uid])
-        if rule is Wait.REACTIVE:
+        if rule is WaitRule.REACTIVE:
             return running == 1 and found.count(IDLE) == len(found) - 1 and not self._has_decided(uid)
-        if rule is Wait.PARALLEL:
+        if rule is WaitRule.PARALLEL:
             return bool(running) and self._is_below_thresholds(uid, found)
         is_settled = False
-        if rule is Wait.TURNS:
+        if rule is WaitRule.TURNS:
             is_settled = found == [IDLE] and self._is_quick(below[0], uid)
-        elif rule is Wait.STEPS:
+        elif rule is WaitRule.STEPS:
             ended = [each for each, status in zip(below, found, strict=True) if status != IDLE]
             is_settled = bool(ended) and ended[-1] != below[-1] and self._is_quick(ended[-1], uid)
         self._has_turned |= is_settled
@@ -409,21 +409,21 @@ class TickFinder:
         return is_of_tick and self._outcomes[uid] in self._pauses_after[parent]
 
 
-def _waiting(node: RunNode) -> Wait:
+def _waiting(node: RunNode) -> WaitRule:
     """Return when a node may have returned RUNNING, by its semantics."""
     means, count = node.bound.spec.semantics, len(node.children)
     is_decorator = node.bound.spec.kind is not Kind.CONTROL
     if not count or means.possible is None:
-        return Wait.WAITS if count == 1 and is_decorator else Wait.FREE
+        return WaitRule.WAITS if count == 1 and is_decorator else WaitRule.FREE
     if means.order is Order.TOGETHER:
-        return Wait.PARALLEL
+        return WaitRule.PARALLEL
     if node.bound.is_reactive:
-        return Wait.REACTIVE
+        return WaitRule.REACTIVE
     if not _pauses_after(node):
-        return Wait.CHILD
+        return WaitRule.CHILD
     if not is_decorator:
-        return Wait.STEPS
-    return Wait.WAITS if means.rounds is None else Wait.TURNS
+        return WaitRule.STEPS
+    return WaitRule.WAITS if means.rounds is None else WaitRule.TURNS
 
 
 def _pauses_after(node: RunNode) -> tuple[int, ...]:

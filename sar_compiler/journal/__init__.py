@@ -4,20 +4,20 @@ Only the mission's own process writes to the file. All later displays of the mis
 """
 
 PUBLIC_MODULES = (
-    "attention",
     "chain",
     "command_objects",
     "database",
     "display",
     "errors",
-    "following",
     "georeference",
     "journal",
     "journal_entries",
+    "journal_follower",
+    "journal_opening",
     "last_run",
     "mission_state",
     "node_ends",
-    "opening",
+    "open_tasks",
     "recorded_events",
     "recorded_ticks",
     "refused_start",

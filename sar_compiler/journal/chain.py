@@ -63,7 +63,7 @@ class ChainPosition(NamedTuple):
     number: int = 0
 
 
-def began_link(
+def run_start_link(
     place: ChainPosition, run: int, wall: float, about: str, of_mission: Iterable[tuple[str, str]]
 ) -> bytes:
     """Return the link of a run's start.
@@ -78,7 +78,7 @@ def began_link(
     return linked(place.link, *_beginning(place.number, run, wall, about, of_mission))
 
 
-def ended_link(place: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
+def run_end_link(place: ChainPosition, run: int, wall: float, ending: str, status: int, reason: str) -> bytes:
     """Return the link of a run's end, given these columns of its row."""
     return linked(place.link, *_end(place.number, run, wall, ending, status, reason))
 
@@ -100,7 +100,7 @@ def _blob(value: bytes) -> list[str]:
     return [value.hex()]
 
 
-class Chained(NamedTuple):
+class ChainEntry(NamedTuple):
     """An entry of the chain as stored; in an altered file its values may have any type.
 
     Attributes:
@@ -125,7 +125,7 @@ class Chained(NamedTuple):
 
 
 def chained(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
-    """Yield the entries of the chain in order, one by one, as tuples of the fields of `Chained`.
+    """Yield the entries of the chain in order, one by one, as tuples of the fields of `ChainEntry`.
 
     Args:
         connection: The database.
@@ -167,7 +167,7 @@ class JournalChain(NamedTuple):
     runs: int
     heads: dict[int, str]
     is_closed: bool
-    wrong: Chained | None
+    wrong: ChainEntry | None
 
     @property
     def head(self) -> str:
@@ -184,7 +184,7 @@ def follow(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
     before, what, read, runs, heads = START, b"", 0, 0, dict[int, str]()
     for entry in entries:
         if not _follows(before, entry):
-            return JournalChain(read, runs, heads, is_closed=False, wrong=Chained(*entry))
+            return JournalChain(read, runs, heads, is_closed=False, wrong=ChainEntry(*entry))
         before, what = entry[7], entry[0]
         if what == ENDED:
             heads[entry[2]] = before.hex()
@@ -202,7 +202,7 @@ def _follows(before: bytes, entry: tuple[Any, ...]) -> bool:
         return False  # a value has a type that the project never writes
 
 
-def last_place(connection: sqlite3.Connection) -> ChainPosition:
+def last_position(connection: sqlite3.Connection) -> ChainPosition:
     """Return the position after the last entry.
 
     Args:

@@ -16,12 +16,12 @@ from sar_compiler.journal.chain import (
     WATCHED,
     ChainPosition,
     JournalChain,
-    began_link,
     chained,
-    ended_link,
     follow,
-    last_place,
+    last_position,
     linked,
+    run_end_link,
+    run_start_link,
 )
 from sar_compiler.journal.errors import JournalError, JournalPlaceError
 from sar_compiler.journal.journal_entries import (
@@ -44,7 +44,7 @@ from sar_compiler.opener import (
     UnreadableFileError,
     open_by_name,
     regular_file,
-    released_pipes,
+    release_pipes,
     require_regular,
     require_regular_mode,
 )
@@ -71,7 +71,7 @@ from sar_compiler.resources import state_folder
 # writes them again in one transaction, in order. If a transaction could be applied in part, a second attempt would write rows
 # twice, or omit them. The ROLLBACK may fail, because SQLite has already rolled back on a full disk; that is no second error.
 #
-# A process can die after the commit and before its reserve is emptied. So `_take_from` skips events whose numbers the
+# A process can die after the commit and before its reserve is emptied. So `_write_spilled` skips events whose numbers the
 # file has.
 #
 # Two locks are held on the file. SQLite's are POSIX locks, of the process: closing *any* descriptor of the file releases them.
@@ -249,15 +249,15 @@ class JournalFile:
         # Only after it is known to be a journal: it changes the file.
         self._require_journal()
         self._connection.execute("PRAGMA journal_mode = WAL")
-        self._take_from(self._reserved())
+        self._write_spilled(self._spilled_entries())
 
-    def _reserved(self) -> SpilledEntries:
+    def _spilled_entries(self) -> SpilledEntries:
         """Return the content of the reserve beside it, if it belongs to this journal."""
         kept = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
         return kept if kept.began == began else SpilledEntries()
 
-    def _take_from(self, kept: SpilledEntries) -> None:
+    def _write_spilled(self, kept: SpilledEntries) -> None:
         """Write the entries that an earlier run could not write."""
         if kept.facts or kept.end:
             known = {number for (number,) in self._connection.execute("SELECT number FROM fact")}
@@ -300,7 +300,7 @@ class JournalFile:
             # touched: the journal may just be renamed, and replaced by another one.
             passive = "mode=ro&readonly_shm=1" if Path(f"{path}-shm").exists() else "mode=ro"
             uri = f"{path.absolute().as_uri()}?{passive if _is_used(path) else 'immutable=1'}"
-            with released_pipes(path, f"{path}-shm"):
+            with release_pipes(path, f"{path}-shm"):
                 with regular_file(path) as checked:
                     connection = open_by_name(path, checked, lambda: _connected(uri, uri=True))
                 file = cls(path, connection)
@@ -308,7 +308,7 @@ class JournalFile:
                 try:
                     with file._reading():
                         file._require_journal()
-                        file._show(file._reserved())
+                        file._show(file._spilled_entries())
                         return file
                 except BaseException:
                     file.close()
@@ -362,7 +362,7 @@ class JournalFile:
             except sqlite3.OperationalError as error:
                 if str(error) != "interrupted":
                     raise
-                if self._patience.was_disturbed:
+                if self._patience.was_interrupted:
                     raise KeyboardInterrupt from error
                 raise ValueError("reading it takes far more steps than its size explains") from error
 
@@ -412,7 +412,7 @@ class JournalFile:
             for run in self.runs():
                 yield from self._of_run(run, without, is_condensed=is_condensed)
 
-    def stream_behind(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
+    def stream_after(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
         """Yield all entries after a position in order, with their stream numbers, without some observed kinds."""
         with self.snapshot():
             for run in self.runs():
@@ -614,7 +614,7 @@ class JournalFile:
         """Return the position after the last entry."""
         if self._end is None:
             with self._reading():
-                self._end = last_place(self._connection)
+                self._end = last_position(self._connection)
         return self._end
 
     def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
@@ -626,7 +626,7 @@ class JournalFile:
             (number,) = self._connection.execute("SELECT 1 + ifnull(max(number), 0) FROM run").fetchone()
             rows = [] if number > 1 else [(key, json_text(value)) for key, value in sorted(about.items())]
             self._connection.executemany("INSERT INTO about VALUES (?, ?)", rows)
-            link = began_link(place, number, wall, text, rows)
+            link = run_start_link(place, number, wall, text, rows)
             row = number, wall, text, link, place.number
             self._connection.execute(
                 "INSERT INTO run (number, began, about, link, began_behind) VALUES (?, ?, ?, ?, ?)", row
@@ -655,7 +655,7 @@ class JournalFile:
     def _end_run(self, end: RunEnd, place: ChainPosition) -> ChainPosition:
         """Write the end of a run; return the position after it."""
         self._connection.execute(_END_OF_RUN, _end_of_run(end))
-        link = ended_link(place, end.run, end.wall, end.ending.value, end.status, end.reason)
+        link = run_end_link(place, end.run, end.wall, end.ending.value, end.status, end.reason)
         closing = "UPDATE run SET closed = ?, ended_behind = ? WHERE number = ?"
         self._connection.execute(closing, (link, place.number, end.run))
         return ChainPosition(link, place.number)
@@ -837,7 +837,7 @@ class _QueryBudget:
         return self._left < 0
 
     @property
-    def was_disturbed(self) -> bool:
+    def was_interrupted(self) -> bool:
         """Whether SQLite has given up for another reason: Ctrl-C, which it does not pass on."""
         return self._left >= 0
 

@@ -147,7 +147,7 @@ class RasterLayer(NamedTuple):
     cells: str
 
     @classmethod
-    def of(
+    def from_shares(
         cls, name: str, meaning: str, x: float, y: float, cell_m: float, rows: Sequence[Sequence[float]]
     ) -> "RasterLayer":
         """Return a layer from shares of 0 to 1, row after row from below, each from the left."""
@@ -276,7 +276,7 @@ def with_author(text: str, author: CommandAuthor) -> str:
     return f"{text}: {reason}" if reason and not text.endswith(reason) else text
 
 
-def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
+def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
     """Return the changes by an event, with the event as a sentence: the data of its `changed` entry; may be empty.
 
     Goals, and the end of a run, have other entries.
@@ -284,7 +284,7 @@ def changes_by(fact: JournalEntry, sentence: str, before: Display, after: Displa
     changed = changes(before, after)
     if fact.kind in (GOAL_SENT, GOAL_ENDED, RUN_ENDED):
         return changed
-    return {"said": sentence or fact_words(fact.kind, fact.data), **changed}
+    return {"said": sentence or default_sentence(fact.kind, fact.data), **changed}
 
 
 def _raised(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
@@ -447,7 +447,7 @@ def _check_numbers(*values: object) -> None:
             raise TypeError(f"{value!r} is not a number")
 
 
-def fact_words(kind: str, data: Mapping[str, Any]) -> str:
+def default_sentence(kind: str, data: Mapping[str, Any]) -> str:
     """Return the default sentence of an event: `photo taken: photo: photo_1`."""
     values = (
         f"{name}: {value if isinstance(value, str) else json_text(value, ensure_ascii=False)}"

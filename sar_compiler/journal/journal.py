@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from sar_compiler.journal.command_objects import OBJECT, RUN, SeenObjects, describe_change, run_identity
-from sar_compiler.journal.display import Alarm, Display, LandmarkKind, beginning, changes_by
+from sar_compiler.journal.display import Alarm, Display, LandmarkKind, beginning, changes_of_event
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import (
     CHANGED,
@@ -194,7 +194,7 @@ class Journal:
         """Return the events of earlier runs in order."""
         return list(self._facts)
 
-    def goals_left(self) -> list[SentGoal]:
+    def active_goals(self) -> list[SentGoal]:
         """Return the goals of earlier runs that may still be active.
 
         Raises:
@@ -319,7 +319,7 @@ class Journal:
         before, self._shown = self._shown, self._display()
         if self._state is not None:
             sentence = sentence or self._state.sentence(fact)
-        return changes_by(fact, sentence, before, self._shown)
+        return changes_of_event(fact, sentence, before, self._shown)
 
     def describe_change(self, command: str, seen: SeenObjects) -> str:
         """Return the change since the sender of a command saw its objects; empty if there is none."""
@@ -352,7 +352,7 @@ class Journal:
         by, reason = self._author
         return {"by": by, "reason": reason} if reason else {"by": by}
 
-    def keep_number(self, kind: str, number: int) -> None:
+    def store_highest_number(self, kind: str, number: int) -> None:
         """Record the highest number in use, for example in names: the next run continues above it even if events are lost.
 
         Args:

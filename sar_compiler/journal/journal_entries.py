@@ -105,7 +105,7 @@ class CommandAuthor(NamedTuple):
         return f"{self.name}: {self.reason}" if self.reason else self.name
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> "CommandAuthor":
+    def from_data(cls, data: Mapping[str, Any]) -> "CommandAuthor":
         """Return the author in the data of an entry: `by` and `reason`."""
         return cls(str(data.get("by") or ""), str(data.get("reason") or ""))
 

@@ -17,7 +17,7 @@ from sar_compiler.journal.display import (
     Gauge,
     Level,
     MissionPhase,
-    fact_words,
+    default_sentence,
     position,
     with_author,
 )
@@ -285,7 +285,7 @@ class MissionState:
         self._why_ordered = "", CommandAuthor()
 
     @classmethod
-    def of(cls, stream: Iterable[JournalEntry]) -> "MissionState":
+    def from_stream(cls, stream: Iterable[JournalEntry]) -> "MissionState":
         """Return the state of a mission after entries."""
         state = cls()
         for entry in stream:
@@ -306,7 +306,7 @@ class MissionState:
                 pass  # an entry of that kind from another program
             else:
                 if kind in _OF_PHASE:
-                    self._look_at_phase(anew=kind == events.RUN_BEGAN)
+                    self._update_phase(anew=kind == events.RUN_BEGAN)
                 return
         # Kinds without a handler belong to the mission, or to a newer version. They are shown by their words.
         self._know(kind, entry.data)
@@ -340,14 +340,14 @@ class MissionState:
         return self._now
 
     def _know(self, kind: str, data: Mapping[str, Any]) -> None:
-        self.facts.append(KnownEvent(self.now, kind, data, fact_words(kind, data)))
+        self.facts.append(KnownEvent(self.now, kind, data, default_sentence(kind, data)))
 
-    def _look_at_phase(self, *, anew: bool) -> None:
+    def _update_phase(self, *, anew: bool) -> None:
         name = self.phase.name
         if anew or name != self._phase:
             self._phase, self.since_phase = name, self.now
 
-    def look_at_process(self, *, is_gone: bool) -> None:
+    def update_process(self, *, is_gone: bool) -> None:
         """Update the state of the process: whether it exists, and how long it has been silent."""
         self.process = RunProcess(is_gone, max(0.0, time.time() - self.now.wall))
 
@@ -534,7 +534,7 @@ class MissionState:
             self.is_told = True
         situation.take(**data)
         if (reason := situation.phase.reason) != self._why_ordered[0]:
-            self._why_ordered = reason, CommandAuthor.of(data)
+            self._why_ordered = reason, CommandAuthor.from_data(data)
         self._finish(data.get("landmarks", ()))
         self.since = {text: self.since.get(text, self.now) for text in situation.alarms}
         for name, value in (
@@ -543,7 +543,7 @@ class MissionState:
             if isinstance(value, int | float) and math.isfinite(value):
                 self.figure_history.setdefault(name, []).append((self.now, value))
         if said and self.facts:
-            author = CommandAuthor.of(data)
+            author = CommandAuthor.from_data(data)
             self.facts[-1] = self.facts[-1]._replace(text=with_author(str(said), author), by=author.name)
 
     _HANDLERS: ClassVar[Mapping[str, Callable[..., None]]] = {

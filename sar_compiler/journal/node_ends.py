@@ -93,11 +93,11 @@ class NodeEnds:
         """Return whether a node is running."""
         return self.status.get(number) == RUNNING and number not in self._gone
 
-    def began_sec(self, number: int) -> float:
+    def start_sec(self, number: int) -> float:
         """Return the start of a node's last activation, seconds."""
         return self._began_sec.get(number, 0.0)
 
-    def is_part(self, number: int) -> bool:
+    def is_in_activation(self, number: int) -> bool:
         """Return whether the last end of a node belongs to the present activation of its parent."""
         parent = self._nodes[number].parent
         began = self._began.get(parent, 0) if parent is not None else 0
@@ -111,7 +111,7 @@ class NodeEnds:
         for sibling in self._nodes[parent].children:
             if sibling == number:
                 return
-            if self.status.get(sibling) == FAILURE and self.is_part(sibling):
+            if self.status.get(sibling) == FAILURE and self.is_in_activation(sibling):
                 yield sibling
 
     def _explaining(self, number: int, children: Sequence[int]) -> list[int]:

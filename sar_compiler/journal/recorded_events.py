@@ -134,7 +134,7 @@ class _RecordedRun:
         """Add the decisions of inner nodes in the tick."""
         for node in self._ends.end_tick():
             if self._nodes[node].children and not self._ends.causes[node]:
-                ran_sec = max(0.0, self._time + self._start - self._ends.began_sec(node))
+                ran_sec = max(0.0, self._time + self._start - self._ends.start_sec(node))
                 event = self._event(node, DECIDED, self._ends.status[node], self._messages.get(node, ""))
                 events.append(event._replace(ran_sec=ran_sec))
 

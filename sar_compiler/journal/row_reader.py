@@ -95,10 +95,10 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
             head, _, text = data.partition(_STATUS)
             node_text, _, now_text = head.partition(_TICK)
             if now_text != tick_text:
-                tick, tick_text = _whole_number(now_text), now_text
+                tick, tick_text = _parse_integer(now_text), now_text
             node = nodes.get(node_text, _UNKNOWN)
             if node == _UNKNOWN and node_text.startswith(_NODE):
-                node = nodes[node_text] = _whole_number(node_text.removeprefix(_NODE))
+                node = nodes[node_text] = _parse_integer(node_text.removeprefix(_NODE))
             if _UNKNOWN not in (node, tick):
                 status = texts.get(text)
                 if status is None:
@@ -143,7 +143,7 @@ def _runs_above(node: int, parents: Sequence[int | None], running: Mapping[int, 
     return parent is None or parent in running
 
 
-def _whole_number(text: str) -> int:
+def _parse_integer(text: str) -> int:
     """Return a number as the project writes it; `_UNKNOWN` for anything else."""
     return int(text) if text.isdecimal() and str(int(text)) == text else _UNKNOWN
 

@@ -23,7 +23,7 @@ _LONG_SILENCE_SEC = 10.0
 _ENDS = {"over": FAILED, "stopped": STOPPED, "failed": FAILED}
 
 
-class MissionCondition(NamedTuple):
+class StatusLine(NamedTuple):
     """The status line of a mission.
 
     Attributes:
@@ -49,27 +49,27 @@ class MissionCondition(NamedTuple):
         return f"{word}{lasts}{f': {self.reason}' if self.reason else ''}"
 
 
-def condition_text(state: MissionState) -> str:
+def status_line_text(state: MissionState) -> str:
     """Return the status of a mission in one line, as of its last entry."""
     return condition(state).text(state.now.time)
 
 
-def condition(state: MissionState) -> MissionCondition:
+def condition(state: MissionState) -> StatusLine:
     """Return the status of a mission."""
     if not state.runs:
-        return MissionCondition(reason="the run has not started")
+        return StatusLine(reason="the run has not started")
     run, process, now = state.runs[-1], state.process, state.now.time
     if run.ending:
         return _ended(state, run)
     if process.is_gone:
-        return MissionCondition(BROKEN_OFF, ERROR, now, _last_words(state))
+        return StatusLine(BROKEN_OFF, ERROR, now, _last_words(state))
     # A drive writes an entry every second of the mission's clock.
     if process.silent_sec > _LONG_SILENCE_SEC and state.drive is not None:
-        return MissionCondition(LOST, ERROR, now, silence(process.silent_sec))
+        return StatusLine(LOST, ERROR, now, silence(process.silent_sec))
     phase = state.phase
     word, level = _PHASES.get(phase.name, (phase.name, GOOD))
     reason = phase.reason or {DRIVING: _drive(state), WORKING: phase.place}.get(word, "")
-    return MissionCondition(word, level, state.since_phase.time, reason)
+    return StatusLine(word, level, state.since_phase.time, reason)
 
 
 def silence(seconds: float) -> str:
@@ -77,10 +77,10 @@ def silence(seconds: float) -> str:
     return f"No word for {clock_text(seconds)}. The robot may still be driving."
 
 
-def _ended(state: MissionState, run: RunState) -> MissionCondition:
+def _ended(state: MissionState, run: RunState) -> StatusLine:
     since = run.ended.time if run.ended is not None else state.now.time
     if run.status == 0:
-        return MissionCondition(COMPLETE, GOOD, since, run.reason)
+        return StatusLine(COMPLETE, GOOD, since, run.reason)
     word = _ENDS.get(run.ending, run.ending)
     if state.situation.phase.name == ABORTED and word == FAILED:
         word = ABORTED
@@ -89,7 +89,7 @@ def _ended(state: MissionState, run: RunState) -> MissionCondition:
     # The operator's last command explains the missing items.
     by = f" ({state.order})" if state.order else ""
     left = " A goal may still be active: the robot may be driving." if state.goals else ""
-    return MissionCondition(word, level, since, f"{run.reason}{by}{left}".strip())
+    return StatusLine(word, level, since, f"{run.reason}{by}{left}".strip())
 
 
 def _last_words(state: MissionState) -> str:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from sar_compiler.project import ProjectTree
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
-from sar_compiler.tree.discovery import FORMS, is_of_another_kind
+from sar_compiler.tree.discovery import FORMS, is_other_file_type
 
 
 class Edit(NamedTuple):
@@ -58,7 +58,7 @@ def _most(limit: int, are_alike: Callable[[int, int], bool]) -> int:
     return alike
 
 
-class Placed(NamedTuple):
+class PlacedFinding(NamedTuple):
     """A finding in an edited text.
 
     Attributes:
@@ -74,11 +74,11 @@ class Placed(NamedTuple):
     is_touched: bool = False
 
     @classmethod
-    def of(cls, finding: Diagnostic) -> "Placed":
+    def from_finding(cls, finding: Diagnostic) -> "PlacedFinding":
         """Return a finding in the text in which it was found."""
         return cls(finding, *finding.source.offsets(finding.span))
 
-    def moved(self, edit: Edit) -> "Placed":
+    def moved(self, edit: Edit) -> "PlacedFinding":
         """Return its position after an edit."""
         if edit.end <= self.start:
             return self._replace(start=self.start + edit.growth, end=self.end + edit.growth)
@@ -106,14 +106,14 @@ class OpenText:
     path: Path
     text: str
     version: int | None
-    shown: Sequence[Placed] = ()
+    shown: Sequence[PlacedFinding] = ()
     elsewhere: Sequence[Diagnostic] = ()
     tree: ProjectTree | None = None
     is_checked: bool = False
     seen: dict[str, int | None] = field(default_factory=dict, init=False)
     _was_tree: bool = field(default=False, init=False)
-    _raised: Sequence[Placed] = field(default=(), init=False)
-    _sound: Sequence[Placed] = field(default=(), init=False)
+    _raised: Sequence[PlacedFinding] = field(default=(), init=False)
+    _sound: Sequence[PlacedFinding] = field(default=(), init=False)
     _sound_elsewhere: Sequence[Diagnostic] = field(default=(), init=False)
     _edited: tuple[int, int] | None = field(default=None, init=False)
 
@@ -124,7 +124,7 @@ class OpenText:
 
     def is_foreign(self) -> bool:
         """Return whether it has not been a tree since it was opened: editors send all XML and YAML files."""
-        is_other = is_of_another_kind(self.text, self.form)
+        is_other = is_other_file_type(self.text, self.form)
         self._was_tree = self._was_tree or bool(self.text.strip() and not is_other)
         return is_other and not self._was_tree
 
@@ -162,7 +162,9 @@ class OpenText:
         """
         findings = list(findings)
         own = real_path(self.path)
-        found = [Placed.of(each) for each in findings if real_path(Path(each.source.path)) == own]
+        found = [
+            PlacedFinding.from_finding(each) for each in findings if real_path(Path(each.source.path)) == own
+        ]
         elsewhere = [each for each in findings if real_path(Path(each.source.path)) != own]
         self.is_checked = True
         if tree is not None and not tree.is_malformed:
@@ -178,15 +180,17 @@ class OpenText:
         found += [each for each in self._raised if not each.is_touched]
         self.shown, self.elsewhere = sorted(found, key=lambda each: each.start), elsewhere
 
-    def take_raised(self, findings: Iterable[Diagnostic]) -> None:
+    def set_tick_errors(self, findings: Iterable[Diagnostic]) -> None:
         """Store the errors of ticks of the present text."""
         before = {id(each.finding) for each in self._raised}
         own = real_path(self.path)
-        self._raised = [Placed.of(each) for each in findings if real_path(Path(each.source.path)) == own]
+        self._raised = [
+            PlacedFinding.from_finding(each) for each in findings if real_path(Path(each.source.path)) == own
+        ]
         kept = [each for each in self.shown if id(each.finding) not in before]
         self.shown = sorted([*kept, *self._raised], key=lambda each: each.start)
 
-    def _is_half_typed(self, tree: ProjectTree | None, found: Iterable[Placed]) -> bool:
+    def _is_half_typed(self, tree: ProjectTree | None, found: Iterable[PlacedFinding]) -> bool:
         """Return whether new errors result only from an incomplete text."""
         if tree is not None and tree.is_malformed:
             return True

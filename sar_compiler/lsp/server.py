@@ -22,12 +22,12 @@ from sar_compiler.analysis.bounded_search import SearchBudget
 from sar_compiler.budget import WORK, Budget, BudgetSpentError
 from sar_compiler.checks import failure_of_file
 from sar_compiler.checks.fixing import Fix, each_fix, fixes
-from sar_compiler.editing.names import NamedThing, Spot, name_at
+from sar_compiler.editing.names import NamedThing, NameLocation, name_at
 from sar_compiler.editing.operations import edits_of, refactorings_at
 from sar_compiler.editing.text_edits import TextEdit
 from sar_compiler.errors import SarError
-from sar_compiler.lsp.offers import offers_at, page_of_tag, place_in
-from sar_compiler.lsp.open_text import OpenText, Placed
+from sar_compiler.lsp.completions import completions_at, page_of_tag, place_in
+from sar_compiler.lsp.open_text import OpenText, PlacedFinding
 from sar_compiler.missions.tree_check import check_mission
 from sar_compiler.nodes.registry import Registry
 from sar_compiler.opener import TREE, FileIdentity, read_file
@@ -36,7 +36,7 @@ from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, TreeError
 from sar_compiler.tree.discovery import parse_tree
-from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_before
+from sar_compiler.tree.model import NO_SPANS, TREE_TAG, Element, TreeFile, last_element_before
 
 _SEVERITIES = {
     Severity.ERROR: lsp.DiagnosticSeverity.Error,
@@ -151,14 +151,14 @@ class TreeServer(LanguageServer):
         path = to_fs_path(uri)
         if path is not None:
             self._open[uri] = OpenText(Path(path), text, version)
-            self._want(uri)
+            self._request_check(uri)
 
     def changed(self, uri: str, text: str, version: int) -> None:
         """Apply a change, and send the findings so far at their new positions."""
         if uri in self._open:
             self._open[uri].change(text, version)
             self._publish(uri)
-            self._want(uri)
+            self._request_check(uri)
 
     def saved(self, uri: str) -> None:
         """Check a file that was saved, and all other open files."""
@@ -177,7 +177,7 @@ class TreeServer(LanguageServer):
         """Check all open files again: something has changed outside them."""
         self._loader = self._new_loader()
         for uri in self._open:
-            self._want(uri)
+            self._request_check(uri)
 
     def open_text(self, uri: str) -> OpenText | None:
         """Return an open file."""
@@ -185,7 +185,7 @@ class TreeServer(LanguageServer):
 
     # Checks
 
-    def _want(self, uri: str) -> None:
+    def _request_check(self, uri: str) -> None:
         self._loop = asyncio.get_running_loop()
         self._changed.set()
         self._awoken.set()
@@ -241,7 +241,7 @@ class TreeServer(LanguageServer):
             self._wanted[uri] = None
 
     def _findings(self, loader: Workspace, path: Path) -> tuple[ProjectTree | None, list[Diagnostic]]:
-        loader.renew_sets()
+        loader.reload_sets()
         tree = None
         try:
             tree = loader.load_file(path)
@@ -253,7 +253,7 @@ class TreeServer(LanguageServer):
             return tree, []
         except Exception as error:  # noqa: BLE001 - whatever it is, there is something to say about the file
             return tree, [failure_of_file(path, error)]
-        loader.note_use()
+        loader.report_use()
         return tree, findings
 
     async def _in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
@@ -280,7 +280,7 @@ class TreeServer(LanguageServer):
         self._changed.clear()
         found = await self._in_budget(file.path, lambda: _raised(tree, self._changed))
         if found is not None and file.current_tree is tree and not self._changed.is_set():
-            file.take_raised(found)
+            file.set_tick_errors(found)
             self._publish(uri)
 
     # Messages
@@ -309,13 +309,13 @@ class TreeServer(LanguageServer):
         for other in self._open.values():
             for each in other.elsewhere:
                 if from_fs_path(str(real_path(Path(each.source.path)))) == uri:
-                    placed = Placed.of(each)
+                    placed = PlacedFinding.from_finding(each)
                     key = each.code, each.message, placed.start
                     told.setdefault(key, self._diagnostic(each.source, placed))
         version = file.version if file else None
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, [*told.values()], version))
 
-    def _diagnostic(self, source: Source, placed: Placed) -> lsp.Diagnostic:
+    def _diagnostic(self, source: Source, placed: PlacedFinding) -> lsp.Diagnostic:
         finding = placed.finding
         advice = f"\n{finding.advice}" if finding.advice else ""
         return lsp.Diagnostic(
@@ -369,7 +369,7 @@ class TreeServer(LanguageServer):
         beside = [each.current_tree for each in others if each is not None and each.current_tree is not None]
         return name_at(tree, self.offset_of(file, position), beside)
 
-    def location(self, spot: Spot) -> lsp.Location:
+    def location(self, spot: NameLocation) -> lsp.Location:
         """Return the locations of a name."""
         uri = from_fs_path(str(real_path(Path(spot.source.path)))) or ""
         return lsp.Location(self._as_opened(uri), self.range_of(spot.source, *spot.source.offsets(spot.span)))
@@ -386,7 +386,7 @@ class TreeServer(LanguageServer):
         if place is None:
             return []
         registry = self._vocabulary(file)
-        offers = offers_at(place, registry, file.tree, form)
+        offers = completions_at(place, registry, file.tree, form)
         return [
             lsp.CompletionItem(
                 each.text, kind=_KINDS[each.kind], detail=each.doc or None, sort_text=f"{number:05}"
@@ -409,7 +409,7 @@ class TreeServer(LanguageServer):
         if tree is None:
             return None
         offset = self.offset_of(file, position)
-        element = last_before([*tree.forest.main.root.iterate()], tree.source.place(offset))
+        element = last_element_before([*tree.forest.main.root.iterate()], tree.source.place(offset))
         page = element and page_of_tag(element.tag, self._vocabulary(file))
         return (
             lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, f"```text\n{page}\n```")) if page else None
@@ -428,11 +428,12 @@ class TreeServer(LanguageServer):
             lsp.CodeAction(
                 f"Write {fix.finding.suggestion}" if fix.finding.suggestion else "Leave it out",
                 lsp.CodeActionKind.QuickFix,
-                [self._diagnostic(tree.source, Placed.of(fix.finding))],
+                [self._diagnostic(tree.source, PlacedFinding.from_finding(fix.finding))],
                 edit=self._edit(uri, tree.source, [fix]),
             )
             for fix in here
-            if Placed.of(fix.finding).start <= last and Placed.of(fix.finding).end >= first
+            if PlacedFinding.from_finding(fix.finding).start <= last
+            and PlacedFinding.from_finding(fix.finding).end >= first
         ]
         safe = fixes(tree.source, tree.tree_file, own)
         if safe:

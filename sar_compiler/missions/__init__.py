@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import RUN_ENDED as RUN_ENDED
     from sar_compiler.journal.journal_entries import CommandAuthor as CommandAuthor
     from sar_compiler.journal.journal_entries import JournalEntry as JournalEntry
-    from sar_compiler.missions.choosing import MissionError as MissionError
     from sar_compiler.missions.faults import FaultPlan as FaultPlan
     from sar_compiler.missions.faults import ServiceFaults as ServiceFaults
     from sar_compiler.missions.faults import create_service as create_service
@@ -38,29 +37,30 @@ if TYPE_CHECKING:
     from sar_compiler.missions.mission import MissionRun as MissionRun
     from sar_compiler.missions.mission import OperatorCommand as OperatorCommand
     from sar_compiler.missions.mission import SearchedArea as SearchedArea
+    from sar_compiler.missions.mission_choice import MissionError as MissionError
     from sar_compiler.missions.parameter_file import ParameterFileError as ParameterFileError
     from sar_compiler.missions.parameter_reader import ParameterError as ParameterError
     from sar_compiler.missions.parameter_reader import ParameterReader as ParameterReader
     from sar_compiler.missions.parameter_reader import lookalikes as lookalikes
     from sar_compiler.resources import shared_file_path as shared_file_path
-    from sar_compiler.ros.arguments import readable_ros_errors as readable_ros_errors
+    from sar_compiler.ros.arguments import convert_ros_errors as convert_ros_errors
     from sar_compiler.ros.parameters import DataNode as DataNode
     from sar_compiler.ros.parameters import flat_parameters as flat_parameters
     from sar_compiler.ros.serving import serve as serve
     from sar_compiler.runtime.clock import clock_text as clock_text
     from sar_compiler.runtime.context import mission_context as mission_context
+    from sar_compiler.tree.display_text import shorten_to_line as shorten_to_line
     from sar_compiler.tree.json_files import JsonFile as JsonFile
-    from sar_compiler.tree.showing import short_line as short_line
 
 ENTRY_POINTS = "sar_compiler.missions"
 """The group of entry points that name missions."""
 DEFAULT = "sar_compiler.default_mission"
 """The group whose entry point names the default mission."""
 PUBLIC_MODULES = (
-    "beginning",
-    "choosing",
     "faults",
     "mission",
+    "mission_choice",
+    "mission_start",
     "parameter_file",
     "parameter_reader",
     "tree_check",

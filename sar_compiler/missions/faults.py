@@ -135,7 +135,7 @@ def parse_fault(text: str, targets: Mapping[str, Collection[str]]) -> Fault:
 
 
 @dataclass(frozen=True)
-class CallFate:
+class CallFaults:
     """The faults applied to one service call.
 
     Attributes:
@@ -157,14 +157,14 @@ class ServiceFaults:
         self._refusals = sum(fault.count for fault in faults if fault.kind == "refuse")
         self._delay_sec = sum(fault.seconds for fault in faults if fault.kind == "delay")
 
-    def next_call(self) -> CallFate:
+    def next_call(self) -> CallFaults:
         """Return the faults of the call that has just arrived."""
         if self._drops > 0:
             self._drops -= 1
-            return CallFate(drop=True)
+            return CallFaults(drop=True)
         refuse = self._refusals > 0
         self._refusals -= refuse
-        return CallFate(delay_sec=self._delay_sec, refuse=refuse)
+        return CallFaults(delay_sec=self._delay_sec, refuse=refuse)
 
 
 class NavigationFaults:
@@ -186,7 +186,7 @@ class NavigationFaults:
         for place, fault in self.places.items():
             _require_among(str(fault), "place", place, known)
 
-    def rejects_next(self) -> bool:
+    def should_reject(self) -> bool:
         """Return whether to reject the goal that has just arrived."""
         reject = self._rejections > 0
         self._rejections -= reject
@@ -277,19 +277,19 @@ def create_service(
     if faults is None:
         return node.create_service(service_type, name, answer)
 
-    def answer_by(fate: CallFate, request: Any, response: Any) -> Any:
+    def answer_by(fate: CallFaults, request: Any, response: Any) -> Any:
         if fate.refuse:
             node.get_logger().warning(f"Fault: {name} refuses.")
             return (refuse or answer)(request, response)
         return answer(request, response)
 
-    def decide(request: Any, response: Any) -> tuple[CallFate, Any, Any]:
+    def decide(request: Any, response: Any) -> tuple[CallFaults, Any, Any]:
         return faults.next_call(), request, response
 
     service = node.create_service(service_type, name, decide)
     send = service.send_response
 
-    def send_by(decided: tuple[CallFate, Any, Any], header: Any) -> None:
+    def send_by(decided: tuple[CallFaults, Any, Any], header: Any) -> None:
         fate = decided[0]
         if fate.drop:
             node.get_logger().warning(f"Fault: a call of {name} gets no response.")

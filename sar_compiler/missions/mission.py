@@ -31,7 +31,7 @@ _LEAST_CORNERS, _MOST_CORNERS = 3, 100
 _EMPTY: Mapping[str, Any] = {"number": None, "polygon": ()}
 
 
-class VerbError(SarError):
+class CommandError(SarError):
     """A command is unknown or incomplete."""
 
 
@@ -86,10 +86,10 @@ class OperatorCommand(NamedTuple):
         """Check and return the values of a command.
 
         Raises:
-            VerbError: If a value is missing, wrong or unknown.
+            CommandError: If a value is missing, wrong or unknown.
         """
         if unknown := set(values) - {field.name for field in self.fields}:
-            raise VerbError(f"{self.name} has no field {min(unknown)!r:.60}")
+            raise CommandError(f"{self.name} has no field {min(unknown)!r:.60}")
         return {field.name: self._check_field(field, values.get(field.name)) for field in self.fields}
 
     def _check_field(self, field: CommandField, value: Any) -> Any:
@@ -106,7 +106,7 @@ class OperatorCommand(NamedTuple):
                 fits = fits and value in dict(field.choices)
                 wanted = f"one of {', '.join(dict(field.choices))}"
         if not fits:
-            raise VerbError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
+            raise CommandError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
         return float(value) if field.kind == "number" else value
 
     def _check_corners(self, field: CommandField, value: Any) -> list[tuple[float, float]]:
@@ -116,7 +116,7 @@ class OperatorCommand(NamedTuple):
         )
         if not (are_places and _LEAST_CORNERS <= len(corners) <= _MOST_CORNERS):
             wanted = f"{_LEAST_CORNERS} to {_MOST_CORNERS} corners, each [x, y] in metres"
-            raise VerbError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
+            raise CommandError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
         return [(float(x), float(y)) for x, y in corners]
 
 

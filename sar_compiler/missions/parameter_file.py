@@ -17,7 +17,7 @@ import yaml
 
 from sar_compiler.errors import SarError
 from sar_compiler.opener import PARAMETERS, read_file
-from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shortened
 from sar_compiler.tree.yaml_spans import SPLIT, split_number
 
 _SECTION = "ros__parameters"
@@ -66,7 +66,9 @@ class ParameterFileError(SarError):
         self.problems = tuple(sorted(problems, key=lambda problem: (problem.line, problem.column)))
         self.line, self.column = self.problems[0].line, self.problems[0].column
         super().__init__(
-            "\n".join(f"{file}{each.place}: {in_one_line(shortened(each.text))}" for each in self.problems)
+            "\n".join(
+                f"{file}{each.place}: {escape_to_one_line(shortened(each.text))}" for each in self.problems
+            )
         )
 
 
@@ -127,7 +129,7 @@ def _values_for(path: Path | str, node: str) -> dict[str, _Given]:
     return {key: given for name, values in sections if _is_for(name, node) for key, given in values.items()}
 
 
-class ParameterPlaces:
+class ParameterLocations:
     """Locations in parameter files of a node's parameters.
 
     Args:

@@ -14,9 +14,16 @@ from typing import Any
 from sar_compiler.checks.configuration import enclosing_folder
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
-from sar_compiler.missions.parameter_file import ParameterPlaces, sections_elsewhere
-from sar_compiler.nodes.numbers import find_oddity, number_hint, number_in, unit_of_key
-from sar_compiler.opener import FileContent, FileKind, NamedPath, OutsideError, UnreadableFileError, read_file
+from sar_compiler.missions.parameter_file import ParameterLocations, sections_elsewhere
+from sar_compiler.nodes.numbers import convert_with_unit, find_implausible_number, number_hint, unit_of_key
+from sar_compiler.opener import (
+    FileContent,
+    FileKind,
+    NamedPath,
+    PathOutsideError,
+    UnreadableFileError,
+    read_file,
+)
 from sar_compiler.tree.guessing import did_you_mean, nearest
 from sar_compiler.tree.json_files import JsonFile, MalformedJsonError
 
@@ -29,7 +36,7 @@ _ALIKE = 0.8
 
 
 @dataclass(frozen=True)
-class Problem:
+class ParameterProblem:
     """An error in the parameters.
 
     Attributes:
@@ -54,7 +61,7 @@ class ParameterError(SarError):
         problems: All errors, in the order in which the keys were read.
     """
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
+    def __init__(self, problems: Iterable[ParameterProblem]) -> None:
         self.problems = tuple(problems)
         if len(self.problems) == 1:
             [only] = self.problems
@@ -94,7 +101,7 @@ def lookalikes(
     return list(notes.values())
 
 
-def unread_files(reader: "ParameterReader", read: Iterable[str]) -> list[str]:
+def report_unused_files(reader: "ParameterReader", read: Iterable[str]) -> list[str]:
     """Report that no parameter of the files is used, if that is the case.
 
     Args:
@@ -137,22 +144,22 @@ class ParameterReader:
     """
 
     def __init__(
-        self, parameters: Mapping[str, object], elsewhere: str = "", places: ParameterPlaces | None = None
+        self, parameters: Mapping[str, object], elsewhere: str = "", places: ParameterLocations | None = None
     ) -> None:
         self.parameters = parameters
         self._places = places
-        self.problems: list[Problem] = []
+        self.problems: list[ParameterProblem] = []
         self.notes: list[str] = []
         self.files: dict[str, FileContent] = {}
         self.places_elsewhere: dict[str, Callable[[], str]] = {}
         self.elsewhere = elsewhere
 
     @classmethod
-    def of_files(
+    def from_files(
         cls, parameters: Mapping[str, object], files: Sequence[Path | str], node: str
     ) -> "ParameterReader":
         """Return a reader of the parameters that files give to a node, by its full name."""
-        return cls(parameters, sections_elsewhere(files, node), ParameterPlaces(files, node))
+        return cls(parameters, sections_elsewhere(files, node), ParameterLocations(files, node))
 
     def report(self, key: str, text: str, place: str = "") -> None:
         """Report an error in a parameter.
@@ -162,7 +169,7 @@ class ParameterReader:
             text: The description of the error.
             place: File, line and column; by default those of the parameter.
         """
-        problem = Problem(key, text, place or self.place_of(key))
+        problem = ParameterProblem(key, text, place or self.place_of(key))
         # A mission may read a parameter that every run reads.
         if problem not in self.problems:
             self.problems.append(problem)
@@ -299,7 +306,7 @@ class ParameterReader:
             )
             self.report(key, f"{must} {number}")
             return 0.0
-        oddity = find_oddity(number, unit)
+        oddity = find_implausible_number(number, unit)
         if oddity is not None and oddity.is_impossible:
             self.report(key, f"{whose}{oddity}")
             return 0.0
@@ -346,7 +353,7 @@ class ParameterReader:
         try:
             content = read_file(path, FileKind(noun, most_bytes))
             text = content.text()
-        except OutsideError as error:
+        except PathOutsideError as error:
             there = f"move it next to {given_in}, or name it on the command line: -p {key}:=PATH"
             self.report(key, f"{path} cannot be read: {error.reason}. To fix this, {there}")
             return None
@@ -431,7 +438,7 @@ def _remedy(value: object, unit: str) -> str:
         return f" (write {only[0]}, without brackets)" if len(only := list(value)) == 1 else ""
     if not isinstance(value, str):
         return ""
-    meant = number_in(value, unit)
+    meant = convert_with_unit(value, unit)
     if meant == value.strip():
         return " (write it without quotes)"
     hint = f"write {meant}" if meant is not None else number_hint(value, unit)

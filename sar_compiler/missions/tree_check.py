@@ -20,7 +20,7 @@ def check_mission(tree: ProjectTree) -> list[Diagnostic]:
         binding = tree.binding()
     except TreeError:  # the tree does not exist, or its errors are already reported
         return []
-    from sar_compiler.missions.choosing import mission_of
+    from sar_compiler.missions.mission_choice import mission_of
 
     try:
         mission_of(tree, binding)

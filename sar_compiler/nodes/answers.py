@@ -33,12 +33,14 @@ def placeholders(text: str) -> list[str]:
     return _PLACEHOLDER.findall(text)
 
 
-def fill_answer(answer: Answer, names: Mapping[str, str]) -> Answer:
+def fill_outcome(answer: Answer, names: Mapping[str, str]) -> Answer:
     """Return an outcome with its placeholders replaced by identifiers."""
-    return replace(answer, when=fill_text(answer.when, names), then=fill_text(answer.then, names))
+    return replace(
+        answer, when=fill_placeholders(answer.when, names), then=fill_placeholders(answer.then, names)
+    )
 
 
-def fill_text(text: str, names: Mapping[str, str]) -> str:
+def fill_placeholders(text: str, names: Mapping[str, str]) -> str:
     """Return a text with its placeholders replaced by identifiers; unknown ones are kept."""
     return _PLACEHOLDER.sub(lambda match: names.get(match[1], match[0]), text)
 
@@ -48,7 +50,7 @@ def number_text(value: object) -> str:
     return f"({value})" if str(value).startswith("-") else str(value)
 
 
-def mistake_in(
+def find_script_error(
     answer: Answer, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
     """Return the first script of an outcome that cannot be parsed, as its part, its text and the reason."""
@@ -58,7 +60,7 @@ def mistake_in(
     for part, text in (("when", answer.when), ("then", answer.then)):
         if text:
             try:
-                parse(fill_text(text, names))
+                parse(fill_placeholders(text, names))
             except ScriptError as error:
                 return part, text, error
     return None

@@ -7,7 +7,7 @@ from sar_compiler.nodes.btcpp import NEWEST, OLDEST, Version, VersionChange
 from sar_compiler.nodes.values import ConversionError
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Span
 from sar_compiler.tree.guessing import Guesses
-from sar_compiler.tree.model import About, Element
+from sar_compiler.tree.model import Element, FindingDetails
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -87,7 +87,12 @@ class FindingCollector:
         self.guesses = Guesses()
 
     def add(
-        self, code: str, message: str, element: Element, span: Span | None = None, **about: "Unpack[About]"
+        self,
+        code: str,
+        message: str,
+        element: Element,
+        span: Span | None = None,
+        **about: "Unpack[FindingDetails]",
     ) -> None:
         """Add a finding about an element; the arguments are those of its method `finding`."""
         self.findings.append(element.finding(code, message, span, **about))
@@ -98,7 +103,7 @@ class FindingCollector:
         element: Element,
         message: str,
         span: Span | None = None,
-        **about: "Unpack[About]",
+        **about: "Unpack[FindingDetails]",
     ) -> None:
         """Report an error of newer versions of BehaviorTree.CPP, if the trees target one of these versions."""
         if self.version >= change.since:
@@ -113,6 +118,8 @@ class FindingCollector:
         self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"
     ) -> None:
         """Report an attribute's text that is not a value of its type, at the wrong part if that is known."""
-        span = element.within_value(attribute, *error.place) if error.place else element.value_span(attribute)
+        span = (
+            element.value_part_span(attribute, *error.place) if error.place else element.value_span(attribute)
+        )
         message, suggestion, hint = f"{attribute}: {error.message}", error.suggestion, error.hint
         self.add(code, message, element, span, suggestion=suggestion, hint=hint)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.numbers import SensibleNumbers
+from sar_compiler.nodes.numbers import PlausibleRange
 from sar_compiler.nodes.spec import (
     Direction,
     Kind,
@@ -33,8 +33,8 @@ from sar_compiler.nodes.values import (
     SECONDS,
     ValueType,
     at_least,
-    list_of,
-    type_of,
+    list_type,
+    require_value_type,
 )
 from sar_compiler.runtime.answers import Answer
 
@@ -128,13 +128,13 @@ def _type_as_data(value_type: ValueType) -> object:
 def _type(data: Any) -> ValueType:
     if isinstance(data, list):
         name, least, most, is_open = data
-        return _type(name)._replace(usual=SensibleNumbers(least, math.inf if most is None else most, is_open))
+        return _type(name)._replace(usual=PlausibleRange(least, math.inf if most is None else most, is_open))
     name = str(data)
     if name.startswith(_FROM):
         return at_least(int(name.removeprefix(_FROM)))
     if name.startswith(_CHOICE):
-        return type_of(Literal[tuple(name.removeprefix(_CHOICE).split("."))])
-    return list_of(_type(name.removesuffix(_LIST))) if name.endswith(_LIST) else _NAMED[name]
+        return require_value_type(Literal[tuple(name.removeprefix(_CHOICE).split("."))])
+    return list_type(_type(name.removesuffix(_LIST))) if name.endswith(_LIST) else _NAMED[name]
 
 
 def _spec(data: Mapping[str, Any]) -> NodeSpec:

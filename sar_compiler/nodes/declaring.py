@@ -20,10 +20,12 @@ from typing import Any
 
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, ParameterRole, Rule, Signature, Use
-from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, type_of
+from sar_compiler.nodes.values import ANYTHING, ValueType, port_type_of, require_value_type
 from sar_compiler.runtime.answers import Answer, Fact
 
-NAME = Parameter("name", ParameterRole.NAME, required=False, value_type=type_of(str), doc="The node's name.")
+NAME = Parameter(
+    "name", ParameterRole.NAME, required=False, value_type=require_value_type(str), doc="The node's name."
+)
 """The parameter for the name, which every node has."""
 CHILDREN = Parameter("children", ParameterRole.CHILDREN, required=True)
 CHILD = Parameter("child", ParameterRole.CHILD, required=True)
@@ -130,7 +132,9 @@ def attribute(keyword: str, kind: object, doc: str, default: object = ...) -> Pa
         doc: Its description.
         default: The default value; without it the attribute is required.
     """
-    return _parameter(keyword, kind if isinstance(kind, ValueType) else type_of(kind), None, doc, default)
+    return _parameter(
+        keyword, kind if isinstance(kind, ValueType) else require_value_type(kind), None, doc, default
+    )
 
 
 def input_port(keyword: str, kind: object, doc: str, default: object = ...) -> Parameter:

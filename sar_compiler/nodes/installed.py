@@ -85,7 +85,7 @@ def pass_over(entries: Iterable[str]) -> None:
     sys.path[:] = [entry for entry in sys.path if entry not in _passed_over]
 
 
-def look_in_current_folder() -> None:
+def allow_current_folder() -> None:
     """Allow modules that the user names to be in the current folder; installed ones take precedence."""
     with suppress(OSError):  # the folder may have been deleted
         for entry in (*_passed_over, str(Path.cwd())):
@@ -93,7 +93,7 @@ def look_in_current_folder() -> None:
                 sys.path.append(entry)
 
 
-def is_offered(module: str, group: str, checkout: Path | None = None) -> bool:
+def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bool:
     """Return whether a module belongs to an installed package with an entry point of a group, without importing it.
 
     Other modules were not written for import on a file's request: importing them may run a test suite, or worse.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from sar_compiler.tree.guessing import UNIT_OF, unit_in
+from sar_compiler.tree.guessing import UNIT_OF, unit_suffix
 
 if TYPE_CHECKING:
     from decimal import Decimal
@@ -46,7 +46,7 @@ _HEXADECIMAL = r"[+\-]?0[xX][0-9a-fA-F]+"
 _SPACED = r"([+\-]?[0-9.,][0-9.,_eE+\-]*?)\s*([^\W\d_]+(?:/[^\W\d_]+)?|[°%])"
 
 
-class SensibleNumbers(NamedTuple):
+class PlausibleRange(NamedTuple):
     """The plausible numbers for a node that accepts others as well.
 
     Attributes:
@@ -85,44 +85,44 @@ class Unit(NamedTuple):
 
     words: str
     others: Mapping[str, str] = MappingProxyType({})
-    possible: SensibleNumbers = SensibleNumbers(-math.inf)
-    usual: SensibleNumbers = SensibleNumbers(-math.inf)
+    possible: PlausibleRange = PlausibleRange(-math.inf)
+    usual: PlausibleRange = PlausibleRange(-math.inf)
     mistaken: tuple[str, str] = ("", "")
 
 
 _TURN = round(2 * math.pi, 4)
 _WEEK_SEC = 7 * 86_400.0
 UNITS = {
-    "s": Unit("seconds", {}, SensibleNumbers(0.0, 1e9), SensibleNumbers(0.0, _WEEK_SEC), ("ms", "ms")),
-    "ms": Unit("milliseconds", {}, SensibleNumbers(0.0, 1e12), SensibleNumbers(0.0, 1000 * _WEEK_SEC)),
+    "s": Unit("seconds", {}, PlausibleRange(0.0, 1e9), PlausibleRange(0.0, _WEEK_SEC), ("ms", "ms")),
+    "ms": Unit("milliseconds", {}, PlausibleRange(0.0, 1e12), PlausibleRange(0.0, 1000 * _WEEK_SEC)),
     "rad": Unit(
         "radians",
         {"rad": "1"},
-        SensibleNumbers(-1e6, 1e6),
-        SensibleNumbers(-_TURN, _TURN),
+        PlausibleRange(-1e6, 1e6),
+        PlausibleRange(-_TURN, _TURN),
         ("deg", "degrees"),
     ),
     "deg": Unit("degrees", {"deg": "1"}),
     "m": Unit(
         "metres",
         {"m": "1", "mm": "1/1000", "cm": "1/100", "km": "1000"},
-        SensibleNumbers(-1e6, 1e6),
-        SensibleNumbers(-1e5, 1e5),
+        PlausibleRange(-1e6, 1e6),
+        PlausibleRange(-1e5, 1e5),
         ("mm", "mm"),
     ),
     "m/s": Unit(
         "metres per second",
         {"m/s": "1", "mm/s": "1/1000", "cm/s": "1/100", "km/h": "5/18", "kmh": "5/18"},
-        SensibleNumbers(-1e3, 1e3),
-        SensibleNumbers(-50.0, 50.0),
+        PlausibleRange(-1e3, 1e3),
+        PlausibleRange(-50.0, 50.0),
         ("mm/s", "mm/s"),
     ),
-    "hz": Unit("hertz", {"hz": "1", "khz": "1000"}, SensibleNumbers(0.0, 1e6), SensibleNumbers(0.0, 1e5)),
+    "hz": Unit("hertz", {"hz": "1", "khz": "1000"}, PlausibleRange(0.0, 1e6), PlausibleRange(0.0, 1e5)),
     "share": Unit(
         "a share",
         {"%": "1/100", "percent": "1/100"},
-        SensibleNumbers(0.0, 1.0),
-        SensibleNumbers(0.0, 1.0),
+        PlausibleRange(0.0, 1.0),
+        PlausibleRange(0.0, 1.0),
         ("%", "percent"),
     ),
 }
@@ -140,10 +140,10 @@ _UNIT_OF_KEY = {key: unit for unit, keys in _KEYS.items() for key in keys.split(
 def unit_of_key(key: str) -> str:
     """Return the unit of a parameter's number (`initial_pose.yaw`: `rad`); empty if it has none."""
     name = key.rpartition(".")[2]
-    return _UNIT_OF_KEY.get(name) or (unit_in(name) if "_" in name else "")
+    return _UNIT_OF_KEY.get(name) or (unit_suffix(name) if "_" in name else "")
 
 
-class Oddity(NamedTuple):
+class ImplausibleNumber(NamedTuple):
     """A number outside of the range of its unit.
 
     Attributes:
@@ -161,7 +161,7 @@ class Oddity(NamedTuple):
         return f"{self.message}; {self.hint}" if self.hint else self.message
 
 
-def find_oddity(number: float, unit: str) -> Oddity | None:
+def find_implausible_number(number: float, unit: str) -> ImplausibleNumber | None:
     """Return why a number is implausible in a unit; None if it is plausible, or the unit is unknown."""
     known = UNITS.get(unit)
     if known is None or number in known.usual:
@@ -173,23 +173,23 @@ def find_oddity(number: float, unit: str) -> Oddity | None:
         if is_impossible
         else f"is {number:.10g}, which is implausible: {known.words} are usually {bounds}"
     )
-    return Oddity(message, convert_mistaken(f"{number!r}", unit), is_impossible)
+    return ImplausibleNumber(message, convert_mistaken(f"{number!r}", unit), is_impossible)
 
 
 def convert_mistaken(text: str, unit: str) -> str:
     """Return the replacement for a number in a wrong unit: `write 1.5708 for 90 degrees`; empty if none is likely."""
     known = UNITS.get(unit)
-    if known is None or not known.mistaken[0] or (plain := meant_plain_number(text)) is None:
+    if known is None or not known.mistaken[0] or (plain := intended_plain_number(text)) is None:
         return ""
     if unit == "share" and "." in plain:  # 1.5 may have a misplaced point
         return ""
-    meant = number_in(f"{plain}{known.mistaken[0]}", unit)
+    meant = convert_with_unit(f"{plain}{known.mistaken[0]}", unit)
     if meant is None or float(meant) not in known.usual:
         return ""
     return f"{plain} {known.mistaken[1]} are {meant}{'' if unit == 'share' else f' {unit}'}: write {meant}"
 
 
-def milliseconds_in(text: str) -> "Decimal | None":
+def parse_milliseconds(text: str) -> "Decimal | None":
     """Return the milliseconds of a duration with a unit; None for any other text."""
     match = re.fullmatch(WITH_UNIT, text) if len(text) <= LONGEST else None
     if match is None:
@@ -199,13 +199,13 @@ def milliseconds_in(text: str) -> "Decimal | None":
     return Decimal(match[1]) * _MILLISECONDS[match[3]]
 
 
-def plain_duration(text: str, unit: str) -> str:
+def convert_duration(text: str, unit: str) -> str:
     """Return a duration as a plain number in another unit; any other text unchanged."""
-    milliseconds = milliseconds_in(text) if unit in _MILLISECONDS else None
+    milliseconds = parse_milliseconds(text) if unit in _MILLISECONDS else None
     return text if milliseconds is None else _plain_text(milliseconds / _MILLISECONDS[unit])
 
 
-def meant_number(text: str) -> str | None:
+def intended_number(text: str) -> str | None:
     """Return the only possible meaning of a number in another notation (`1,5`, `1_000`, `0x10`); None if it is ambiguous."""
     text = text.strip()
     if len(text) > LONGEST or re.fullmatch(_AMBIGUOUS, text):
@@ -219,15 +219,15 @@ def meant_number(text: str) -> str | None:
     return text if re.fullmatch(REAL, text) else None
 
 
-def meant_whole_number(text: str) -> str | None:
+def intended_integer(text: str) -> str | None:
     """Return the only possible integer in another notation (`1e3`, `2.0`); None if there is none."""
-    plain = meant_plain_number(text)
+    plain = intended_plain_number(text)
     return plain if plain is not None and "." not in plain else None
 
 
-def meant_plain_number(text: str) -> str | None:
+def intended_plain_number(text: str) -> str | None:
     """Return the only possible meaning of a number, without an exponent; None if there is none."""
-    number = meant_number(text)
+    number = intended_number(text)
     if number is None:
         return None
     from decimal import Decimal
@@ -236,11 +236,11 @@ def meant_plain_number(text: str) -> str | None:
     return _plain_text(value) if abs(value.adjusted()) < LONGEST else None
 
 
-def meant_duration(text: str) -> str | None:
+def intended_duration(text: str) -> str | None:
     """Return the only possible duration in another notation (`5 sec`, `1,5s`, `2h`); None if there is none."""
     match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     spelt = _DURATIONS.get(UNIT_OF.get(match[2].lower(), "")) if match is not None else None
-    number = meant_number(match[1]) if match is not None else None
+    number = intended_number(match[1]) if match is not None else None
     if number is None or spelt is None or number.startswith("-"):
         return None
     from decimal import Decimal
@@ -259,31 +259,31 @@ def number_hint(text: str, unit: str = "") -> str | None:
     match = re.fullmatch(_AMBIGUOUS, text)
     if match is not None:
         readings = [f"{match[1]}{point}{match[2]}{match[3]}" for point in ("", ".")]
-        numbers = [number_in(each, unit) or each for each in readings] if unit else readings
+        numbers = [convert_with_unit(each, unit) or each for each in readings] if unit else readings
         return f"the comma is ambiguous: write {', or '.join(numbers)}"
     if unit:
-        return f"write only the number, in {unit_words(unit)}"
+        return f"write only the number, in {unit_name(unit)}"
     if re.match(r"\s*" + REAL + r"\s*[^\W\d]", text[:LONGEST]):
         return "write only the number, in the unit that the node's documentation gives"
     return None
 
 
-def unit_words(unit: str) -> str:
+def unit_name(unit: str) -> str:
     """Return the name of a unit: `metres per second` for `m/s`."""
     return UNITS[unit].words if unit in UNITS else unit
 
 
-def number_in(text: str, unit: str) -> str | None:
+def convert_with_unit(text: str, unit: str) -> str | None:
     """Return the only possible number for a text with a unit (`90deg` in rad); None if there is none.
 
     An infinite decimal is rounded to five digits.
     """
     match = re.fullmatch(_SPACED, text.strip()) if len(text) <= LONGEST else None
     if match is None:
-        return meant_plain_number(text)
+        return intended_plain_number(text)
     from fractions import Fraction
 
-    number, one = meant_plain_number(match[1]), _one(match[2].lower(), unit)
+    number, one = intended_plain_number(match[1]), _one(match[2].lower(), unit)
     return _round(Fraction(number) * one) if number is not None and one is not None else None
 
 

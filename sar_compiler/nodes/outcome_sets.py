@@ -160,7 +160,7 @@ def counting(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     return _count_all(children, decide, lambda _succeeded, _failed, skipped: K if skipped == count else R)
 
 
-def counting_all(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
+def parallel_all(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of a parallel that waits for all its children before it counts."""
     failures, count = bound.value("max_failures"), len(children)
     if count > _MOST_COUNTED or not isinstance(failures, int):
@@ -211,7 +211,7 @@ def _estimate(children: Sequence[int], sure: bool) -> int:
     return intersection(children) & R if sure else ALL
 
 
-def by_policy(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
+def parallel_by_policy(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
     """Return the set of py_trees' Parallel, which decides after all its children were ticked."""
     policy = bound.value("policy")
     if policy is None:

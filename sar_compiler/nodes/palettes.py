@@ -54,7 +54,7 @@ def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[No
     return [spec for program, version in versions.items() for spec in _specs_of(program, version, checkout)]
 
 
-def palettes_with(tag: str) -> list[str]:
+def palettes_containing(tag: str) -> list[str]:
     """Return the names of this package's palettes that contain a tag; other palettes are not imported for a hint."""
     return [name for name, tags in _tags().items() if tag in tags]
 

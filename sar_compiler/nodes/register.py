@@ -141,7 +141,7 @@ _FUNCTIONS = ("possible", "gates", "rounds", "limit_sec", "wait_sec")
 """The functions in a `Semantics` that checks call."""
 
 
-class _UsersFunction:
+class _UserFunction:
     """A user's function in a `Semantics`; errors and wrong results are reported with its class."""
 
     def __init__(self, whose: str, name: str, function: Callable[..., Any]) -> None:
@@ -171,7 +171,7 @@ def _guard_functions(tag: str, cls: type[Any], semantics: Semantics) -> Semantic
         home = getattr(getattr(function, "func", function), "__module__", None)
         if function is not None and not str(home).startswith("sar_compiler.nodes."):
             whose = f"<{tag}>: the function '{name}' in the semantics of {cls.__module__}.{cls.__qualname__}"
-            guarded[name] = _UsersFunction(whose, name, function)
+            guarded[name] = _UserFunction(whose, name, function)
     return semantics._replace(**guarded) if guarded else semantics
 
 

@@ -10,7 +10,7 @@ from types import ModuleType
 
 from sar_compiler.errors import SarError
 from sar_compiler.gc_pause import gc_paused
-from sar_compiler.nodes.installed import entry_points, import_installed, look_in_current_folder
+from sar_compiler.nodes.installed import allow_current_folder, entry_points, import_installed
 from sar_compiler.nodes.palettes import load_palettes
 from sar_compiler.nodes.spec import MARK, NodeSpec
 from sar_compiler.opener import MODULE, read_file
@@ -54,11 +54,11 @@ class Registry:
         if any(_is_same(other, spec) for other in known):
             return
         if known and not spec.variant:
-            classes = " and ".join(each.maker_path.replace(":", ".") for each in (known[0], spec))
+            classes = " and ".join(each.factory_path.replace(":", ".") for each in (known[0], spec))
             raise RegistryError(f"two classes are registered as <{spec.tag}>: {classes}")
         known.append(spec)
 
-    def belongs_to(self, tag: str, entry_point: str) -> None:
+    def record_entry_point(self, tag: str, entry_point: str) -> None:
         """Record that an installed entry point provides a tag that the user did not request."""
         self._installed.setdefault(tag, entry_point)
 
@@ -171,12 +171,12 @@ def load_registry(
         before = set(registry.tags)
         registry.add_module(_import(entry_point.value, f"entry point '{entry_point.name}'", import_it))
         for tag in registry.tags - before:
-            registry.belongs_to(tag, entry_point.value)
+            registry.record_entry_point(tag, entry_point.value)
     for module in configured:
         _add_import(registry, module, "nodes of the configuration", import_it)
     for each in named:
         if isinstance(each, str):
-            look_in_current_folder()
+            allow_current_folder()
             _add_import(registry, each, "--nodes", importlib.import_module)
         elif isinstance(each, ModuleType):
             registry.add_module(each)
@@ -263,7 +263,7 @@ def registered_leaves(package: str) -> "Registry":
     Raises:
         RegistryError: If it cannot be imported.
     """
-    look_in_current_folder()
+    allow_current_folder()
     found, root = Registry(), _import(package, "--nodes", importlib.import_module)
     for name in (package, *_submodules_with_leaves(root)):
         for thing in vars(_import(name, "--nodes", importlib.import_module)).values():
@@ -300,5 +300,5 @@ def _place_of(error: BaseException) -> str:
 def _is_same(first: NodeSpec, second: NodeSpec) -> bool:
     """Return whether two specs are of one class; a class that is named by its path is not imported for that."""
     if first.is_by_path or second.is_by_path:
-        return first.maker_path == second.maker_path
+        return first.factory_path == second.factory_path
     return first.class_or_path is second.class_or_path

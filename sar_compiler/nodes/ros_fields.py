@@ -49,7 +49,7 @@ class Scalar:
 
 
 @dataclass(frozen=True)
-class Items:
+class FieldList:
     """A list."""
 
     items: "tuple[FieldValue, ...]"
@@ -57,7 +57,7 @@ class Items:
 
 
 @dataclass(frozen=True)
-class Fields:
+class MessageFields:
     """Fields by name, each with the location of its name.
 
     Attributes:
@@ -74,24 +74,24 @@ class Fields:
 
 
 @dataclass(frozen=True)
-class Ready:
+class MessageReference:
     """A message, or a part of one, from a blackboard key."""
 
     message: object
     place: PlaceInText | None = None
 
 
-FieldValue: TypeAlias = KeyReference | Scalar | Items | Fields | Ready
+FieldValue: TypeAlias = KeyReference | Scalar | FieldList | MessageFields | MessageReference
 
 
 def keys_of(value: FieldValue) -> Iterator[str]:
     """Yield the keys in some fields, including repetitions."""
     if isinstance(value, KeyReference):
         yield value.name
-    elif isinstance(value, Items):
+    elif isinstance(value, FieldList):
         for each in value.items:
             yield from keys_of(each)
-    elif isinstance(value, Fields):
+    elif isinstance(value, MessageFields):
         for inner, _ in value.fields.values():
             yield from keys_of(inner)
 
@@ -106,17 +106,19 @@ def value_of(found: object, place: PlaceInText | None = None) -> FieldValue:
     if found is None or isinstance(found, (bool, int, float, str, bytes)):
         return Scalar(str(found), found, place)
     if isinstance(found, Mapping):
-        return Fields({str(name): (value_of(inner, place), place) for name, inner in found.items()}, place)
+        return MessageFields(
+            {str(name): (value_of(inner, place), place) for name, inner in found.items()}, place
+        )
     if hasattr(found, "get_fields_and_field_types"):
-        return Ready(found, place)
+        return MessageReference(found, place)
     if hasattr(found, "tolist"):  # an array of Python, or of numpy
         return value_of(found.tolist(), place)
     if isinstance(found, Sequence):
-        return Items(tuple(value_of(each, place) for each in found), place)
-    return Ready(found, place)
+        return FieldList(tuple(value_of(each, place) for each in found), place)
+    return MessageReference(found, place)
 
 
-def read_fields(text: str) -> Fields:
+def read_fields(text: str) -> MessageFields:
     """Parse fields, with or without braces around them.
 
     The text is YAML as for `ros2 service call`, with two additions: `{key}` in place of a value is a blackboard key, and
@@ -130,13 +132,13 @@ def read_fields(text: str) -> Fields:
             f"the text has {len(text)} characters, but at most {_MOST_CHARACTERS} are allowed"
         )
     if not text.strip():
-        return Fields({}, text=text)
+        return MessageFields({}, text=text)
     depth = max(itertools.accumulate((each in "[{") - (each in "]}") for each in text))
     if depth > _DEEPEST:
         raise ConversionError("it is nested too deeply")
     node, shift = _composed(masked(text))
     found = _Reader(text, shift).value(node)
-    if not isinstance(found, Fields):
+    if not isinstance(found, MessageFields):
         raise ConversionError(f"{_excerpt(text)} is not a field with a value", hint=_EXAMPLE)
     return dataclasses.replace(found, text=text)
 
@@ -194,7 +196,7 @@ class _Reader:
             )
         self._seen.add(id(node))
         if isinstance(node, yaml.SequenceNode):
-            return Items(tuple(self.value(each) for each in node.value), place)
+            return FieldList(tuple(self.value(each) for each in node.value), place)
         if isinstance(node, yaml.MappingNode):
             return self._key(node, place) or self._fields(node, place)
         try:
@@ -219,7 +221,7 @@ class _Reader:
             return None
         return KeyReference(unmasked(name.value), place)
 
-    def _fields(self, node: yaml.MappingNode, place: PlaceInText) -> Fields:
+    def _fields(self, node: yaml.MappingNode, place: PlaceInText) -> MessageFields:
         found: dict[str, tuple[FieldValue, PlaceInText | None]] = {}
         for name, inner in node.value:
             at = self._place(name)
@@ -229,7 +231,7 @@ class _Reader:
             if field in found:
                 raise ConversionError(f"'{field}' is written twice", hint="delete one of the two", place=at)
             found[field] = self.value(inner), at
-        return Fields(found, place)
+        return MessageFields(found, place)
 
     def _place(self, node: yaml.Node) -> PlaceInText:
         begin, end = (mark.index - self._shift for mark in (node.start_mark, node.end_mark))
@@ -294,26 +296,26 @@ def read_destinations(text: str) -> Destinations:
     return Destinations(tuple(_destinations(read_fields(text), "")), text)
 
 
-def _destinations(fields: Fields, before: str) -> Iterator[tuple[FieldPath, str]]:
+def _destinations(fields: MessageFields, before: str) -> Iterator[tuple[FieldPath, str]]:
     for name, (value, place) in fields.fields.items():
         path = f"{before}{name}"
         if not _PATH.fullmatch(path):
             raise ConversionError(
                 f"'{path}' is not a field path", hint="separate the names by dots: pose.x", place=place
             )
-        if isinstance(value, Fields):
+        if isinstance(value, MessageFields):
             yield from _destinations(value, f"{path}.")
         elif isinstance(value, KeyReference):
             yield FieldPath(path, place), value.name
         else:
-            at = value.place if isinstance(value, (Scalar, Items)) else place
+            at = value.place if isinstance(value, (Scalar, FieldList)) else place
             raise ConversionError(
                 f"'{path}' needs a key to write to", hint=f"write {path}: {{key}}", place=at
             )
 
 
 def _keys_in(value: object) -> list[str]:
-    return list(dict.fromkeys(keys_of(value))) if isinstance(value, Fields) else []
+    return list(dict.fromkeys(keys_of(value))) if isinstance(value, MessageFields) else []
 
 
 def _destination_keys(value: object) -> list[str]:

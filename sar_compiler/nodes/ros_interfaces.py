@@ -20,18 +20,18 @@ from typing import Any, NamedTuple, TypeAlias
 
 from sar_compiler.errors import SarError
 from sar_compiler.nodes.ros_fields import (
+    FieldList,
     FieldPath,
-    Fields,
     FieldValue,
-    Items,
     KeyReference,
+    MessageFields,
+    MessageReference,
     PlaceInText,
-    Ready,
     Scalar,
     value_of,
 )
+from sar_compiler.tree.display_text import shortened
 from sar_compiler.tree.guessing import did_you_mean, nearest
-from sar_compiler.tree.showing import shortened
 
 _LIBRARIES = "*__rosidl_typesupport_c*"
 """The library that rosidl generates beside each Python package."""
@@ -202,7 +202,7 @@ class FieldType(NamedTuple):
     @property
     def value_label(self) -> str:
         """One expected element, in words."""
-        whole = whole_range(self.base)
+        whole = integer_range(self.base)
         if whole is not None:
             return f"{self.base}, an integer from {whole[0]} to {whole[-1]}"
         words = {"boolean": "true or false", _BYTE: "an integer from 0 to 255"}
@@ -210,7 +210,7 @@ class FieldType(NamedTuple):
         return f"{self.base}, {words[self.base]}" if self.base in words else self.base
 
 
-def whole_range(base: str) -> range | None:
+def integer_range(base: str) -> range | None:
     """Return the range of an integer type; None for any other type."""
     found = _WHOLE.fullmatch(base)
     if found is None:
@@ -285,7 +285,7 @@ def _constant(cls: Any, name: str) -> object:
     return own[name] if name in own else _package_constants(cls).get(name)
 
 
-class Filler:
+class MessageFiller:
     """Fills the fields of messages.
 
     Args:
@@ -297,7 +297,7 @@ class Filler:
         self._read_key = read_key
         self._now = now or (lambda: (int(time.time()), 0))
 
-    def fill(self, message: Any, fields: Fields, path: str = "") -> Any:
+    def fill(self, message: Any, fields: MessageFields, path: str = "") -> Any:
         """Set fields of a message, and return it; fields that are not written keep their defaults.
 
         Raises:
@@ -335,8 +335,8 @@ class Filler:
         if not kind.is_list:
             return self._single(message, kind, value, where)
         if isinstance(value, Scalar) and isinstance(value.value, bytes) and kind.base in ("uint8", _BYTE):
-            value = Items(tuple(Scalar(str(each), each) for each in value.value), value.place)
-        if not isinstance(value, Items):
+            value = FieldList(tuple(Scalar(str(each), each) for each in value.value), value.place)
+        if not isinstance(value, FieldList):
             raise _misfit(where, value, kind.text, hint="write a list: [...]")
         _check_size(kind, len(value.items), where, value.place)
         known = [self._known(each) for each in value.items]
@@ -367,9 +367,9 @@ class Filler:
     def _message(self, kind: FieldType, value: FieldValue, where: str) -> Any:
         """Return a message for a field."""
         wanted = message_class(kind.base)
-        if isinstance(value, Fields):
+        if isinstance(value, MessageFields):
             return self.fill(wanted(), value, where)
-        if isinstance(value, Ready) and isinstance(value.message, wanted):
+        if isinstance(value, MessageReference) and isinstance(value.message, wanted):
             return value.message
         word = value.value if isinstance(value, Scalar) else None
         if kind.base == _TIME and word == "now":
@@ -420,7 +420,7 @@ def _plain(cls: Any, kind: FieldType, value: Scalar) -> Any:
     if number is None or base in _REAL:
         return None if number is None else _real(number, _REAL[base])
     whole = int(number) if math.isfinite(number) and number == int(number) else None
-    among = range(_LARGEST_BYTE + 1) if base == _BYTE else whole_range(base)
+    among = range(_LARGEST_BYTE + 1) if base == _BYTE else integer_range(base)
     if whole is None or among is None or whole not in among:
         return None
     return bytes([whole]) if base == _BYTE else whole
@@ -458,11 +458,15 @@ def _describe(value: FieldValue) -> str:
         return "without a value"
     if isinstance(value, Scalar):
         return reprlib.repr(value.value) if isinstance(value.value, str) else shortened(value.text)
-    if isinstance(value, Items):
+    if isinstance(value, FieldList):
         return f"a list of {_count(len(value.items))}"
-    if isinstance(value, Ready):
+    if isinstance(value, MessageReference):
         return f"a {type(value.message).__name__}"
-    return f"fields ({', '.join(value.fields)})" if isinstance(value, Fields) and value.fields else "no value"
+    return (
+        f"fields ({', '.join(value.fields)})"
+        if isinstance(value, MessageFields) and value.fields
+        else "no value"
+    )
 
 
 def _no_field(

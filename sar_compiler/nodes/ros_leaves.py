@@ -5,10 +5,17 @@ from typing import Any, Literal
 
 from sar_compiler.nodes.collector import FindingCollector, NodeView
 from sar_compiler.nodes.declaring import SCOPE, attribute, handed_over, input_port, leaf_spec, output_port
-from sar_compiler.nodes.ros_fields import DESTINATIONS, FIELD_PATH, FIELDS, Destinations, FieldPath, Fields
+from sar_compiler.nodes.ros_fields import (
+    DESTINATIONS,
+    FIELD_PATH,
+    FIELDS,
+    Destinations,
+    FieldPath,
+    MessageFields,
+)
 from sar_compiler.nodes.ros_interfaces import (
-    Filler,
     InterfaceError,
+    MessageFiller,
     check_path,
     generated_type,
     is_ros_installed,
@@ -21,7 +28,7 @@ from sar_compiler.tree.diagnostic import Advice, Severity, Span
 from sar_compiler.tree.model import Element
 
 VERSIONS = ("jazzy",)
-_HERE = "sar_compiler.ros.leaves.by_attributes"
+_HERE = "sar_compiler.ros.leaves.attribute_leaves"
 _WRITES = KeyRole(AccessKind.WRITE)
 _SENDS = "The fields of the {} as YAML: `{}`. `{{key}}` inserts the value of a key. Or the key of a message."
 _VALUE = output_port("value", object, "The key to which the value is written.", None)
@@ -57,21 +64,23 @@ def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], No
         try:
             interface = generated_type(kind, written)
         except InterfaceError as error:
-            collector.add("unknown-interface", *_worded(bound, "type", error), **_advice(error))
+            collector.add("unknown-interface", *_finding_arguments(bound, "type", error), **_advice(error))
             return
         for name, part in parts.items():
-            wrong = _mistake_in(bound.values.get(name), getattr(interface, part) if part else interface)
+            wrong = _find_fields_error(
+                bound.values.get(name), getattr(interface, part) if part else interface
+            )
             if wrong is not None:
-                collector.add("wrong-value", *_worded(bound, name, wrong), **_advice(wrong))
+                collector.add("wrong-value", *_finding_arguments(bound, name, wrong), **_advice(wrong))
 
     return rule
 
 
-def _mistake_in(value: object, cls: Any) -> InterfaceError | None:
+def _find_fields_error(value: object, cls: Any) -> InterfaceError | None:
     """Return the error in an attribute of fields, for a message class."""
     try:
-        if isinstance(value, Fields):
-            Filler().fill(cls(), value)
+        if isinstance(value, MessageFields):
+            MessageFiller().fill(cls(), value)
         elif isinstance(value, FieldPath):
             check_path(cls, value)
         elif isinstance(value, Destinations):
@@ -88,10 +97,10 @@ def _check_value(bound: NodeView, collector: FindingCollector) -> None:
         collector.add("missing-attribute", message, bound.element, hint='write value="{key}"')
 
 
-def _worded(bound: NodeView, name: str, error: InterfaceError) -> tuple[str, Element, Span]:
+def _finding_arguments(bound: NodeView, name: str, error: InterfaceError) -> tuple[str, Element, Span]:
     """Return the message, the element and the location of a finding."""
     element, place = bound.element, error.place
-    span = element.within_value(name, *place) if place else element.value_span(name)
+    span = element.value_part_span(name, *place) if place else element.value_span(name)
     return f"{name}: {error.message}", element, span
 
 

@@ -16,7 +16,7 @@ from sar_compiler.nodes.outcome_sets import ALLOWED, ANSWERS, F, Number, Possibl
 if TYPE_CHECKING:
     from py_trees.common import Status
 
-    from sar_compiler.nodes.btcpp.draft import Draft
+    from sar_compiler.nodes.btcpp.draft import NodeDraft
     from sar_compiler.nodes.collector import FindingCollector, NodeView
 
 WRITES, REMOVES = "writes to the blackboard", "removes from the blackboard"
@@ -92,7 +92,7 @@ class Counterpart(NamedTuple):
     """
 
     built_in: bool = False
-    rewrite: "Callable[[Draft, FindingCollector], None] | None" = None
+    rewrite: "Callable[[NodeDraft, FindingCollector], None] | None" = None
     hint: str = NO_HINT
     since: str = ""
 
@@ -238,7 +238,7 @@ class Semantics(NamedTuple):
             return False
         return self.possible(bound, [R], ALLOWED) in (R, R | F)
 
-    def ends_by(self, bound: "NodeView") -> int:
+    def end_results(self, bound: "NodeView") -> int:
         """Return the results of its only child after which it can end, as an outcome set."""
         if self.possible is None:
             return outcome_sets.ALL

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.answers import SELF, answers_of, mistake_in, placeholders
+from sar_compiler.nodes.answers import SELF, answers_of, find_script_error, placeholders
 from sar_compiler.nodes.semantics import Semantics
 from sar_compiler.nodes.values import (
     ANYTHING,
@@ -20,9 +20,9 @@ from sar_compiler.nodes.values import (
     ValueType,
     is_class,
     port_type_of,
-    type_of,
+    require_value_type,
+    strip_none,
     value_type_of,
-    without_none,
 )
 from sar_compiler.runtime.answers import Answer, Fact
 from sar_compiler.runtime.context import is_mission_context
@@ -238,7 +238,7 @@ class Parameter:
         return f"{direction} {self.doc}".strip()
 
     @property
-    def is_whole_number(self) -> bool:
+    def is_integer_parameter(self) -> bool:
         """Whether it is an integer that is fixed at compile time."""
         return (
             self.role is ParameterRole.ATTRIBUTE and self.direction is None and self.value_type.python is int
@@ -441,11 +441,11 @@ class NodeSpec:
         return functools.partial(made, **{**unwritten, **self.fixed})
 
     @property
-    def maker_path(self) -> str:
+    def factory_path(self) -> str:
         """The import path of the factory; empty if there is none."""
         return self.signature.factory or self.class_path
 
-    def is_of(self, parameter: Parameter) -> bool:
+    def is_class_of(self, parameter: Parameter) -> bool:
         """Return whether a reference may name such a node: its class is that of the parameter or a subclass.
 
         If both classes are named by their paths, they are compared without importing them: neither derives from the other.
@@ -510,7 +510,7 @@ class NodeSpec:
         """The parameters whose value the tag implies."""
         return self.signature.fixed
 
-    def texts_of_fixed(self, parameter: Parameter) -> list[str]:
+    def fixed_value_names(self, parameter: Parameter) -> list[str]:
         """Return the texts that a file may have for a parameter whose value the tag implies."""
         kind, value = parameter.value_type, self.fixed[parameter.name]
         return [text for text in kind.choices if kind.convert(text) == value]
@@ -616,8 +616,8 @@ def _parameters_of(spec: NodeSpec) -> Mapping[str, Parameter]:
         for name, parameter in _writable(constructor)
     )
     parameters = {parameter.name: parameter for parameter in found}
-    _complain_unless_structured(spec, parameters)
-    _complain_unless_answerable(spec, parameters)
+    _require_child_parameter(spec, parameters)
+    _require_valid_outcomes(spec, parameters)
     return parameters
 
 
@@ -639,12 +639,12 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     }
     structure = _STRUCTURE.get(name)
     if structure is ParameterRole.NAME:
-        return Parameter(name, structure, required=False, value_type=type_of(str), doc=doc)
+        return Parameter(name, structure, required=False, value_type=require_value_type(str), doc=doc)
     if structure is not None and not spec.kind.is_leaf:
         return Parameter(name, structure, required=required, doc=doc)
     if annotation is None:
         raise RegistrationError(f"<{spec.tag}>: parameter '{keyword}' of {_name_of(spec)} has no annotation")
-    target = without_none(annotation)
+    target = strip_none(annotation)
     direction = _DIRECTIONS.get(typing.get_origin(target) or target)
     value_type = _carried_type(target) if direction else value_type_of(target)
     if value_type is not None:
@@ -664,7 +664,7 @@ def _parameter(spec: NodeSpec, parameter: inspect.Parameter, annotation: object,
     )
 
 
-def _complain_unless_structured(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
+def _require_child_parameter(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
     roles = {parameter.role for parameter in parameters.values()}
     wanted = {Kind.CONTROL: ParameterRole.CHILDREN, Kind.DECORATOR: ParameterRole.CHILD}.get(spec.kind)
     if wanted is not None and wanted not in roles:
@@ -675,21 +675,21 @@ def _complain_unless_structured(spec: NodeSpec, parameters: Mapping[str, Paramet
         raise RegistrationError(f"<{spec.tag}>: the constructor of {_name_of(spec)} has no parameter 'name'")
 
 
-def _complain_unless_answerable(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
+def _require_valid_outcomes(spec: NodeSpec, parameters: Mapping[str, Parameter]) -> None:
     known = [SELF, *(p.name for p in parameters.values() if p.role is ParameterRole.REFERENCE)]
-    numbers = [p.name for p in parameters.values() if p.is_whole_number]
+    numbers = [p.name for p in parameters.values() if p.is_integer_parameter]
     for fact in spec.facts:
-        _complain_of_placeholders(spec, fact, known)
+        _require_known_placeholders(spec, fact, known)
     for answer in spec.answers:
         for text in (answer.when, answer.then):
-            _complain_of_placeholders(spec, text, [*known, *numbers])
-        mistake = mistake_in(answer, known, numbers)
+            _require_known_placeholders(spec, text, [*known, *numbers])
+        mistake = find_script_error(answer, known, numbers)
         if mistake is not None:
             part, text, error = mistake
             raise RegistrationError(f"<{spec.tag}>: answer '{answer.name}': {part} '{text}': {error}")
 
 
-def _complain_of_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -> None:
+def _require_known_placeholders(spec: NodeSpec, text: str, known: Sequence[str]) -> None:
     for placeholder in placeholders(text):
         if placeholder not in known:
             braced = ", ".join(f"{{{name}}}" for name in known)

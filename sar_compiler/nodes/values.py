@@ -24,13 +24,13 @@ from sar_compiler.nodes.numbers import (
     LONGEST,
     REAL,
     WITH_UNIT,
-    SensibleNumbers,
-    meant_duration,
-    meant_number,
-    meant_plain_number,
-    meant_whole_number,
-    milliseconds_in,
+    PlausibleRange,
+    intended_duration,
+    intended_integer,
+    intended_number,
+    intended_plain_number,
     number_hint,
+    parse_milliseconds,
 )
 from sar_compiler.runtime.expressions import Script
 from sar_compiler.runtime.script import parse
@@ -120,7 +120,7 @@ class ValueType(NamedTuple):
     names_key: bool = False
     keys_in: Callable[[object], Iterable[str]] | None = None
     unit: str = ""
-    usual: SensibleNumbers | None = None
+    usual: PlausibleRange | None = None
     takes_braces: bool = False
 
     def key_in(self, text: str, port: str) -> str | None:
@@ -197,7 +197,7 @@ def _odd(value: object, wanted: type) -> bool:
     return isinstance(value, bool) and wanted is not bool
 
 
-def join_words(words: Collection[str], count: int | None = None) -> str:
+def join_with_commas(words: Collection[str], count: int | None = None) -> str:
     """Return words separated by commas; for many words, the first ones and the number of the others.
 
     Args:
@@ -235,7 +235,7 @@ def value_type_of(annotation: object) -> ValueType | None:
     Returns:
         The type, or None if no text can become such a value.
     """
-    annotation = without_none(annotation)
+    annotation = strip_none(annotation)
     said = _said_type(annotation)
     if said is not None:
         return said
@@ -243,8 +243,8 @@ def value_type_of(annotation: object) -> ValueType | None:
         return _PLAIN[annotation]
     if typing.get_origin(annotation) is list:
         item = typing.get_args(annotation)[0]
-        item_type = None if typing.get_origin(without_none(item)) is list else value_type_of(item)
-        return list_of(item_type) if item_type is not None else None
+        item_type = None if typing.get_origin(strip_none(item)) is list else value_type_of(item)
+        return list_type(item_type) if item_type is not None else None
     if is_class(annotation) and issubclass(annotation, enum.Enum):
         members = {member.name: member for member in annotation}
         convert = functools.partial(_member, annotation)
@@ -265,7 +265,7 @@ def port_type_of(annotation: object) -> ValueType | None:
     return _OF_PORTS.get(value_type.name, value_type) if value_type is not None else None
 
 
-def type_of(annotation: object) -> ValueType:
+def require_value_type(annotation: object) -> ValueType:
     """Return the type of an annotation that must have one.
 
     Raises:
@@ -282,7 +282,7 @@ def type_of_cpp_name(name: str) -> ValueType | None:
     name = normalized(name)
     if name.startswith(_VECTOR) and name.endswith(">"):
         item = _CPP_TYPES.get(name.removeprefix(_VECTOR).removesuffix(">"))
-        return list_of(item) if item else None
+        return list_type(item) if item else None
     return _CPP_TYPES.get(name)
 
 
@@ -302,14 +302,14 @@ def _said_type(annotation: object) -> ValueType | None:
     return next((note for note in typing.get_args(annotation)[1:] if isinstance(note, ValueType)), None)
 
 
-def without_none(annotation: object) -> object:
+def strip_none(annotation: object) -> object:
     """Return `T` for `T | None` and for `Annotated[T, ...]` with foreign metadata; anything else unchanged."""
     if typing.get_origin(annotation) is Annotated and _said_type(annotation) is None:
-        return without_none(typing.get_args(annotation)[0])
+        return strip_none(typing.get_args(annotation)[0])
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         members = [member for member in typing.get_args(annotation) if member is not type(None)]
         if len(members) == 1:
-            return without_none(members[0])
+            return strip_none(members[0])
     return annotation
 
 
@@ -321,7 +321,7 @@ def _boolean(text: str) -> bool:
         raise ConversionError(message, nearest(text.strip(), ("true", "false"))) from None
 
 
-def whole_number(text: str, least: float = -math.inf, most: float = math.inf) -> int:
+def parse_integer(text: str, least: float = -math.inf, most: float = math.inf) -> int:
     """Return the integer that a text represents.
 
     Args:
@@ -336,13 +336,13 @@ def whole_number(text: str, least: float = -math.inf, most: float = math.inf) ->
         if len(text) > LONGEST:
             raise ConversionError(f"an integer of {len(text)} digits is too large")
         return int(text)
-    message, meant = f"'{text}' is not an integer", meant_whole_number(text)
+    message, meant = f"'{text}' is not an integer", intended_integer(text)
     fits = meant is not None and least <= int(meant) <= most
     raise ConversionError(message, meant if fits else None, number_hint(text))
 
 
 def _unsigned(text: str) -> int:
-    value = whole_number(text, 0, _LARGEST_UNSIGNED)
+    value = parse_integer(text, 0, _LARGEST_UNSIGNED)
     if text.startswith("-") or value > _LARGEST_UNSIGNED:
         raise ConversionError(f"'{text}' is not {UNSIGNED.label}")
     return value
@@ -376,7 +376,7 @@ def sensible(least: float, most: float = math.inf, *, is_open: bool = False) -> 
         most: The largest plausible number.
         is_open: Whether the smallest one itself is excluded.
     """
-    return _PLAIN[float]._replace(usual=SensibleNumbers(least, most, is_open))
+    return _PLAIN[float]._replace(usual=PlausibleRange(least, most, is_open))
 
 
 def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
@@ -388,7 +388,7 @@ def _whole_of_size(cpp: str, bits: int, *, is_signed: bool = True) -> ValueType:
 
 
 def _between(least: float, most: float, label: str, text: str) -> int:
-    value = whole_number(text, least, most)
+    value = parse_integer(text, least, most)
     if not least <= value <= most:
         raise ConversionError(f"'{text}' is not {label}")
     return value
@@ -406,14 +406,14 @@ def _up_to(largest: int) -> str:
     return rf"\+?0*({'|'.join([shorter, *smaller, digits])})"
 
 
-def real_number(text: str) -> float:
+def parse_real(text: str) -> float:
     """Return the number that a text represents.
 
     Raises:
         ConversionError: If the text is not a number, or it is too large for a float.
     """
     if not re.fullmatch(REAL, text):
-        raise ConversionError(f"'{text}' is not a number", meant_number(text), number_hint(text))
+        raise ConversionError(f"'{text}' is not a number", intended_number(text), number_hint(text))
     value = float(text)
     if not math.isfinite(value):
         raise ConversionError(f"'{text}' is too large for a number")
@@ -421,12 +421,12 @@ def real_number(text: str) -> float:
 
 
 def _any_real(text: str) -> float:
-    return float(text) if re.fullmatch(_NO_DIGITS, text) else real_number(text)
+    return float(text) if re.fullmatch(_NO_DIGITS, text) else parse_real(text)
 
 
 def _duration(text: str) -> timedelta:
     if not re.fullmatch(DURATION, text):
-        raise _no_duration(text, SECONDS.label, meant_plain_number(text), _duration)
+        raise _no_duration(text, SECONDS.label, intended_plain_number(text), _duration)
     try:
         return timedelta(seconds=_seconds(text))
     except OverflowError:
@@ -435,19 +435,19 @@ def _duration(text: str) -> timedelta:
 
 def _seconds(text: str) -> float:
     if re.fullmatch(REAL, text):
-        return real_number(text)
-    milliseconds = milliseconds_in(text)
+        return parse_real(text)
+    milliseconds = parse_milliseconds(text)
     if milliseconds is None:
-        raise _no_duration(text, SECONDS.label, meant_number(text), _seconds)
+        raise _no_duration(text, SECONDS.label, intended_number(text), _seconds)
     return float(milliseconds / 1000)
 
 
 def _milliseconds(text: str) -> int:
     if re.fullmatch(INTEGER, text):
         return _unsigned(text)
-    milliseconds = milliseconds_in(text)
+    milliseconds = parse_milliseconds(text)
     if milliseconds is None:
-        raise _no_duration(text, MILLISECONDS.label, meant_whole_number(text), _milliseconds)
+        raise _no_duration(text, MILLISECONDS.label, intended_integer(text), _milliseconds)
     if milliseconds % 1 or milliseconds > _LARGEST_UNSIGNED:
         raise ConversionError(f"'{text}' is not an integer of milliseconds from 0 to {_LARGEST_UNSIGNED}")
     return int(milliseconds)
@@ -460,7 +460,7 @@ def _no_duration(
     label = label.removeprefix("a duration (").removesuffix(")")
     message, hint = f"'{text}' is not a duration ({label})", number_hint(text)
     ambiguous = hint is not None and "comma" in hint
-    suggestion = meant_duration(text) or number
+    suggestion = intended_duration(text) or number
     if suggestion == text:
         suggestion = None
     if suggestion is not None:
@@ -514,7 +514,7 @@ def _by_number(members: Mapping[str, enum.Enum]) -> dict[str, enum.Enum]:
     return {str(member.value): member for member in members.values() if isinstance(member.value, int)}
 
 
-def list_of(item: ValueType) -> ValueType:
+def list_type(item: ValueType) -> ValueType:
     """Return the type of lists, written with semicolons between the items: `1;2;3`."""
     pattern = f"(({item.pattern})(;({item.pattern}))*)?" if item.pattern else ""
     article, _, noun = item.label.partition(" ")
@@ -588,8 +588,8 @@ _PLAIN: dict[type, ValueType] = {
         cpp="bool",
         example="true",
     ),
-    int: ValueType("integer", "an integer", whole_number, pattern=INTEGER, python=int, cpp="int"),
-    float: ValueType("number", "a number", real_number, pattern=REAL, python=float, cpp="double"),
+    int: ValueType("integer", "an integer", parse_integer, pattern=INTEGER, python=int, cpp="int"),
+    float: ValueType("number", "a number", parse_real, pattern=REAL, python=float, cpp="double"),
     str: ValueType("string", "a string", str, python=str, cpp=TEXT),
     Path: ValueType("path", "a path", Path, python=Path, cpp=TEXT),
     Script: ValueType("script", "a script", _script, python=Script, cpp=TEXT),
@@ -650,7 +650,7 @@ AS_WRITTEN = ValueType("anything", "a value", str)
 NO_VALUE = ValueType("", "", str, python=object, cpp=TEXT)
 """Replaces the type of a parameter without values: of another node, or of an object of the mission."""
 
-_OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_of(_PLAIN[float]).name: list_of(REAL_NUMBER)}
+_OF_PORTS = {_PLAIN[float].name: REAL_NUMBER, list_type(_PLAIN[float]).name: list_type(REAL_NUMBER)}
 STATUSES = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 """The texts that BehaviorTree.CPP reads as a status."""
 _SIZES = {"int8_t": 8, "int16_t": 16, INT: 32, LONG: 64}

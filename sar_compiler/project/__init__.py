@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from sar_compiler.lazy_exports import lazy
 
 if TYPE_CHECKING:
-    from sar_compiler.project.additions import CommandLineSettings as CommandLineSettings
+    from sar_compiler.project.command_line_settings import CommandLineSettings as CommandLineSettings
     from sar_compiler.project.project import Project as Project
     from sar_compiler.project.project_tree import ProjectTree as ProjectTree
     from sar_compiler.project.workspace import Workspace as Workspace

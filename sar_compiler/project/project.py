@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from sar_compiler.checks import check_palettes
-from sar_compiler.nodes.installed import is_offered
+from sar_compiler.nodes.installed import has_entry_point
 from sar_compiler.nodes.models import (
     described_specs,
     enums_file,
@@ -18,7 +18,7 @@ from sar_compiler.nodes.models import (
 from sar_compiler.nodes.palettes import PaletteError, is_palette_name, load_palettes
 from sar_compiler.nodes.registry import ENTRY_POINTS, Registry, is_library_tag, load_registry
 from sar_compiler.opener import TREE, NamedPath, UnreadableFileError, is_there, read_file
-from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.project.command_line_settings import CommandLineSettings
 from sar_compiler.project.surroundings import FileSurroundings
 from sar_compiler.tree.content import as_written, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, TreeError
@@ -75,7 +75,7 @@ class Project:
         if self.additions.registry is not None:
             return self.additions.registry
         wanted = [each for each in self.configuration.nodes if each not in self.additions.nodes]
-        brought = [each for each in wanted if not is_offered(each, ENTRY_POINTS, self.checkout)]
+        brought = [each for each in wanted if not has_entry_point(each, ENTRY_POINTS, self.checkout)]
         if brought:
             self._require_trust(brought)
         palettes = (*self.additions.palettes, *self.configuration.palettes)
@@ -83,17 +83,17 @@ class Project:
             return load_registry(self.additions.nodes, wanted, self.checkout, palettes)
         except PaletteError:
             for name in self.configuration.palettes:
-                with self._tell_where_it_is_named(name):
+                with self._locate_palette_errors(name):
                     load_palettes([name], self.checkout)
             raise
 
     def _require_trust(self, modules: list[str]) -> None:
         """Allow the import of modules beside the configuration, if the user trusts them."""
-        from sar_compiler.project.trust import Content
+        from sar_compiler.project.trust import ConfigurationCode
 
         path = self.configuration.path
         assert path is not None  # noqa: S101 - it has named the modules
-        content = Content.of(path, modules)
+        content = ConfigurationCode.from_configuration(path, modules)
         if self.additions.trust:
             content.trust()
         elif not content.is_trusted:
@@ -124,14 +124,14 @@ class Project:
         files = [path for path in self.additions.models if not is_palette_name(str(path))]
         read = [read_tree_file(path) for path in files]
         for path in self.configuration.models:
-            with self._tell_where_it_is_named(str(path)):
+            with self._locate_palette_errors(str(path)):
                 read.append(read_tree_file(path))
         if self.configuration.enums:
             read.append(enums_file(self.configuration.enums))
         return tuple(read)
 
     @contextlib.contextmanager
-    def _tell_where_it_is_named(self, palette: str) -> Iterator[None]:
+    def _locate_palette_errors(self, palette: str) -> Iterator[None]:
         """Convert errors about a palette named in the configuration into findings at that location."""
         try:
             yield
@@ -203,7 +203,7 @@ class Project:
                 if place.is_relative_to(self.checkout):
                     yield self._names.get(place) or NamedPath.within(path, (self.checkout,))
 
-    def note_use(self, forest: Forest) -> None:
+    def report_use(self, forest: Forest) -> None:
         """Record the files around that were used for trees that a file lacks."""
         if self.configuration.trees:
             return

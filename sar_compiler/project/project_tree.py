@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sar_compiler.checks import check_beginning, check_context, context_of, first_of_each
+from sar_compiler.checks import check_beginning, check_context, limit_findings, make_check_context
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.project.project import Project
@@ -55,7 +55,7 @@ class ProjectTree:
         self._read = read
         try:
             self._forest = load_forest(path, read, project.include_path, project.tree_set)
-            project.note_use(self._forest)
+            project.report_use(self._forest)
         except TreeError as error:
             self._malformed = error.findings
             self._beginning = error.beginning if isinstance(error, UnfinishedFileError) else None
@@ -95,10 +95,10 @@ class ProjectTree:
     def findings(self) -> list[Diagnostic]:
         """The findings about the file and its includes, with the project's severities."""
         if self._forest is None:
-            return self._findings_before()
+            return self._findings_before_error()
         decide = self.project.configuration.decide
         found = check_context(self.context)
-        return decide(first_of_each(decide(found)))
+        return decide(limit_findings(decide(found)))
 
     @functools.cached_property
     def context(self) -> CheckContext:
@@ -108,7 +108,7 @@ class ProjectTree:
             SarError: As `Project.registry` and `palettes` do.
         """
         project = self.project
-        return context_of(self.forest, project.registry, self.palettes, project.configuration.btcpp)
+        return make_check_context(self.forest, project.registry, self.palettes, project.configuration.btcpp)
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
@@ -120,7 +120,7 @@ class ProjectTree:
         """
         return self.project.palettes_for(self.forest)
 
-    def _findings_before(self) -> list[Diagnostic]:
+    def _findings_before_error(self) -> list[Diagnostic]:
         """Return the findings about a malformed file: the location of the error, and the findings before it."""
         found, project = list(self._malformed), self.project
         if self._beginning is not None:
@@ -145,10 +145,10 @@ class ProjectTree:
             SarError: As the further checks do: a `MissionError` if the user has named a mission that does not exist.
         """
         further = [finding for check in self._further_checks for finding in check(self)]
-        return [*self.findings_of_the_tree, *further]
+        return [*self.tree_findings, *further]
 
     @property
-    def findings_of_the_tree(self) -> list[Diagnostic]:
+    def tree_findings(self) -> list[Diagnostic]:
         """The findings about the palettes, the file and its includes."""
         return [*self.project.findings, *self.findings]
 
@@ -172,7 +172,7 @@ class ProjectTree:
         Raises:
             TreeError: If there are any.
         """
-        errors = [each for each in self.findings_of_the_tree if each.severity is Severity.ERROR]
+        errors = [each for each in self.tree_findings if each.severity is Severity.ERROR]
         if errors:
             raise TreeError(errors)
 

@@ -16,7 +16,7 @@ from sar_compiler.checks.configuration import (
     NOTHING_DECIDED,
     Configuration,
     configuration_for,
-    repository_of,
+    find_repository,
 )
 from sar_compiler.opener import NamedPath, is_there, may_read, owner_of
 from sar_compiler.resources import shipped_root
@@ -107,10 +107,12 @@ def find_surroundings(
     """
     place = real_path(path)
     if is_isolated:
-        return FileSurroundings(NOTHING_DECIDED, repository_of(place.parent) or place.parent, NOTHING_AROUND)
+        return FileSurroundings(
+            NOTHING_DECIDED, find_repository(place.parent) or place.parent, NOTHING_AROUND
+        )
     configuration = configuration_for(path, passed_over)
     folder = (configuration.path or place).parent
-    repository = repository_of(folder)
+    repository = find_repository(folder)
     checkout = repository or folder
     if place.is_relative_to(shipped_root() / "trees"):
         return FileSurroundings(configuration, checkout, NOTHING_AROUND)

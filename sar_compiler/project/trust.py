@@ -36,7 +36,7 @@ class TrustError(SarError):
 
 
 @dataclass(frozen=True)
-class Content:
+class ConfigurationCode:
     """The code that would be run for a configuration.
 
     Attributes:
@@ -51,7 +51,7 @@ class Content:
     sums: Mapping[Path, bytes]
 
     @classmethod
-    def of(cls, configuration: Path, modules: Iterable[str]) -> "Content":
+    def from_configuration(cls, configuration: Path, modules: Iterable[str]) -> "ConfigurationCode":
         """Return the code that would be run for a configuration that names modules.
 
         Links to files elsewhere are left out, and therefore not imported either.
@@ -111,7 +111,7 @@ def _files(folder: Path, name: str) -> Iterator[Path]:
 
 
 class _Finder(MetaPathFinder):
-    def __init__(self, content: Content) -> None:
+    def __init__(self, content: ConfigurationCode) -> None:
         self.content = content
 
     def find_spec(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sar_compiler.nodes.installed import ignored_entry_points
 from sar_compiler.nodes.registry import ENTRY_POINTS
-from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.project.command_line_settings import CommandLineSettings
 from sar_compiler.project.project import Project
 from sar_compiler.project.project_tree import FurtherCheck, ProjectTree
 from sar_compiler.project.surroundings import FilesAround, find_surroundings
@@ -57,9 +57,9 @@ class Workspace:
             UnreadableFileError: If the file does not exist or cannot be read.
             TreeError: If the project's configuration has errors.
         """
-        return ProjectTree(path, self.project_of(path), self.read, self.note_once, self.further_checks)
+        return ProjectTree(path, self.project_of(path), self.read, self.report_once, self.further_checks)
 
-    def project_here(self) -> Project:
+    def current_project(self) -> Project:
         """Return the project of tree files in the current folder; see `project_of`."""
         return self.project_of(Path("a tree file"))
 
@@ -72,7 +72,7 @@ class Workspace:
         """
 
         def pass_over(foreign: Path) -> None:
-            self.note_once(f"{foreign} is ignored: it belongs neither to you nor to the owner of {path}")
+            self.report_once(f"{foreign} is ignored: it belongs neither to you nor to the owner of {path}")
 
         folders, is_isolated = self.additions.folders, self.additions.is_isolated
         found = find_surroundings(path, folders, pass_over, is_isolated=is_isolated)
@@ -84,7 +84,7 @@ class Workspace:
                 found._replace(files=around), self.additions, self.read_for_sets or self.read
             )
             for entry_point, place in ignored_entry_points(ENTRY_POINTS, checkout):
-                self.note_once(
+                self.report_once(
                     f"the leaves of '{entry_point.value}' are ignored: {place} declares them as installed, "
                     f"but is in the checked folder. Install them, or add --nodes {entry_point.value}"
                 )
@@ -95,26 +95,26 @@ class Workspace:
         """The projects of the files that were loaded."""
         return self._projects.values()
 
-    def renew_sets(self) -> None:
+    def reload_sets(self) -> None:
         """Reload the files of all sets at the next request, because some have changed."""
         for project in self._projects.values():
             project.reload_set()
 
-    def note_use(self) -> None:
+    def report_use(self) -> None:
         """Report the palettes and trees around the loaded files that were used without being named."""
         palettes = {path for each in self.projects for path in each.used_palettes}
         trees = {path for each in self.projects for path in each.used_trees}
-        for text in notes_on_use(palettes, trees):
-            self.note_once(text)
+        for text in use_notes(palettes, trees):
+            self.report_once(text)
 
-    def note_once(self, text: str) -> None:
+    def report_once(self, text: str) -> None:
         """Report a note, unless it was reported before."""
         if text not in self._noted:
             self._noted.add(text)
             self.note(text)
 
 
-def notes_on_use(palettes: Collection[Path], trees: Collection[Path]) -> Iterator[str]:
+def use_notes(palettes: Collection[Path], trees: Collection[Path]) -> Iterator[str]:
     """Yield a note on the palettes that were used without being named, and one on the trees."""
     for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
         if paths:

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.journal.journal_entries import day_and_time
-from sar_compiler.tree.plain import count_text
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
+from sar_compiler.tree.plain import count_with_noun
 
 if TYPE_CHECKING:
-    from sar_compiler.journal.chain import Chained, JournalChain
+    from sar_compiler.journal.chain import ChainEntry, JournalChain
     from sar_compiler.journal.database import JournalFile
 
 _NOT_KNOWN = (
@@ -35,7 +35,7 @@ class CheckedJournal(NamedTuple):
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, place: Path, expected: str | None) -> "CheckedJournal":
+    def check(cls, place: Path, expected: str | None) -> "CheckedJournal":
         """Check a journal, and return the result.
 
         Args:
@@ -63,7 +63,7 @@ class CheckedJournal(NamedTuple):
         """Return the result in words."""
         shown = [f"head {self.chain.head}"] if self.chain is not None and self.chain.head else []
         lines = [f"{self.file} {self.words}", *(f"  {line}" for line in (*shown, *self.notes))]
-        return "\n".join(map(in_one_line, lines))
+        return "\n".join(map(escape_to_one_line, lines))
 
     def data(self) -> dict[str, Any]:
         """Return the result as JSON values."""
@@ -85,14 +85,14 @@ def _notes(file: "JournalFile") -> "list[str]":
     notes = []
     if count := file.waiting():
         notes.append(
-            f"{count_text(count, 'fact')} beside it, in its reserve, will be chained by the next run"
+            f"{count_with_noun(count, 'fact')} beside it, in its reserve, will be chained by the next run"
         )
     return notes
 
 
 def _judged(chain: "JournalChain", expected: str | None, *, is_written: bool) -> tuple[str, str]:
     """Return the state of a chain, with its description."""
-    has = f"{chain.entries:,} entries in {count_text(chain.runs, 'run')}"
+    has = f"{chain.entries:,} entries in {count_with_noun(chain.runs, 'run')}"
     if chain.wrong is not None:
         why = "it was changed, or entries before it were removed, moved or put in"
         return (
@@ -115,12 +115,12 @@ def _other_head(chain: "JournalChain", expected: str) -> str:
     return f"the given head is that of run {run}, and does not cover later entries"
 
 
-def _wrong_text(wrong: "Chained") -> str:
+def _wrong_text(wrong: "ChainEntry") -> str:
     when = day_and_time(wrong.wall) if isinstance(wrong.wall, float) else wrong.wall
     return f"entry {wrong.number} of run {wrong.run}, {wrong.kind}, {when} (mission's clock: {wrong.time}),"
 
 
-def _wrong_data(wrong: "Chained") -> dict[str, Any]:
+def _wrong_data(wrong: "ChainEntry") -> dict[str, Any]:
     told = wrong._asdict().items()
     return {
         key: value.hex() if isinstance(value, bytes) else value for key, value in told if key not in _UNTOLD

@@ -7,18 +7,18 @@ from typing import NamedTuple
 
 from sar_compiler.analysis.conformance import (
     Conformance,
-    Misfit,
-    PropertyFate,
+    ImpossibleEvent,
+    PropertyResult,
     RecordedProperty,
-    event_words,
+    event_text,
 )
 from sar_compiler.analysis.sweep_table import table_text
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.runtime.events import Event
-from sar_compiler.tree.plain import as_json, count_text
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
+from sar_compiler.tree.plain import as_json, count_with_noun
 
-_WRONG = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
+_WRONG = (PropertyResult.BROKEN, PropertyResult.IN_DOUBT)
 # Words for the end of a run. The end of a journal that is still written is unknown.
 _GOING_ON = {"running": "running, compared so far"}
 
@@ -56,11 +56,11 @@ class ComparedRun(NamedTuple):
 def runs_as_text(runs: Sequence[ComparedRun]) -> str:
     """Return one run with all details; several runs as a table, with their problems below."""
     if len(runs) == 1:
-        return "\n".join(map(in_one_line, _run_lines(runs[0])))
+        return "\n".join(map(escape_to_one_line, _run_lines(runs[0])))
     lines = [table_text([*map(_row, runs)], 4)]
     for compared in runs:
         if not compared.is_fine:
-            lines += ["", *map(in_one_line, _run_lines(compared))]
+            lines += ["", *map(escape_to_one_line, _run_lines(compared))]
     return "\n".join(lines)
 
 
@@ -71,16 +71,16 @@ def _row(compared: ComparedRun) -> dict[str, str]:
         fits = "yes" if found.misfit is None else f"no, from tick {found.misfit.tick}"
     names = [f"{each.name}{_doubt(each)}" for each in compared.wrong]
     return {
-        "journal": in_one_line(str(compared.journal)),
+        "journal": escape_to_one_line(str(compared.journal)),
         "end": compared.end,
         "conforms": fits,
-        "violated": in_one_line(", ".join(names))
+        "violated": escape_to_one_line(", ".join(names))
         or ("none" if found else compared.problem.partition(". ")[0]),
     }
 
 
 def _doubt(each: RecordedProperty) -> str:
-    return " (perhaps)" if each.fate is PropertyFate.IN_DOUBT else ""
+    return " (perhaps)" if each.fate is PropertyResult.IN_DOUBT else ""
 
 
 def _run_lines(compared: ComparedRun) -> Iterator[str]:
@@ -89,7 +89,7 @@ def _run_lines(compared: ComparedRun) -> Iterator[str]:
         yield f"{compared.journal}: not compared: {compared.problem}"
         return
     end = _GOING_ON.get(compared.end, compared.end)
-    yield f"{compared.journal}: run {compared.run}, {end}, {count_text(found.ticks, 'tick')}"
+    yield f"{compared.journal}: run {compared.run}, {end}, {count_with_noun(found.ticks, 'tick')}"
     if compared.changed:
         yield f"the tree has changed since the run: {compared.changed}"
     if found.misfit is None:
@@ -99,7 +99,7 @@ def _run_lines(compared: ComparedRun) -> Iterator[str]:
     yield from _property_lines(found)
 
 
-def _misfit_lines(misfit: Misfit) -> Iterator[str]:
+def _misfit_lines(misfit: ImpossibleEvent) -> Iterator[str]:
     yield f"does not conform from tick {misfit.tick} on, {clock_text(misfit.time_sec)}: {misfit.event}  ({misfit.place})"
     if misfit.why:
         yield f"  {misfit.why}"
@@ -111,7 +111,7 @@ def _misfit_lines(misfit: Misfit) -> Iterator[str]:
 def _property_lines(found: Conformance) -> Iterator[str]:
     if found.properties:
         counts = Counter(each.fate for each in found.properties)
-        told = ", ".join(f"{counts[fate]} {fate.value}" for fate in PropertyFate if counts[fate])
+        told = ", ".join(f"{counts[fate]} {fate.value}" for fate in PropertyResult if counts[fate])
         yield f"{'1 property' if len(found.properties) == 1 else f'{len(found.properties)} properties'}: {told}"
     if found.misfit is not None and found.properties:
         yield f"  from tick {found.misfit.tick} on they are compared by the events of the leaves alone"
@@ -129,7 +129,7 @@ def _broken_lines(broken: RecordedProperty) -> Iterator[str]:
     said = f"by {broken.event} in" if broken.event else "at the end of"
     place = f"  ({broken.place})" if broken.place else ""
     yield f"{broken.name}: {broken.fate.value} {said} tick {broken.tick}, {clock_text(broken.time_sec)}{place}"
-    if broken.fate is PropertyFate.IN_DOUBT:
+    if broken.fate is PropertyResult.IN_DOUBT:
         yield "  the record matches runs that violate it and runs that do not"
     yield from _event_lines(broken.run)
 
@@ -138,7 +138,7 @@ def _event_lines(run: Sequence[Event]) -> Iterator[str]:
     if run:
         yield "  the last events:"
     for event in run:
-        yield f"    {clock_text(event.time_sec or 0.0):>7}  tick {event.tick:>4}  {event_words(event)}"
+        yield f"    {clock_text(event.time_sec or 0.0):>7}  tick {event.tick:>4}  {event_text(event)}"
 
 
 def runs_as_json(runs: Sequence[ComparedRun]) -> str:

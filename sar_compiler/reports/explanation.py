@@ -12,7 +12,7 @@ from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import OF_ROBOT, JournalEntry
 from sar_compiler.nodes.palettes import is_palette_name
 from sar_compiler.opener import is_file
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.simulated_tree import SimulatedTree
@@ -57,7 +57,7 @@ class Explanation(NamedTuple):
     otherwise: CounterfactualRun = CounterfactualRun()
 
     @classmethod
-    def of(
+    def explain(
         cls,
         file: "JournalFile",
         projects: "Workspace | None" = None,
@@ -83,13 +83,13 @@ class Explanation(NamedTuple):
         from sar_compiler.reports.why import FailureAnalysis
 
         log = None if projects is None else TickLog([*tree_nodes(file.about().get("tree"))])
-        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, is_condensed=True, log=log))
-        inquiry.state.look_at_process(is_gone=is_gone)
+        inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, is_condensed=True, log=log))
+        inquiry.state.update_process(is_gone=is_gone)
         reasons = inquiry.why()
         if not reasons.chain or projects is None or log is None:
             return cls(reasons, inquiry.state.nodes)
         log.last = inquiry.failed_tick
-        search = partial(what_would_have_succeeded, inquiry.state, log, projects, tree_file)
+        search = partial(find_counterfactual, inquiry.state, log, projects, tree_file)
         try:
             change = (budget or Budget()).run(search)
         except BudgetSpentError as error:
@@ -104,7 +104,9 @@ class Explanation(NamedTuple):
         if change is not None:
             return why_text(self.reasons, counterfactual_text(change, self.nodes))
         unknown = (
-            in_one_line(f"It is unknown which changes would have led to success: {reason}") if reason else ""
+            escape_to_one_line(f"It is unknown which changes would have led to success: {reason}")
+            if reason
+            else ""
         )
         return why_text(self.reasons, unknown)
 
@@ -125,7 +127,7 @@ def tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
     return file.last_run(without=OF_ROBOT)
 
 
-def what_would_have_succeeded(
+def find_counterfactual(
     state: "MissionState",
     record: "TickSource",
     projects: "Workspace",
@@ -145,8 +147,8 @@ def what_would_have_succeeded(
 
     try:
         names = [each.name for each in state.nodes]
-        trees = trees_that_ran(state, projects, tree_file)
-        found = first_that_fits(trees, lambda tree: counterfactual(tree, record, names))
+        trees = candidate_trees(state, projects, tree_file)
+        found = answer_for_matching_tree(trees, lambda tree: counterfactual(tree, record, names))
     except GoneTreeError as error:
         return CounterfactualRun(reason=f"{error}. Add --tree-file TREE")
     except OtherTreeError:
@@ -200,7 +202,7 @@ def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspac
     return replace(projects, additions=added._replace(models=models))
 
 
-def trees_that_ran(
+def candidate_trees(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
     """Yield the present tree of the last run with stub leaves; then without limits that are only assumed.
@@ -211,7 +213,7 @@ def trees_that_ran(
     """
     from sar_compiler.analysis.assumptions import StartValues
     from sar_compiler.analysis.tree_analysis import stage_of
-    from sar_compiler.analysis.verify.limits import lift_limits
+    from sar_compiler.analysis.verify.limits import remove_limits
 
     about: Mapping[str, Any] = state.runs[-1].about
     file = tree_file or about.get("tree_file")
@@ -224,11 +226,11 @@ def trees_that_ran(
     loaded = _with_palettes_of(state, projects).load_file(path)
     yield stage_of(loaded, about.get("tree_id"), values).play().simulated
     unlimited = stage_of(loaded, about.get("tree_id"), values).play().simulated
-    if lift_limits(unlimited, values.facts):
+    if remove_limits(unlimited, values.facts):
         yield unlimited
 
 
-def first_that_fits(trees: Iterable[T], ask: Callable[[T], R]) -> R:
+def answer_for_matching_tree(trees: Iterable[T], ask: Callable[[T], R]) -> R:
     """Return the answer for the first tree that can reproduce the recorded run.
 
     Raises:
@@ -242,4 +244,4 @@ def first_that_fits(trees: Iterable[T], ask: Callable[[T], R]) -> R:
     except NotReplayedError:
         if not others:
             raise
-        return first_that_fits(others, ask)
+        return answer_for_matching_tree(others, ask)

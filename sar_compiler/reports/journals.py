@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.database import VERSION, JournalFile
 from sar_compiler.journal.journal_entries import JournalEntry, JournalRun, day_and_time
 from sar_compiler.journal.mission_state import MissionState, tree_nodes
-from sar_compiler.journal.status_line import COMPLETE, condition, condition_text
+from sar_compiler.journal.open_tasks import find_open_tasks
+from sar_compiler.journal.status_line import COMPLETE, condition, status_line_text
 from sar_compiler.runtime.clock import clock_text
+from sar_compiler.tree.display_text import escape_to_one_line, shortened
 from sar_compiler.tree.plain import as_json
-from sar_compiler.tree.showing import in_one_line, shortened
 
 # The end of a JSON object with several lines.
 _END = "\n}"
@@ -28,7 +28,7 @@ def journal_json(file: JournalFile, state: MissionState, *, with_watched: bool =
         data = {
             "file": str(file.path),
             "version": VERSION,
-            "state": journal_word(state),
+            "state": journal_state(state),
             "condition": condition(state)._asdict(),
             **file.about(),
             "runs": [run._asdict() for run in file.runs()],
@@ -66,20 +66,20 @@ def journal_lines(
     runs, about = file.runs(), file.about()
     mission = about.get("mission") or "a tree of no mission"
     nodes = [node.name for node in tree_nodes(about.get("tree"))] if with_watched else []
-    yield in_one_line(f"{mission}, {condition_text(state)}")
-    yield from (in_one_line(f"to do: {task.text}") for task in open_tasks(state))
+    yield escape_to_one_line(f"{mission}, {status_line_text(state)}")
+    yield from (escape_to_one_line(f"to do: {task.text}") for task in find_open_tasks(state))
     if why and condition(state).word != COMPLETE:
-        yield in_one_line(why)
+        yield escape_to_one_line(why)
     for run in runs:
         width = file.widest_kind(run.number, with_watched=with_watched)
         entries = file.entries(run.number, with_watched=with_watched)
-        yield in_one_line(_headline(run))
-        yield from map(in_one_line, _table(run, entries, nodes, width))
+        yield escape_to_one_line(_headline(run))
+        yield from map(escape_to_one_line, _table(run, entries, nodes, width))
     if runs and runs[-1].head:
         yield f"head of the chain: {runs[-1].head}"
 
 
-def journal_word(state: MissionState) -> str:
+def journal_state(state: MissionState) -> str:
     """Return the state of the journal for scripts: `running`, `broken off`, `empty`, or its last run's end."""
     if ending := state.runs[-1].ending if state.runs else "":
         return ending
@@ -105,11 +105,11 @@ def _table(
     began = run.about.get("time")
     start = began if isinstance(began, (int, float)) else 0.0
     for entry in entries:
-        words = shortened(", ".join(entry_words(entry.data, nodes)))
+        words = shortened(", ".join(entry_text(entry.data, nodes)))
         yield f"{clock_text(entry.time - start):>9}  {entry.kind:{width}}  {words}".rstrip()
 
 
-def entry_words(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
+def entry_text(data: Mapping[str, Any], nodes: Sequence[str] = ()) -> Iterator[str]:
     """Yield the data of an entry as text; a node by its name, if the names of all are given."""
     for key, value in data.items():
         if key in ("node", "leaf") and isinstance(value, int) and 0 <= value < len(nodes):

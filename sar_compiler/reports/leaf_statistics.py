@@ -15,8 +15,8 @@ from sar_compiler.analysis.sweep_table import quantile, table_text
 from sar_compiler.journal.journal_entries import STATUS, JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.runtime.events import ANSWERED, DECIDED, HALTED, STARTED, Event
-from sar_compiler.tree.plain import as_json, count_text
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
+from sar_compiler.tree.plain import as_json, count_with_noun
 
 FEWEST = 10
 """With fewer results of a leaf, nothing is assumed about it."""
@@ -104,7 +104,7 @@ class RunStatistics:
             self.runs += 1
             declared: set[int] = set()
             numbers: dict[int, LeafStatistics] = {}
-            run = _BegunWork()
+            run = _ActiveLeaves()
             for event in recorded_events(_noting(entries, declared)):
                 if event.what == DECIDED:
                     self._add_decision(event)
@@ -130,7 +130,7 @@ def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[Jou
         yield entry
 
 
-class _BegunWork:
+class _ActiveLeaves:
     """The present activations of a run's leaves, by their numbers."""
 
     def __init__(self) -> None:
@@ -165,11 +165,11 @@ def statistics_as_text(found: RunStatistics, confidence: float) -> str:
         for place, answer in enumerate(leaf.answers.values() or [None])
     ]
     said = (
-        f"{count_text(found.runs, 'run')}. Shares refer to results that ended an activation of a leaf, with "
+        f"{count_with_noun(found.runs, 'run')}. Shares refer to results that ended an activation of a leaf, with "
         "Wilson's intervals. A result repeated on consecutive ticks is counted once."
     )
     if not lines:
-        return f"{count_text(found.runs, 'run')}; no leaf has answered."
+        return f"{count_with_noun(found.runs, 'run')}; no leaf has answered."
     decided = [
         {
             "node": path[-1],
@@ -249,7 +249,7 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
     """
     known = [leaf for leaf in found.leaves.values() if leaf.count >= FEWEST]
     lines = [
-        f"# Results of leaves in {count_text(found.runs, 'run')}, by sar-journal stats.",
+        f"# Results of leaves in {count_with_noun(found.runs, 'run')}, by sar-journal stats.",
         f"# p: the {100 * confidence:g} % interval (Wilson's) of an answer's share. sec: from the 5th to the 95th percentile of its times.",
         *(
             f"# Fewer than {FEWEST} results, so nothing is assumed: {leaf.key} ({leaf.count})"
@@ -261,7 +261,7 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
     for leaf in known:
         lines.append(f"  {as_json(leaf.key)}:  # {leaf.count} answers")
         lines += [f"  - {as_json(item, indent=None)}" for item in _assumed(leaf, confidence)]
-    return "\n".join(map(in_one_line, lines))
+    return "\n".join(map(escape_to_one_line, lines))
 
 
 def _assumed(leaf: LeafStatistics, confidence: float) -> Sequence[object]:

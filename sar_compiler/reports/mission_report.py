@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from sar_compiler.errors import SarError
-from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import EventTime, Landmark, Level
 from sar_compiler.journal.georeference import GEOREFERENCE, Georeference
 from sar_compiler.journal.journal_entries import LOG, OF_ROBOT, RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, NodeState, tree_nodes
+from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import condition
 from sar_compiler.nodes.spec import load
 from sar_compiler.reports.report_forms import FORMS
@@ -30,12 +30,12 @@ def georeference(state: MissionState) -> Georeference | None:
     return state.place or Georeference.among(state.parameters)
 
 
-def to_visit(state: MissionState) -> list[Landmark]:
+def detections_to_visit(state: MissionState) -> list[Landmark]:
     """Return the detections to which a person must go: those that were not abandoned."""
     return [each for each in state.situation.found() if each.level != Level.GIVEN_UP]
 
 
-def not_done(state: MissionState) -> dict[str, list[str]]:
+def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
     """Return the locations that a mission has not finished, by state, each with its reason if it has one."""
     places: dict[str, list[str]] = {}
     for each in state.situation.landmarks.values():
@@ -87,7 +87,7 @@ def report_data(state: MissionState, why: CauseOfFailure | None = None) -> dict[
             for name, course in state.figure_history.items()
         },
         "gauges": [each._asdict() for each in state.gauges],
-        "tasks": [task._asdict() for task in open_tasks(state)],
+        "tasks": [task._asdict() for task in find_open_tasks(state)],
         "alarms": [{**_at(state.since[text]), **each._asdict()} for text, each in situation.alarms.items()],
         "properties": [
             {
@@ -211,7 +211,7 @@ def report_text(state: MissionState, file: Path | str, why: CauseOfFailure | Non
 _WITHOUT_PATHS = {*OF_ROBOT} - {LOG}
 
 
-class ShortPaths:
+class PathShortener:
     """Shortens the paths in the entries of a journal.
 
     A path becomes relative to the common folder of the tree's files, the journal's folder or the current one, whichever

@@ -16,11 +16,11 @@ from lxml.builder import ElementMaker
 from sar_compiler.journal.display import EventTime, Landmark
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.status_line import condition_text
-from sar_compiler.reports.mission_report import ReportError, georeference, report_data, to_visit
+from sar_compiler.journal.status_line import status_line_text
+from sar_compiler.reports.mission_report import ReportError, detections_to_visit, georeference, report_data
 from sar_compiler.style import TAK_CERTAIN, TAK_LIKELY, colour_of, rgb
+from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, speakable
-from sar_compiler.tree.showing import in_one_line
 
 # The radius of the circle that is drawn around a detection, metres.
 _RADIUS_M = 2.0
@@ -89,7 +89,9 @@ def kml_report(state: MissionState) -> str:
     reference, situation = _reference(state), state.situation
     document = _E.Document(
         _E.name(_text(state.title)),
-        _description(state, f"{condition_text(state)}{state.head and f' Head of the journal: {state.head}'}"),
+        _description(
+            state, f"{status_line_text(state)}{state.head and f' Head of the journal: {state.head}'}"
+        ),
         *(
             _placemark(state, each, reference)
             for kind in situation.kinds.values()
@@ -159,7 +161,7 @@ def cot_report(state: MissionState, now: datetime | None = None) -> str:
         ReportError: If the map has no georeference.
         ImportError: If a library is not installed.
     """
-    reference, listed = _reference(state), to_visit(state)
+    reference, listed = _reference(state), detections_to_visit(state)
     made = now or datetime.now(timezone.utc)
     # By its index among all of them: neither a review by the operator nor a name makes it another detection.
     events = (
@@ -192,7 +194,7 @@ def cap_report(state: MissionState) -> str:
         msg_type=MsgType.ALERT,
         scope=Scope.RESTRICTED,
         restriction="for those who coordinate the response",
-        note=_text(condition_text(state)),
+        note=_text(status_line_text(state)),
         infos=list(_infos(state, reference)),
     )
     written = XmlSerializer(config=SerializerConfig(indent="  ")).render(alert, ns_map={None: _CAP})
@@ -206,7 +208,7 @@ _CAP = "urn:oasis:names:tc:emergency:cap:1.2"
 def _infos(state: MissionState, reference: Georeference) -> Iterator[Any]:
     from cap_tools.models import Area, Category, Certainty, Info, ResponseType, Severity, Urgency
 
-    for find in to_visit(state):
+    for find in detections_to_visit(state):
         lat, lon = reference.located(find.x, find.y)
         yield Info(
             language="en-US",
@@ -304,7 +306,7 @@ def _moment(instant: EventTime | None) -> datetime:
 
 def _text(text: str) -> str:
     """Return a text in one line, without characters that XML does not allow."""
-    return speakable(in_one_line(text))
+    return speakable(escape_to_one_line(text))
 
 
 def _flat(data: dict[str, Any]) -> dict[str, Any]:

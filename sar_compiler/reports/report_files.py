@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from sar_compiler.commands import FINDINGS, OK, not_installed, print_error
+from sar_compiler.commands import FINDINGS, OK, missing_library_message, print_error
 from sar_compiler.errors import SarError
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.reports.mission_report import (
+    PathShortener,
     ReportError,
-    ShortPaths,
     georeference,
     report_text,
     require_form,
@@ -18,7 +18,7 @@ from sar_compiler.reports.why import CauseOfFailure, FailureAnalysis
 from sar_compiler.writing import write_text
 
 
-def try_to_write(state: MissionState, file: Path, why: CauseOfFailure | None) -> str:
+def write_report(state: MissionState, file: Path, why: CauseOfFailure | None) -> str:
     """Write a report; return the reason if that fails, or an empty string. The next one is tried in any case."""
     try:
         write_text(file, report_text(state, file, why))
@@ -48,7 +48,7 @@ def report_journal(journal: Path, files: Sequence[Path], place: Georeference | N
     if place and known and place != known:
         told = f"--georeference {_words(place)} is used. The journal has {_words(known)}"
         print_error(f"sar-journal: note: {told}")
-    obstacles = [_prohibition(state, file) or try_to_write(state, file, why) for file in files]
+    obstacles = [_prohibition(state, file) or write_report(state, file, why) for file in files]
     for obstacle in filter(None, obstacles):
         print_error(f"sar-journal: {obstacle}")
     return FINDINGS if any(obstacles) else OK
@@ -64,16 +64,16 @@ def report_page(journal: Path) -> str:
     try:
         return report_text(state, Path("report.html"), why)
     except ImportError as error:
-        raise ReportError(not_installed(error) or str(error)) from error
+        raise ReportError(missing_library_message(error) or str(error)) from error
 
 
 def _mission(journal: Path) -> tuple[MissionState, CauseOfFailure]:
     from sar_compiler.journal.database import JournalFile
 
     with JournalFile.reading(journal) as file:
-        entries = ShortPaths(journal.parent).of(file.every_run(is_condensed=True))
+        entries = PathShortener(journal.parent).of(file.every_run(is_condensed=True))
         inquiry, state = FailureAnalysis.with_state(entries)
-    state.look_at_process(is_gone=not file.is_written)
+    state.update_process(is_gone=not file.is_written)
     return state, inquiry.why()
 
 
@@ -88,5 +88,5 @@ def _prohibition(state: MissionState, file: Path) -> str:
     except SarError as error:
         return str(error)
     except ImportError as error:
-        return f"{file}: {not_installed(error) or error}"
+        return f"{file}: {missing_library_message(error) or error}"
     return ""

@@ -34,7 +34,7 @@ FORMS: Mapping[str, ReportForm] = {
 """The forms of reports by the endings of their files."""
 
 
-def forms_in_words() -> str:
+def describe_forms() -> str:
     """Return the description of the forms for the help of a command."""
     here, world = (
         ", ".join(

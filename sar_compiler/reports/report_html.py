@@ -12,15 +12,15 @@ from datetime import datetime
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import EventTime, Landmark, Level
 from sar_compiler.journal.mission_state import KnownEvent, MissionState, RobotPose
+from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import GOOD, condition
-from sar_compiler.reports.mission_report import georeference, not_done, to_visit
+from sar_compiler.reports.mission_report import detections_to_visit, georeference, unfinished_locations
 from sar_compiler.reports.why import CauseOfFailure, likeliest_cause
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import FOUND, LEVELS, MARKS, sign_of, style
-from sar_compiler.tree.showing import visible
+from sar_compiler.tree.display_text import visible
 from sar_compiler.views.mission_view import sign
 
 # Of a plot: the width and the height of its field, and the space for the labels to the left and below.
@@ -78,7 +78,7 @@ def html_report(state: MissionState, why: CauseOfFailure | None = None) -> str:
         "facts": [*_head(state)],
         "found": [*_landmarks(state, is_found=True)],
         "courses": [
-            (f"{name[:1].upper()}{name[1:]}", _course(state, name, course))
+            (f"{name[:1].upper()}{name[1:]}", _figure_plot(state, name, course))
             for name, course in state.figure_history.items()
             if len({value for _, value in course}) > 1
         ],
@@ -108,7 +108,7 @@ def _head(state: MissionState) -> Iterator[tuple[str, str]]:
         yield "as of", _day(state.now)
     for figure in state.situation.figures.values():
         yield figure.name, figure.text.removeprefix(figure.name).strip()
-    for word, places in not_done(state).items():
+    for word, places in unfinished_locations(state).items():
         yield word, ", ".join(places)
     if state.is_told:
         yield "robot", _robot(state)
@@ -167,11 +167,11 @@ def _detail(state: MissionState, value: Any) -> str:
 
 def next_steps(state: MissionState) -> Iterator[str]:
     """Yield the tasks for the readers of the report: detections to visit, locations to search, data to request."""
-    finds = to_visit(state)
+    finds = detections_to_visit(state)
     for find in finds:
         known = "confirmed" if find.is_certain else "not confirmed"
         yield f"Go to {find.name} at {_position(state, find.x, find.y)[-1]} ({known})"
-    yield from (task.text for task in open_tasks(state) if not task.is_alarm)
+    yield from (task.text for task in find_open_tasks(state) if not task.is_alarm)
     if finds and georeference(state) is None:
         yield (
             "These are map coordinates. For latitude and longitude, run: sar-journal report … --georeference "
@@ -287,7 +287,7 @@ class MapBox(NamedTuple):
     high: float
 
 
-def _course(
+def _figure_plot(
     state: MissionState, name: str, course: Sequence[tuple[EventTime, float]]
 ) -> Mapping[str, object]:
     """Return the plot of a figure in percent over the local time, from 0 to 100 %."""

@@ -7,8 +7,8 @@ from sar_compiler.commands import print_error
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
-from sar_compiler.reports.mission_report import ShortPaths, require_form
-from sar_compiler.reports.report_files import try_to_write
+from sar_compiler.reports.mission_report import PathShortener, require_form
+from sar_compiler.reports.report_files import write_report
 from sar_compiler.reports.why import FailureAnalysis, likeliest_cause
 from sar_compiler.ros.run_extension import RunExtension
 
@@ -32,8 +32,8 @@ class RunReport(RunExtension):
     ) -> None:
         for file in files:
             require_form(file, place)
-        self._files, self._paths = files, ShortPaths(folder)
-        self._state, self._inquiry = MissionState.of(self._paths.of(earlier)), FailureAnalysis()
+        self._files, self._paths = files, PathShortener(folder)
+        self._state, self._inquiry = MissionState.from_stream(self._paths.of(earlier)), FailureAnalysis()
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Process an entry of the run's journal."""
@@ -51,12 +51,12 @@ class RunReport(RunExtension):
         """Write the reports; print which ones cannot be written, because the mission is over."""
         why = self._inquiry.why()
         for file in self._files:
-            obstacle = try_to_write(self._state, file, why)
+            obstacle = write_report(self._state, file, why)
             if obstacle:
                 print_error(f"sar-run: {obstacle}")
 
 
-class RunInquiry(RunExtension):
+class FailureCause(RunExtension):
     """Finds the likeliest cause of a run's failure during the run."""
 
     def __init__(self) -> None:

@@ -29,7 +29,7 @@ from sar_compiler.journal.recorded_events import is_status
 from sar_compiler.journal.status_line import COMPLETE, condition
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.runtime.events import Event
-from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shortened
 from sar_compiler.views.drawing import Shape
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ class CauseOfFailure(NamedTuple):
     went_on: bool = False
 
     @property
-    def is_of_a_failure(self) -> bool:
+    def has_cause(self) -> bool:
         """Whether there is a cause to report: the mission is not complete, and a node has failed."""
         return self.first is not None and self.outcome != COMPLETE
 
@@ -144,11 +144,11 @@ class FailureAnalysis:
         self.failed_tick = 0
         self._kinds = _NodeKinds()
         self._history = self._history_then = _History(self._kinds)
-        self._explained = _Explained(self.state, self._kinds)
+        self._explained = _ExplainedFailure(self.state, self._kinds)
         self._raised: NodeStatus | None = None
 
     @classmethod
-    def of(cls, stream: Iterable[JournalEntry]) -> "FailureAnalysis":
+    def from_stream(cls, stream: Iterable[JournalEntry]) -> "FailureAnalysis":
         """Return an inquiry that has taken these entries."""
         inquiry = cls()
         for entry in stream:
@@ -177,9 +177,9 @@ class FailureAnalysis:
         elif kind == RUN_BEGAN:
             self._begin()
             self.state.take(entry)
-            self._kinds = _NodeKinds.of(entry)
+            self._kinds = _NodeKinds.from_run_start(entry)
             self._history = self._history_then = _History(self._kinds)
-            self._explained = _Explained(self.state, self._kinds)
+            self._explained = _ExplainedFailure(self.state, self._kinds)
         elif self.state.runs and kind not in OF_ROBOT:
             self.state.take(entry)
             if kind == LEAF_RAISED:
@@ -219,7 +219,7 @@ class FailureAnalysis:
         before = [each for each in history.former() if each.first.node not in blamed]
         now = condition(self.state)
         is_meant_so = bool(answers) and answers[0].node in explained.triggers
-        if now.word != COMPLETE and not is_meant_so and all(map(self._only_tells, answers)):
+        if now.word != COMPLETE and not is_meant_so and all(map(self._only_reports, answers)):
             former = [each for each in before if self._may_be_cause(each, only_cost=bool(chain))]
             former.sort(key=self._order)
             answers = [*(each.first for each in former), *answers]
@@ -231,7 +231,7 @@ class FailureAnalysis:
             chain, tuple(answers), tuple(before), now.word, now.reason, said, since, explained.went_on
         )
 
-    def _only_tells(self, answer: NodeStatus) -> bool:
+    def _only_reports(self, answer: NodeStatus) -> bool:
         """Return whether a result only reports a state: a condition's, or a fixed one after another branch failed."""
         return answer.node in self._kinds.conditions or (
             answer.node in self._kinds.constant and answer.node in self._explained.second_ways
@@ -244,7 +244,7 @@ class FailureAnalysis:
         tolerated, worked = answer.node in history.tolerated, answer.node in history.worked
         number = -1 if answer.node is None else answer.node
         is_turned = answer.status != FAILURE and bool(self._explained.triggers)
-        return is_meant_so, is_turned, self._only_tells(answer), tolerated, not worked, -since, -number
+        return is_meant_so, is_turned, self._only_reports(answer), tolerated, not worked, -since, -number
 
     def _may_be_cause(self, failure: FormerFailure, *, only_cost: bool) -> bool:
         """Return whether a handled failure may still be the reason for a missing item of the mission.
@@ -283,9 +283,9 @@ class FailureAnalysis:
         ended = _of_run("ENDED", run.reason, run.ended)
         if any(answer.status == FAILURE for answer in answers):
             return [*answers, ended]
-        return [*self._held_up(), ended]
+        return [*self._stalled_leaf(), ended]
 
-    def _held_up(self) -> list[NodeStatus]:
+    def _stalled_leaf(self) -> list[NodeStatus]:
         """Return the leaf that ran for most of the run at its end, after the results because of which it ran."""
         run, now, ends = self.state.runs[-1], self.state.now.wall, self._explained.ends
         # In a journal the end of a run has no time of the mission's clock.
@@ -295,7 +295,7 @@ class FailureAnalysis:
         held = [
             self._explained.last_end(number)
             for node in long
-            for number in self._explained.leading_to(node.number)
+            for number in self._explained.results_leading_to(node.number)
         ]
         return [*held, *(_answer(node) for node in long)]
 
@@ -305,7 +305,7 @@ def _of_tree(stream: Iterable[JournalEntry]) -> Iterator[JournalEntry]:
     count = 0
     for entry in stream:
         if entry.kind == RUN_BEGAN:
-            count = len(MissionState.of([entry]).nodes)
+            count = len(MissionState.from_stream([entry]).nodes)
         if _is_status(entry, count) if entry.kind == STATUS else entry.kind not in OF_ROBOT:
             yield entry
 
@@ -331,7 +331,7 @@ class _NodeKinds(NamedTuple):
     limits: Mapping[int, float] = {}
 
     @classmethod
-    def of(cls, began: JournalEntry) -> "_NodeKinds":
+    def from_run_start(cls, began: JournalEntry) -> "_NodeKinds":
         """Return the properties in the start of a run; invalid data is ignored."""
         about = began.data.get("run")
 
@@ -355,7 +355,7 @@ class _NodeKinds(NamedTuple):
         return cls(with_shape(Shape.CONDITION), constant, with_shape(Shape.PARALLEL), limits)
 
 
-class _Explained:
+class _ExplainedFailure:
     """The last FAILURE of a root, with its explanation.
 
     Args:
@@ -448,7 +448,7 @@ class _Explained:
             above = self._state.nodes[above].parent
         return above == ancestor
 
-    def way_up(self, number: int) -> Iterator[int]:
+    def explained_ancestors(self, number: int) -> Iterator[int]:
         """Yield a node that has ended, and its ancestors explained by it, up to one with another explanation."""
         above: int | None = number
         while above is not None:
@@ -457,16 +457,16 @@ class _Explained:
             is_cause = parent is not None and above in self.ends.causes.get(parent, ())
             above = parent if is_cause and self.ends.status.get(parent or 0) == FAILURE else None
 
-    def ways_before(self, number: int) -> list[int]:
+    def earlier_failed_nodes(self, number: int) -> list[int]:
         """Return the nodes whose earlier failure led to the tick of the one that has ended."""
         return [
             each
-            for node in self.way_up(number)
+            for node in self.explained_ancestors(number)
             if self._state.nodes[node].parent not in self._kinds.parallel
             for each in self.ends.failed_before(node)
         ]
 
-    def leading_to(self, number: int) -> list[int]:
+    def results_leading_to(self, number: int) -> list[int]:
         """Return the results because of which a running node was ticked instead of another."""
         found: list[int] = []
         above: int | None = number
@@ -499,7 +499,11 @@ class _Explained:
                 answers.append(chain[-1])
             waiting += [(child, depth + 1) for child in reversed(causes)]
         self.chain, self.answers = tuple(chain), tuple(answers)
-        before = {answer.node: self.ways_before(answer.node) for answer in answers if answer.node is not None}
+        before = {
+            answer.node: self.earlier_failed_nodes(answer.node)
+            for answer in answers
+            if answer.node is not None
+        }
         self.second_ways = frozenset(number for number, ways in before.items() if ways)
         self.responses = self.second_ways & self._kinds.constant
         self.triggers = frozenset(
@@ -578,7 +582,7 @@ class _History:
                 self._recovered.add(number)
                 self.worked.add(number)
 
-    def end_tick(self, explained: _Explained, state: MissionState) -> None:
+    def end_tick(self, explained: _ExplainedFailure, state: MissionState) -> None:
         """Record the explanation of each failure of a tick that did not make its parent fail."""
         ends = explained.ends
         for top in explained.ended:
@@ -595,12 +599,12 @@ class _History:
             for number in explained.answers_below(top):
                 self._note(number, explained, has_led_elsewhere=has_led_elsewhere)
 
-    def _note(self, number: int, explained: _Explained, *, has_led_elsewhere: bool) -> None:
+    def _note(self, number: int, explained: _ExplainedFailure, *, has_led_elsewhere: bool) -> None:
         answer = explained.last_end(number)
         if answer.status != FAILURE:
             return
         # A condition before an action is not an alternative: it only checks whether the action is needed.
-        is_of_second_way = not self._kinds.conditions.issuperset(explained.ways_before(number))
+        is_of_second_way = not self._kinds.conditions.issuperset(explained.earlier_failed_nodes(number))
         known = self._failures.get(number) or FormerFailure(
             answer,
             in_hand="",
@@ -695,12 +699,12 @@ def counterfactual_text(change: "Counterfactual", nodes: Sequence[NodeState]) ->
     said = f"{change.instead.status}{_meaning(change.instead)} instead of {change.was.status}{_meaning(change.was)}"
     place = f"  ({leaf.place})" if leaf.place else ""
     lines = ["It would have succeeded with another outcome:"]
-    lines.append(in_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
+    lines.append(escape_to_one_line(f"  {clock_text(change.time_sec)}  {leaf.name} {said}{place}"))
     if change.then:
         usual = "as usual" if not change.unusual else f"{change.unusual} of them unusual"
         told = [f"{nodes[each.number].name} {each.answer}" for each in change.then[:_MOST]]
         more = f", and {len(change.then) - _MOST} more" if len(change.then) > _MOST else ""
-        lines.append(in_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
+        lines.append(escape_to_one_line(f"  and after it, {usual}: {', '.join(told)}{more}"))
     return "\n".join(lines)
 
 
@@ -728,8 +732,8 @@ def counterfactual_data(change: "Counterfactual", nodes: Sequence[NodeState]) ->
 
 def why_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
     """Return the causes of a mission's failure in words, with changes for a success."""
-    lines = [in_one_line(reasons.said)]
-    if reasons.first is not None and reasons.is_of_a_failure:
+    lines = [escape_to_one_line(reasons.said)]
+    if reasons.first is not None and reasons.has_cause:
         lines += ["", "Likeliest cause:", f"  {_status_line(reasons.first)}"]
     if reasons.chain:
         lines += ["", "The root failed, and then continued:" if reasons.went_on else "The root has failed:"]
@@ -748,7 +752,7 @@ def why_text(reasons: CauseOfFailure, otherwise: str = "") -> str:
 
 def likeliest_cause(reasons: CauseOfFailure) -> str:
     """Return the likeliest cause of a failure in a line; empty if there is none."""
-    if reasons.first is None or reasons.first.node is None or not reasons.is_of_a_failure:
+    if reasons.first is None or reasons.first.node is None or not reasons.has_cause:
         return ""
     return f"likeliest cause: {_status_line(reasons.first)}"
 
@@ -761,7 +765,7 @@ def _status_line(answer: NodeStatus) -> str:
     at = f"{clock_text(answer.since.time)}  " if answer.since is not None else ""
     said = f", {shortened(answer.message)}" if answer.message else ""
     place = f"  ({answer.place})" if answer.place else ""
-    return in_one_line(f"{at}{answer.name} {answer_words(answer.status, answer.label)}{said}{place}")
+    return escape_to_one_line(f"{at}{answer.name} {answer_words(answer.status, answer.label)}{said}{place}")
 
 
 def difference_text(difference: RunDifference | None, names: tuple[str, str]) -> str:
@@ -771,7 +775,7 @@ def difference_text(difference: RunDifference | None, names: tuple[str, str]) ->
     lines = [f"The runs are equal in {difference.step} changes of status. Then:"]
     for name, answer in zip(names, (difference.here, difference.there), strict=True):
         lines.append(
-            f"  {in_one_line(name)}: {_status_line(answer) if answer is not None else 'nothing more, because it had ended'}"
+            f"  {escape_to_one_line(name)}: {_status_line(answer) if answer is not None else 'nothing more, because it had ended'}"
         )
     return "\n".join(lines)
 

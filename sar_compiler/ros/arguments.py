@@ -107,7 +107,7 @@ class RosArgumentError(SarError):
 
 
 @contextmanager
-def readable_ros_errors() -> Iterator[None]:
+def convert_ros_errors() -> Iterator[None]:
     """Convert rclpy's errors about arguments and names, raised in the block, to readable ones.
 
     Raises:
@@ -125,7 +125,7 @@ def readable_ros_errors() -> Iterator[None]:
             "Write a parameter as -p name:=value"
         ) from error
     except (rcl.RCLError, rcl.RCUtilsError, NameValidationException) as error:
-        raise RosArgumentError(_in_words(str(error))) from error
+        raise RosArgumentError(_readable_error(str(error))) from error
 
 
 _FORMS = {
@@ -135,7 +135,7 @@ _FORMS = {
 }
 
 
-def _in_words(text: str) -> str:
+def _readable_error(text: str) -> str:
     """Return a readable text for an error of rcl, without locations in rcl's source code."""
     text = re.sub(r"(, at /\S+:\d+)+$", "", text.strip())
     text = re.sub(r"\s*, at /\S+:\d+", "", text).removeprefix("failed to initialize rcl: ")

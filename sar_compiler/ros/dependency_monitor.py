@@ -18,10 +18,10 @@ from sar_compiler.ros.graph_queries import Endpoint, ros_graph, with_full_name
 from sar_compiler.ros.leaves.goals import (
     ABORTED,
     GoalEvent,
+    active_goals_of,
     cancel_client,
     canceled_action,
     goal_statuses_of,
-    goals_under_way,
 )
 from sar_compiler.ros.leaves.leaf import alive
 from sar_compiler.ros.lifecycle import NAV2_NODES
@@ -43,7 +43,7 @@ _CANCEL_SEC = 1.0
 _SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
 
 
-class UnaskedMotion:
+class UnrequestedMotion:
     """Checks the odometry of a robot while no goal of this node is active.
 
     The end of a goal does not prove that the robot stands: Nav2's navigator can give up a goal that its controller
@@ -58,7 +58,7 @@ class UnaskedMotion:
     def __init__(self, node: Node, actions: Iterable[str]) -> None:
         actions = list(actions)
         self._node = node
-        self._robot, self._goals = robot_estimate(node), goals_under_way(node)
+        self._robot, self._goals = robot_estimate(node), active_goals_of(node)
         self._clock = deadline_clock(node)
         self._statuses = [goal_statuses_of(node, action) for action in actions]
         beside = {action[: action.rfind("/") + 1] + server for action in actions for server in _SERVERS}
@@ -86,9 +86,9 @@ class UnaskedMotion:
                 self._judge()
             elif seconds >= _ABORTED_SEC and self._cancels_early and self._is_ours:
                 self._cancels_early = False  # once: what still moves then is reported
-                self._cancel_everything()
+                self._cancel_all_goals()
         elif self._robot.moves is None:
-            self._tell_blindness()
+            self._report_missing_odometry()
         elif self._robot.stands:
             self._rest()
 
@@ -98,29 +98,27 @@ class UnaskedMotion:
             if not self._told:
                 self._report_motion()
             if AWAKE.now() - self._cancelled_at >= _CANCEL_SEC:
-                self._cancel_everything()
+                self._cancel_all_goals()
         elif not self._told:
-            self._tell(
-                f"The robot moves ({self._robot.speed_in_words}), and no goal of this mission is active."
-            )
+            self._tell(f"The robot moves ({self._robot.speed_text}), and no goal of this mission is active.")
 
     @property
     def _is_ours(self) -> bool:
         """Whether the robot moves after the end of a goal of this mission while no other client has a goal."""
         return self._ended is not None and not any(each.has_foreign_goal for each in self._statuses)
 
-    def _servers_there(self) -> dict[str, Client]:
+    def _available_servers(self) -> dict[str, Client]:
         return {name: client for name, client in self._cancellers.items() if client.service_is_ready()}
 
     def _report_motion(self) -> None:
         self._tell(
-            f"The robot moves ({self._robot.speed_in_words}) although its goal has ended and no other goal is "
-            f"active. Cancelling every goal ({', '.join(self._servers_there()) or 'no server is there'})."
+            f"The robot moves ({self._robot.speed_text}) although its goal has ended and no other goal is "
+            f"active. Cancelling every goal ({', '.join(self._available_servers()) or 'no server is there'})."
         )
 
-    def _cancel_everything(self) -> None:
+    def _cancel_all_goals(self) -> None:
         self._cancelled_at = AWAKE.now()
-        for client in self._servers_there().values():
+        for client in self._available_servers().values():
             # A request with neither id nor stamp cancels every goal.
             client.call_async(CancelGoal.Request())  # the odometry shows the effect
 
@@ -134,7 +132,7 @@ class UnaskedMotion:
         if self._ended is not None and self._seconds_since(self._ended) >= latest:
             self._has_sent, self._ended = False, None
 
-    def _tell_blindness(self) -> None:
+    def _report_missing_odometry(self) -> None:
         if self._ended is not None and not self._blindness_told:
             self._blindness_told = True
             self._node.get_logger().info(
@@ -183,7 +181,7 @@ class DependencyMonitor:
     robot: reported, or ends the run if that mission has priority. * The localisation is lost: reported. When it returns
     without a pose, it is sent the last `amcl_pose` again if the odometry shows that the robot has not moved since.
     Otherwise the operator is asked for the pose. Leaves that use Nav2 wait meanwhile (`ActionLeaf.hold_timeout_sec`). *
-    The robot moves without a goal of the mission: reported, or stopped (`UnaskedMotion`). * No transform from `map` for
+    The robot moves without a goal of the mission: reported, or stopped (`UnrequestedMotion`). * No transform from `map` for
     3 s: reported, whatever the nodes answer. * A frame, the clock, or a topic that should have one source now has
     several: reported. * No node of Nav2 in the graph answers any more, even to a new client: reported (`lost_discovery`).
 
@@ -214,7 +212,7 @@ class DependencyMonitor:
         self._hears_transforms = self._localisation is not None or Use.transforms() in uses
         if self._localisation is not None:
             self._topics += ["odometry/filtered", "map"]
-        self._motion = UnaskedMotion(node, drives) if drives else None
+        self._motion = UnrequestedMotion(node, drives) if drives else None
         # Steady: the node's clock may have stopped.
         deadline_timer(node, _PERIOD_SEC, self.look)
 
@@ -249,7 +247,7 @@ class DependencyMonitor:
 
     def _count_sources(self) -> None:
         """Report once each frame, topic and clock that now has several sources."""
-        lines = [self._graph.clock(), *map(self._graph.several_publishers, self._topics)]
+        lines = [self._graph.clock(), *map(self._graph.publisher_conflict, self._topics)]
         if self._hears_transforms:
             lines.append(frame_sources(self._node).conflict())
         for line in filter(None, lines):
@@ -292,7 +290,7 @@ class _Localisation:
             return  # it may be present but silent: items missing before are still missing
         missing = [line for each, line in looked if line is not None and not each.is_awaited()]
         if missing:
-            yield from self._miss(missing)
+            yield from self._report_missing(missing)
             # It stays missing while a node that is back has not answered yet.
             self._inactive = f"Nav2 is not active: {'; '.join(missing)}" if self._is_lost else ""
         elif not any(each.is_awaited() for each in self._nodes):
@@ -322,7 +320,7 @@ class _Localisation:
             return ""
         return f"{names} do not answer, not even to new clients, but stay in the ROS graph: {_ANOTHER}"
 
-    def _miss(self, missing: list[str]) -> Iterable[str]:
+    def _report_missing(self, missing: list[str]) -> Iterable[str]:
         now = AWAKE.now()
         self._lost_since = self._lost_since or now
         is_sure = now - self._lost_since >= _LOST_SEC or any(each.is_silent for each in self._nodes)

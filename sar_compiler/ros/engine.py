@@ -26,8 +26,8 @@ from rclpy.node import Node
 
 from sar_compiler.compiler import file_and_line_of
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.leaf_protocol import Settling
-from sar_compiler.tree.showing import in_one_line, visible
+from sar_compiler.runtime.leaf_protocol import SettlingLeaf
+from sar_compiler.tree.display_text import escape_to_one_line, visible
 
 _OURS = tuple(
     f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(str(py_trees.__file__)).parent)
@@ -44,7 +44,7 @@ def error_text(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
-def raised_in(error: BaseException) -> Behaviour | None:
+def raising_behaviour(error: BaseException) -> Behaviour | None:
     """Return the innermost behaviour of a tree that an exception passed through, or None."""
     passed = _behaviours_passed(error)
     return passed[-1] if passed else None
@@ -57,16 +57,16 @@ def behaviour_title(behaviour: Behaviour | None) -> str:
     return f"'{behaviour.name}' ({type(behaviour).__name__})"
 
 
-def failure_places(behaviour: Behaviour | None, error: BaseException) -> str:
+def failure_locations(behaviour: Behaviour | None, error: BaseException) -> str:
     """Return the source locations of a behaviour's exception in brackets: in the tree file and in Python.
 
     The result is empty if neither is known. The Python line is the one in the behaviour's own method. The
     traceback has the called functions.
     """
-    return places_of(behaviour, reversed(list(traceback.walk_tb(error.__traceback__))))
+    return source_locations(behaviour, reversed(list(traceback.walk_tb(error.__traceback__))))
 
 
-def places_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]]) -> str:
+def source_locations(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]]) -> str:
     """Return a behaviour's location in brackets: the lines in the tree file and of its own method.
 
     Args:
@@ -80,8 +80,8 @@ def places_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int
 
 def failure_text(error: BaseException) -> str:
     """Return a text with the behaviour that raised an exception in a tick, the exception and its location."""
-    behaviour = raised_in(error)
-    return f"{behaviour_title(behaviour)} failed: {error_text(error)}{failure_places(behaviour, error)}"
+    behaviour = raising_behaviour(error)
+    return f"{behaviour_title(behaviour)} failed: {error_text(error)}{failure_locations(behaviour, error)}"
 
 
 def _line_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]]) -> str | None:
@@ -113,19 +113,19 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
     """
     if node is None:
         return
-    node.get_logger().error(in_one_line(text))
+    node.get_logger().error(escape_to_one_line(text))
     if error is not None:
         _traceback_logger(node).debug(visible("".join(traceback.format_exception(error))))
 
 
-def tell_failure(node: Node | None, error: BaseException) -> Behaviour | None:
+def log_failure(node: Node | None, error: BaseException) -> Behaviour | None:
     """Log an exception raised in a tick, because of which the tree is stopped.
 
     Returns:
         The behaviour that raised it; None if it was not a behaviour of the tree.
     """
     tell(node, f"{failure_text(error)}. The tree is stopped.", error)
-    return raised_in(error)
+    return raising_behaviour(error)
 
 
 def _behaviours_passed(error: BaseException) -> list[Behaviour]:
@@ -182,12 +182,12 @@ def stop_behaviours(root: Behaviour, failed: Behaviour | None, node: Node | None
     that raised is INVALID too, although it may have sent its goal.
     """
     if failed is not None and not failed.children:
-        _stop_one(failed, node)
+        _stop_behaviour(failed, node)
     if failed is not root:
-        _stop_one(root, node)
+        _stop_behaviour(root, node)
     for behaviour in list(root.iterate()):
         if behaviour.status == Status.RUNNING:
-            _stop_one(behaviour, node)
+            _stop_behaviour(behaviour, node)
 
 
 def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node | None) -> list[str]:
@@ -219,7 +219,7 @@ def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
     """Stop the leaves among the behaviours of a tree that was not ticked yet."""
     for behaviour in behaviours:
         if not behaviour.children:
-            _stop_one(behaviour, node)
+            _stop_behaviour(behaviour, node)
 
 
 def send_cancels(root: Behaviour, node: Node | None) -> None:
@@ -228,39 +228,39 @@ def send_cancels(root: Behaviour, node: Node | None) -> None:
     The requests are sent, and their answers are not awaited. Leaves that can have work in progress come first.
     """
     leaves = [each for each in root.iterate() if not each.children]
-    for leaf in sorted(leaves, key=lambda each: not isinstance(each, Settling)):
-        if isinstance(leaf, Settling) or leaf.status == Status.RUNNING:
-            _stop_one(leaf, node)
+    for leaf in sorted(leaves, key=lambda each: not isinstance(each, SettlingLeaf)):
+        if isinstance(leaf, SettlingLeaf) or leaf.status == Status.RUNNING:
+            _stop_behaviour(leaf, node)
 
 
 def shut_down(behaviours: Iterable[Behaviour], node: Node | None) -> None:
     """Shut down all behaviours, even if some of them raise."""
     for behaviour in behaviours:
-        _shut_one_down(behaviour, node)
+        _shut_down_behaviour(behaviour, node)
 
 
-def _stop_one(behaviour: Behaviour, node: Node | None) -> None:
+def _stop_behaviour(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.stop(Status.INVALID)
     except Exception as error:  # noqa: BLE001 - the others must be stopped all the same
-        failed = raised_in(error) or behaviour
-        words = f"{error_text(error)}{failure_places(failed, error)}"
+        failed = raising_behaviour(error) or behaviour
+        words = f"{error_text(error)}{failure_locations(failed, error)}"
         tell(node, f"'{failed.name}' failed while it was stopped: {words}", error)
         # Do not stop it again, and do not treat it as running.
         failed.status = Status.INVALID
 
 
-def _shut_one_down(behaviour: Behaviour, node: Node | None) -> None:
+def _shut_down_behaviour(behaviour: Behaviour, node: Node | None) -> None:
     try:
         behaviour.shutdown()
     except Exception as error:  # noqa: BLE001 - the others must be shut down all the same
-        words = f"{error_text(error)}{failure_places(behaviour, error)}"
+        words = f"{error_text(error)}{failure_locations(behaviour, error)}"
         tell(node, f"'{behaviour.name}' could not be shut down: {words}", error)
 
 
 def leaves_at_work(root: Behaviour) -> list[Behaviour]:
     """Return the leaves of a stopped tree that still have work in progress."""
-    return [leaf for leaf in root.iterate() if isinstance(leaf, Settling) and not leaf.settled()]
+    return [leaf for leaf in root.iterate() if isinstance(leaf, SettlingLeaf) and not leaf.settled()]
 
 
 class SetupFailedError(SarError, RuntimeError):
@@ -273,7 +273,7 @@ class SetupFailedError(SarError, RuntimeError):
     def __init__(self, behaviour: Behaviour, error: Exception) -> None:
         self.behaviour = behaviour.name
         super().__init__(
-            f"{behaviour_title(behaviour)} failed in setup: {error_text(error)}{failure_places(behaviour, error)}"
+            f"{behaviour_title(behaviour)} failed in setup: {error_text(error)}{failure_locations(behaviour, error)}"
         )
 
 
@@ -289,7 +289,7 @@ def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
     ready = list(takewhile(lambda behaviour: behaviour is not called, root.iterate()))
     stop_leaves(ready, node)
     shut_down(ready, node)
-    behaviour = raised_in(error)
+    behaviour = raising_behaviour(error)
     if behaviour is None or isinstance(error, SarError):
         raise error
     raise SetupFailedError(behaviour, error) from error

@@ -7,10 +7,10 @@ from py_trees.behaviour import Behaviour
 from rclpy.node import Node
 
 from sar_compiler.commands import ROBOT_MAY_MOVE, print_error
-from sar_compiler.process_end import end_at_once, try_for
+from sar_compiler.process_end import call_with_limit, end_at_once
 from sar_compiler.ros.engine import send_cancels
-from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.orphaned_goals import Cancel
+from sar_compiler.ros.leaves.goals import active_goals_of
+from sar_compiler.ros.orphaned_goals import CancelFunction
 from sar_compiler.ros.signals import StopSignals
 
 # Limits in seconds: to stop the leaves from a thread that is not the blocked one, to create a ROS context,
@@ -38,7 +38,7 @@ class ForcedEnd:
         node: Node,
         root: Behaviour,
         signals: StopSignals,
-        cancel: Cancel | None,
+        cancel: CancelFunction | None,
         settle_sec: float,
         *,
         moves: Callable[[], bool] = lambda: False,
@@ -55,7 +55,7 @@ class ForcedEnd:
         def cancel() -> int | None:
             self._print(f"stopped although {where}")
             # Leaves may have to stop more than goals. If a leaf blocks here too, the end does not wait for it.
-            try_for(_LEAVES_SEC, lambda: send_cancels(self._root, self._node))
+            call_with_limit(_LEAVES_SEC, lambda: send_cancels(self._root, self._node))
             active = self._cancel(settle_sec) if self._cancel is not None else []
             if not active:
                 return self._signals.exit_status
@@ -63,13 +63,13 @@ class ForcedEnd:
             self._print(f"{words}: {', '.join(active)}")
             return ROBOT_MAY_MOVE
 
-        could_still_move = self._cancel is not None and goals_under_way(self._node).active()
+        could_still_move = self._cancel is not None and active_goals_of(self._node).active()
         status = ROBOT_MAY_MOVE if could_still_move else self._signals.exit_status
         end_at_once(status, cancel, _LEAVES_SEC + _APART_SEC + settle_sec)
 
     def hurry(self) -> int | None:
         """Clean up quickly after a second signal; return the exit status, or None for the signal's."""
-        active = len(goals_under_way(self._node)) or self._moves()
+        active = len(active_goals_of(self._node)) or self._moves()
         # Restore the terminal first: the following steps may take longer than the time that is left.
         send_cancels(self._root, self._node)
         if not active:

@@ -4,7 +4,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from sar_compiler.ros.graph_queries import names_in_words, ros_graph
+from sar_compiler.ros.graph_queries import join_names, ros_graph
 from sar_compiler.ros.leaves.leaf import alive, of_node
 from sar_compiler.ros.message_values import RigidTransform, UnusableValueError, frame_name, read_transform
 
@@ -25,7 +25,7 @@ _HEAD, _STAMP, _NUMBERS = 4, 8, 56
 _NANOSECONDS = 1_000_000_000
 
 
-class TurnsOfPublishers:
+class PublisherAlternation:
     """Detects from message numbers whether the transforms of a frame come from publishers that alternate.
 
     rclpy does not identify the sender of a message, but gives the message's number among those of its publisher. These numbers
@@ -86,7 +86,7 @@ class FrameSources:
         from tf2_msgs.msg import TFMessage
 
         self._node = node
-        self._turns, self._moved_at = TurnsOfPublishers(), dict[str, float]()
+        self._turns, self._moved_at = PublisherAlternation(), dict[str, float]()
         self._static: dict[str, _StaticFrame] = {}
         self._topics = tuple(node.resolve_topic_name(topic) for topic in ("/tf", "/tf_static"))
         # Without the process's arguments, which would give it the name of the other node.
@@ -111,7 +111,7 @@ class FrameSources:
         found = (self._describe(child) for child in (*self._turns.contested(time.time()), *self._static))
         return next(filter(None, found), "")
 
-    def conflict_of(self, child: str) -> str:
+    def frame_conflict(self, child: str) -> str:
         """Describe that a frame comes from several nodes, with these; empty if it does not."""
         self._listen()
         return self._describe(child)
@@ -129,15 +129,15 @@ class FrameSources:
         if not fixed or not moving or time.time() - self._moved_at.get(child, -math.inf) > _MOVING_SEC:
             return ""
         return (
-            f"frame '{child}' is static ({static_topic}, from {names_in_words(fixed)}) and moves ({moving_topic}, from "
-            f"{names_in_words(moving)}): stop one of the two"
+            f"frame '{child}' is static ({static_topic}, from {join_names(fixed)}) and moves ({moving_topic}, from "
+            f"{join_names(moving)}): stop one of the two"
         )
 
     def _two_sources(self, child: str, topic: str) -> str:
         nodes = ros_graph(self._node).publishers(topic)
         # With more than two publishers, the numbers do not show which of them alternate.
         among = f"among its {len(nodes)} publishers " if len(nodes) > 2 else ""  # noqa: PLR2004
-        who = f"{among}{names_in_words(nodes)}" if nodes else "two publishers"
+        who = f"{among}{join_names(nodes)}" if nodes else "two publishers"
         return (
             f"frame '{child}' has two sources on {topic}, {who}. Stop one, or give each robot its own "
             "namespace and transforms (`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"

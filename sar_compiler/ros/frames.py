@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sar_compiler.ros.frame_sources import frame_sources
-from sar_compiler.ros.graph_queries import names_in_words, ros_graph
+from sar_compiler.ros.graph_queries import join_names, ros_graph
 from sar_compiler.ros.leaves.leaf import of_node
 from sar_compiler.ros.message_values import (
     UnusableValueError,
@@ -18,7 +18,7 @@ from sar_compiler.ros.message_values import (
     stamp_age,
     value_reports,
 )
-from sar_compiler.ros.poses import yaw_of_turn
+from sar_compiler.ros.poses import yaw_of_quaternion
 from sar_compiler.tree.guessing import did_you_mean, nearest
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Transform(NamedTuple):
     @property
     def yaw(self) -> float:
         """The rotation about z, rad."""
-        return yaw_of_turn(self.qx, self.qy, self.qz, self.qw)
+        return yaw_of_quaternion(self.qx, self.qy, self.qz, self.qw)
 
     def of(self, inner: "Transform") -> "Transform":
         """Return the pose of a frame in the outer one, given its pose in the inner one."""
@@ -89,7 +89,7 @@ class Transform(NamedTuple):
         return x, y, z
 
 
-class Sighting(NamedTuple):
+class FramePose(NamedTuple):
     """The pose of a frame in another one, with the age of the transforms.
 
     Attributes:
@@ -149,7 +149,7 @@ class FrameTree:
         """Remove a callback that was given to `listen`."""
         self._listeners.remove(listener)
 
-    def look_up(self, target: str, source: str, max_age_sec: float = math.inf) -> Sighting | str:
+    def look_up(self, target: str, source: str, max_age_sec: float = math.inf) -> FramePose | str:
         """Return the pose of the source frame in the target frame, or the reason in words why it is unknown.
 
         Args:
@@ -158,14 +158,14 @@ class FrameTree:
             max_age_sec: The largest accepted age of the transforms, seconds of the node's clock.
         """
         target, source = frame_name(target), frame_name(source)
-        up, down = self._way_up(source), self._way_up(target)
+        up, down = self._ancestors(source), self._ancestors(target)
         shared = next((frame for frame in up if frame in down), None)
         if shared is None:
             return self._describe_gap(target, source, next(reversed(up)), next(reversed(down)))
         sources = frame_sources(self._node)
         for way in (up, down):
             for frame in list(way)[: list(way).index(shared)]:
-                if conflict := sources.conflict_of(frame):
+                if conflict := sources.frame_conflict(frame):
                     return conflict
         outward, inward = up[shared], down[shared]
         oldest, newest = min(outward.of_sec, inward.of_sec), max(outward.newest_sec, inward.newest_sec)
@@ -176,7 +176,7 @@ class FrameTree:
                 age_sec = stamp_age(oldest, self._node, max_age_sec, is_strict=True, subject=_SUBJECT)
             except UnusableValueError as error:
                 return str(error)
-        return Sighting(inward.transform.inverse.of(outward.transform), age_sec)
+        return FramePose(inward.transform.inverse.of(outward.transform), age_sec)
 
     def _describe_gap(self, target: str, source: str, above_source: str, above_target: str) -> str:
         known = sorted({*self._heard, *(each.parent for each in self._heard.values())})
@@ -194,11 +194,9 @@ class FrameTree:
         guesses = (ends.get(frame) or nearest(frame, known[:_MOST_COMPARED]) for frame in missing)
         near = next(filter(None, guesses), None)
         named = [*map(repr, known[:_MOST_NAMED]), *(["others"] if len(known) > _MOST_NAMED else [])]
-        return (
-            f"{text}; there {'is' if len(named) == 1 else 'are'} {names_in_words(named)}{did_you_mean(near)}"
-        )
+        return f"{text}; there {'is' if len(named) == 1 else 'are'} {join_names(named)}{did_you_mean(near)}"
 
-    def _way_up(self, frame: str) -> dict[str, _Heard]:
+    def _ancestors(self, frame: str) -> dict[str, _Heard]:
         """Return a frame's ancestors, inner ones first, each with the frame's pose in it and the stamp."""
         now = node_sec(self._node)
         at = _Heard(frame, Transform(), math.inf, -math.inf, now)

@@ -12,7 +12,7 @@ from sar_compiler.ros.graph_queries import ros_graph
 _LOOK_SEC, _TURN_SEC = 1.0, 0.1
 
 
-def conflicts_in_sight(look_sec: float = _LOOK_SEC) -> list[str]:
+def find_conflicts(look_sec: float = _LOOK_SEC) -> list[str]:
     """Return topics, clocks and frames that have several sources, where one is meant, with their nodes.
 
     Args:

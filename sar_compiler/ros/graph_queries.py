@@ -83,7 +83,7 @@ class Endpoint:
 
 
 @dataclass(frozen=True)
-class GraphAnswer:
+class EndpointState:
     """The result of a query for an endpoint.
 
     Attributes:
@@ -115,7 +115,7 @@ class GraphAnswer:
     @property
     def hint(self) -> str:
         """The alternatives as `; there is /tb1/scan`; empty if there are none."""
-        return f"; there is {names_in_words(self.elsewhere, 'or')}" if self.elsewhere else ""
+        return f"; there is {join_names(self.elsewhere, 'or')}" if self.elsewhere else ""
 
     @property
     def line(self) -> str | None:
@@ -158,7 +158,7 @@ class RosGraph:
         self._cache: dict[Any, Any] = {}
         self._cached_at = -math.inf
 
-    def ask(self, endpoint: Endpoint) -> GraphAnswer:
+    def ask(self, endpoint: Endpoint) -> EndpointState:
         """Return the state of an endpoint: usable, present but unusable, or elsewhere."""
         return self._cached((endpoint, str(endpoint.qos)), lambda: self._ask(endpoint))
 
@@ -206,20 +206,20 @@ class RosGraph:
         infos = self._infos(self._node.resolve_topic_name(topic))
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
-    def several_publishers(self, topic: str) -> str:
+    def publisher_conflict(self, topic: str) -> str:
         """Report that a topic that should have one source has several publishers; otherwise return an empty string."""
         full = self._node.resolve_topic_name(topic)
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
             return ""
-        return f"topic {with_full_name(topic, full)}: published by {names_in_words(nodes)}. Stop all but one"
+        return f"topic {with_full_name(topic, full)}: published by {join_names(nodes)}. Stop all but one"
 
     def contested_topics(self) -> list[str]:
         """Report each discovered topic that should have one source but has several publishers."""
         several = {topic: nodes for topic, nodes in self._publishing().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
-            f"topic {topic}: published by {names_in_words(sorted(nodes))}. Stop all but one"
+            f"topic {topic}: published by {join_names(sorted(nodes))}. Stop all but one"
             for topic, nodes in sorted(several.items())
             if single.intersection(*nodes.values())
         ]
@@ -236,7 +236,7 @@ class RosGraph:
         """Whether simulated time is used and has several publishers."""
         return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
 
-    def missing_transforms(self) -> str:
+    def explain_missing_transforms(self) -> str:
         """Explain why the node receives no transforms (other topic, or no publisher); empty if it can receive some."""
         there = self.publishers("/tf") or self.publishers("/tf_static")
         here = self._node.resolve_topic_name("/tf")
@@ -251,7 +251,7 @@ class RosGraph:
         nodes = self.publishers(topic)
         if self.is_clock_contested:
             return (
-                f"topic {topic}: {len(self.publisher_ids(topic))} publishers, of {names_in_words(nodes)}: "
+                f"topic {topic}: {len(self.publisher_ids(topic))} publishers, of {join_names(nodes)}: "
                 "the time jumps between them. Stop all but one"
             )
         if node_clock.now().nanoseconds > 0:
@@ -264,24 +264,24 @@ class RosGraph:
             return f"{missing}; there is {others[0]}: run with `--ros-args -r /clock:={others[0]}`"
         return missing
 
-    def unused_clock(self) -> str:
+    def unused_clock_problem(self) -> str:
         """Report simulated time that another node publishes and this node does not use; empty if there is none."""
         nodes = self.publishers("/clock")
         if not nodes or self._node.get_clock().ros_time_is_active:
             return ""
         return (
-            f"/clock is published by {names_in_words(nodes)}, and use_sim_time is not set: stamps of the robot look old. Run with "
+            f"/clock is published by {join_names(nodes)}, and use_sim_time is not set: stamps of the robot look old. Run with "
             "`--ros-args -p use_sim_time:=true`"
         )
 
-    def foreign_localisation(self) -> str:
+    def foreign_localisation_problem(self) -> str:
         """Describe why the received localisation may belong to another robot; empty if nothing indicates it."""
         poses = self.ask(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
         if not poses.is_there and poses.is_same:
-            return f"{poses.title} has no publisher; there is {names_in_words(poses.elsewhere, 'or')}"
+            return f"{poses.title} has no publisher; there is {join_names(poses.elsewhere, 'or')}"
         if len(poses.nodes) > 1:
-            return f"{poses.title} has several publishers: {names_in_words(poses.nodes)}"
-        return self.several_publishers("odometry/filtered") or self.transforms()
+            return f"{poses.title} has several publishers: {join_names(poses.nodes)}"
+        return self.publisher_conflict("odometry/filtered") or self.transforms()
 
     def other_robots(self) -> tuple[str, ...]:
         """Return the nodes of other robots, with their own localisation, that publish on this robot's `/tf`.
@@ -303,19 +303,19 @@ class RosGraph:
         is_there = f"{space}/amcl_pose" in topics or f"{space}/amcl{_STATE_SERVICE}" in services
         return space != own and is_there
 
-    def _ask(self, endpoint: Endpoint) -> GraphAnswer:
+    def _ask(self, endpoint: Endpoint) -> EndpointState:
         if endpoint.kind in ("topic", "listeners"):
             return self._ask_topic(endpoint)
         suffix = {"action": _GOAL_SERVICE, "node": _STATE_SERVICE}.get(endpoint.kind, "")
         service = self._node.resolve_service_name(f"{endpoint.name}{suffix}")
         full, count = service.removesuffix(suffix), int(self._node.count_services(service))
         if not count:
-            return self._absent(endpoint, full, "no server")
+            return self._absence_answer(endpoint, full, "no server")
         nodes = tuple(sorted(name for name, served in self._servers() if service in served))
         problem, is_contested = "", count > 1 and endpoint.kind != "node"
         if is_contested:
             number, which = ("two", "one") if count == 2 else (count, "all but one")  # noqa: PLR2004
-            of_nodes = f", {names_in_words(nodes)}" if len(set(nodes)) == count else ""
+            of_nodes = f", {join_names(nodes)}" if len(set(nodes)) == count else ""
             problem = f"{number} servers answer to {full}{of_nodes}. Stop {which}"
         elif endpoint.type_name:
             types = {kind for _, served in self._servers() for kind in served.get(service, ())}
@@ -323,7 +323,7 @@ class RosGraph:
             types = types or set(dict(self._node.get_service_names_and_types()).get(service, ()))
             problem = _wrong_type("served", types, endpoint.type_name)
         problem = problem or self._unheard_service(service)
-        return GraphAnswer(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
+        return EndpointState(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
 
     def _unheard_service(self, service: str) -> str:
         """Report that requests do not reach a service, or responses do not return; empty if they do, or if that is unknown."""
@@ -338,19 +338,19 @@ class RosGraph:
                 return f"{what} {_node_of(infos[0])} ({reasons[0]}): create its service with qos_profile_services_default"
         return ""
 
-    def _ask_topic(self, endpoint: Endpoint) -> GraphAnswer:
+    def _ask_topic(self, endpoint: Endpoint) -> EndpointState:
         full = self._node.resolve_topic_name(endpoint.name)
         hears = endpoint.kind == "listeners"
         infos = self._infos(full, hears=hears)
         if not infos:
-            return self._absent(endpoint, full, "no subscriber" if hears else "no publisher")
+            return self._absence_answer(endpoint, full, "no subscriber" if hears else "no publisher")
         how = "it is there" if hears else "published"
         problem = _wrong_type(how, {each.topic_type for each in infos}, endpoint.type_name)
-        unheard = _unheard(infos, endpoint.qos, hears=hears)
+        unheard = _qos_conflict(infos, endpoint.qos, hears=hears)
         nodes = tuple(sorted({_node_of(each) for each in infos}))
-        return GraphAnswer(endpoint, full, nodes, problem or unheard, is_there=True)
+        return EndpointState(endpoint, full, nodes, problem or unheard, is_there=True)
 
-    def _absent(self, endpoint: Endpoint, full: str, problem: str) -> GraphAnswer:
+    def _absence_answer(self, endpoint: Endpoint, full: str, problem: str) -> EndpointState:
         find: dict[str, Callable[[], dict[str, set[str]]]] = {
             "action": self._actions,
             "service": self._services,
@@ -361,9 +361,9 @@ class RosGraph:
         there = find[endpoint.kind]()
         same = _same_elsewhere(endpoint, full, there)
         near = same or _nearest_names(endpoint, full, self._node.get_namespace(), there)
-        return GraphAnswer(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
+        return EndpointState(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
 
-    def _rules_in(self, answers: Sequence[GraphAnswer], space: str) -> list[str]:
+    def _rules_in(self, answers: Sequence[EndpointState], space: str) -> list[str]:
         """Return the rules that a run in a namespace needs; an empty namespace means the current one."""
         rules = [f"-r __ns:={space}"] if space else []
         if space not in ("", "/") and f"{space}/tf" in self._topics() and self._resolves_tf_globally:
@@ -384,7 +384,7 @@ class RosGraph:
         moved = Endpoint(endpoint.kind, f"{space.rstrip('/')}/{endpoint.name}")
         return self.ask(moved).is_there
 
-    def _fits_as_well(self, absent: Sequence[GraphAnswer], space: str, chosen: str) -> bool:
+    def _fits_as_well(self, absent: Sequence[EndpointState], space: str, chosen: str) -> bool:
         fits = [each for each in absent if chosen in each.namespaces]
         return bool(fits) and all(space in each.namespaces for each in fits)
 
@@ -408,7 +408,7 @@ class RosGraph:
             is_own = topic == f"{space}/tf"
             rules = _REMAP_TRANSFORMS if is_own else f"-r /tf:={topic} -r /tf_static:={topic}_static"
             return (
-                f"transforms: published on {topic} by {names_in_words(sorted(nodes))}, and this node listens to {here}: run with "
+                f"transforms: published on {topic} by {join_names(sorted(nodes))}, and this node listens to {here}: run with "
                 f"`--ros-args {rules}`"
             )
         return ""
@@ -555,7 +555,7 @@ def with_full_name(name: str, resolved: str) -> str:
     return name if resolved == f"/{name.lstrip('/')}" else f"{name} ({resolved})"
 
 
-def names_in_words(names: Collection[str], conjunction: str = "and") -> str:
+def join_names(names: Collection[str], conjunction: str = "and") -> str:
     """Return names as `/a, /b and /c`."""
     *most, last = names
     return f"{', '.join(most)} {conjunction} {last}" if most else last
@@ -586,7 +586,7 @@ def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
     )
 
 
-def _unheard(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) -> str:
+def _qos_conflict(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) -> str:
     """Describe that incompatible qualities of service stop all messages, with the remedy; empty if some pass.
 
     Args:

@@ -24,9 +24,9 @@ from threading import Thread
 from typing import TYPE_CHECKING
 
 from sar_compiler.helper_process import helper_command
-from sar_compiler.process_end import is_of_program
+from sar_compiler.process_end import is_program_file
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
-from sar_compiler.ros.leaves.goals import GoalEvent, end_in_words, goals_under_way
+from sar_compiler.ros.leaves.goals import GoalEvent, active_goals_of, end_in_words
 from sar_compiler.ros.run_extension import RunExtension
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from sar_compiler.compiler import CompiledTree
     from sar_compiler.ros.engine import Engine
-    from sar_compiler.ros.orphaned_goals import LeftGoal
+    from sar_compiler.ros.orphaned_goals import OrphanedGoal
 
 MAY_MOVE_SIGN = b"!"
 """Written to the mission's supervisor if the guardian has not seen the end of a goal."""
@@ -79,8 +79,8 @@ class Guardian(RunExtension):
 
     def listen(self) -> None:
         """Guard the goals of the node from here on."""
-        goals_under_way(self._node).listen(self.note)
-        heartbeats(self._node).listen(self.take_heartbeat)
+        active_goals_of(self._node).listen(self.note)
+        heartbeats(self._node).listen(self.forward_heartbeat)
 
     def note(self, news: GoalEvent) -> None:
         """Report a goal to the guardian; never blocks."""
@@ -91,7 +91,7 @@ class Guardian(RunExtension):
                 self._active[news.goal_id] = news.action
             self._write(_OVER if news.is_over else _SENT, news.goal_id, news.action)
 
-    def take_heartbeat(self, beat: Heartbeat) -> None:
+    def forward_heartbeat(self, beat: Heartbeat) -> None:
         """Pass a heartbeat on; never blocks, and may be called from any thread."""
         with self._lock:
             self._write(_BEAT, json.dumps(beat))
@@ -119,14 +119,14 @@ class Guardian(RunExtension):
         os.set_blocking(self._pipe.fileno(), False)
         for goal_id, action in self._active.items():
             self._write(_SENT, goal_id, action)
-        self._minder = threading.Thread(target=self._mind, name="guardian", daemon=True)
+        self._minder = threading.Thread(target=self._wait_for_end, name="guardian", daemon=True)
         self._minder.start()
 
     def _write(self, *words: str) -> None:
         with suppress(OSError, ValueError):  # a replaced guardian is sent the active goals
             os.write(self._pipe.fileno(), f"{' '.join(words)}\n".encode())
 
-    def _mind(self) -> None:
+    def _wait_for_end(self) -> None:
         """Wait for the guardian's end; start another one unless the mission requested the end."""
         began = time.monotonic()
         status = self._process.wait()
@@ -157,14 +157,14 @@ def main() -> None:
     from sar_compiler.ros.orphaned_goals import Canceller
 
     node = Canceller(f"sar_guardian_{os.getpid()}", security).node
-    wards = _Wards(node)
+    wards = _GuardedGoals(node)
     wards.follow(sys.stdin)
     if not wards.cancel(_GONE) and signs:
         os.write(int(signs), MAY_MOVE_SIGN)
     end_process(0, node.destroy_node)
 
 
-class _Wards:
+class _GuardedGoals:
     """The goals of a mission as known to its guardian.
 
     Args:
@@ -173,7 +173,7 @@ class _Wards:
 
     def __init__(self, node: "Node") -> None:
         self._node = node
-        self._active: dict[str, LeftGoal] = {}
+        self._active: dict[str, OrphanedGoal] = {}
         self._beat = Heartbeat()
         self._heard_at = 0.0
         self._is_reported = self._is_canceled = False
@@ -182,7 +182,7 @@ class _Wards:
     def follow(self, lines: Iterable[str]) -> None:
         """Track the goals to the end of the mission; cancel them when its heartbeats stop."""
         came: SimpleQueue[str] = SimpleQueue()
-        Thread(target=_pass_on, args=(lines, came), name="mission", daemon=True).start()
+        Thread(target=_forward_lines, args=(lines, came), name="mission", daemon=True).start()
         while True:
             looked_at = time.monotonic()
             try:
@@ -217,19 +217,21 @@ class _Wards:
 
     def _add(self, goal: GoalEvent) -> None:
         """Store a goal when it is sent, to discover its server before it must be canceled."""
-        from sar_compiler.ros.orphaned_goals import UNKNOWN_SEC, LeftGoal
+        from sar_compiler.ros.orphaned_goals import UNKNOWN_SEC, OrphanedGoal
 
         def report_end(status: int) -> None:
             words = f"{goal.action} was asked to cancel its goal, which {end_in_words(status)}"
             self._node.get_logger().warning(f"{self._why}: {words}")
 
-        self._active[goal.goal_id] = LeftGoal(self._node, goal, on_end=report_end, patience_sec=UNKNOWN_SEC)
+        self._active[goal.goal_id] = OrphanedGoal(
+            self._node, goal, on_end=report_end, patience_sec=UNKNOWN_SEC
+        )
 
     def _look(self, limit_sec: float, silent_sec: float) -> None:
         """Report missing heartbeats and cancel the goals if the mission cannot; it may tick again later."""
         if silent_sec > REPORT_SEC and not self._is_reported:
             self._is_reported = True
-            place = place_in_stack(self._beat)
+            place = source_line_in_stack(self._beat)
             self._node.get_logger().error(
                 f"nothing was ticked for {silent_sec + _GRACE_SEC:.0f} s, and the mission cannot report it itself: "
                 f"it is in {place}"
@@ -254,7 +256,7 @@ class _Wards:
         return not active
 
 
-def place_in_stack(beat: Heartbeat) -> str:
+def source_line_in_stack(beat: Heartbeat) -> str:
     """Return the source line of a thread, read from the output of Python's fault handler.
 
     Args:
@@ -266,7 +268,7 @@ def place_in_stack(beat: Heartbeat) -> str:
         return "an unreadable location"
     _, _, stack = stacks.partition(f"{beat.thread:x} (most recent call first):")
     for file, line, function in re.findall(r'^  File "(.+)", line (\d+) in (.+)$', stack, re.MULTILINE):
-        if is_of_program(file):
+        if is_program_file(file):
             return f"{file}:{line}, in {function}"
     return "native code"
 
@@ -275,7 +277,7 @@ def place_in_stack(beat: Heartbeat) -> str:
 _END = ""
 
 
-def _pass_on(lines: Iterable[str], queue: "SimpleQueue[str]") -> None:
+def _forward_lines(lines: Iterable[str], queue: "SimpleQueue[str]") -> None:
     for line in lines:
         queue.put(line)
     queue.put(_END)

@@ -35,7 +35,7 @@ class Heartbeats:
         self._listeners: list[Callable[[Heartbeat], None]] = []
 
     @property
-    def are_heard(self) -> bool:
+    def has_listeners(self) -> bool:
         """Whether any listener is registered."""
         return bool(self._listeners)
 

@@ -27,7 +27,7 @@ from sar_compiler.ros.engine import leaves_at_work
 from sar_compiler.ros.forced_end import ForcedEnd
 from sar_compiler.ros.guardian import Guardian
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.orphaned_goals import Cancel, cancel_apart
+from sar_compiler.ros.orphaned_goals import CancelFunction, make_separate_canceller
 from sar_compiler.ros.runner import TreeRunner
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
 from sar_compiler.ros.tick_watch import TickWatch
@@ -87,9 +87,9 @@ def running(
             runner.setup(node=node)
         if signals is not None:
             signals.ends_unnoticed = False
-        cancel = cancel_apart(node)
+        cancel = make_separate_canceller(node)
         stack.callback(runner.shutdown)
-        hosted = _Hosted(name, runner, node, cancel, settle_timeout_sec, signals)
+        hosted = _HostedTree(name, runner, node, cancel, settle_timeout_sec, signals)
         with hosted.watch(blocked_tick_timeout_sec):
             try:
                 yield runner
@@ -124,7 +124,7 @@ class _Signals(StopSignals):
             install_signal_handlers(self._options)
 
 
-class _Hosted:
+class _HostedTree:
     """A tree that a user's program ticks.
 
     Args:
@@ -141,7 +141,7 @@ class _Hosted:
         name: str,
         runner: TreeRunner,
         node: Node,
-        cancel: Cancel,
+        cancel: CancelFunction,
         settle_sec: float,
         signals: _Signals | None,
     ) -> None:
@@ -212,7 +212,7 @@ class _Hosted:
         self._is_ending = True
         if self._signals is not None:
             self._signals.is_noticed = True
-        names = self._settled() if alive(self._node) else []
+        names = self._has_settled() if alive(self._node) else []
         if not alive(self._node):
             names = list(self._cancel(self._settle_sec))
         if names:
@@ -220,7 +220,7 @@ class _Hosted:
             words = "a goal may still be active, and the robot may still be moving"
             print_error(f"{self._name}: {words}: {', '.join(names)}")
 
-    def _settled(self) -> list[str]:
+    def _has_settled(self) -> list[str]:
         executor = self._node.executor
         if executor is not None and self._node not in executor.get_nodes():  # `rclpy.spin` has removed it
             executor = None

@@ -189,7 +189,7 @@ class LifecycleNodes:
         """Record which of the nodes are present."""
         self._known.update(each for each in self._nodes if each.is_there)
 
-    def ask_again(self) -> None:
+    def ignore_answers(self) -> None:
         """Ignore the nodes' previous answers."""
         self._since = AWAKE.now()
 

@@ -17,8 +17,8 @@ from sar_compiler.nodes import ros_interfaces
 from sar_compiler.nodes.ros_fields import FieldPath
 from sar_compiler.ros.clock import AWAKE
 from sar_compiler.ros.leaves.leaf import interface_name, of_node
-from sar_compiler.ros.poses import yaw_of, yaw_of_turn
-from sar_compiler.tree.showing import short_line
+from sar_compiler.ros.poses import yaw_of, yaw_of_quaternion
+from sar_compiler.tree.display_text import shorten_to_line
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -319,7 +319,7 @@ def frame_of(message: Any) -> str:
     return frame_name(message.header.frame_id)
 
 
-class GridPlace(NamedTuple):
+class GridGeometry(NamedTuple):
     """The position and size of the cells of a `nav_msgs/msg/OccupancyGrid`.
 
     Attributes:
@@ -346,7 +346,7 @@ class GridPlace(NamedTuple):
         return 0.0 <= along < self.width * self.cell_m and 0.0 <= across < self.height * self.cell_m
 
 
-def grid_place(message: Any) -> GridPlace:
+def grid_geometry(message: Any) -> GridGeometry:
     """Return the position and size of the cells of a `nav_msgs/msg/OccupancyGrid`.
 
     Raises:
@@ -355,7 +355,7 @@ def grid_place(message: Any) -> GridPlace:
     info = message.info
     if not (math.isfinite(info.resolution) and info.resolution > 0.0):
         raise UnusableValueError(f"the resolution is {info.resolution:g}, and must be above 0 m")
-    return GridPlace(info.resolution, info.width, info.height, *planar_pose(info.origin))
+    return GridGeometry(info.resolution, info.width, info.height, *planar_pose(info.origin))
 
 
 class RigidTransform(NamedTuple):
@@ -378,7 +378,7 @@ class RigidTransform(NamedTuple):
     @property
     def planar(self) -> PlanarPose:
         """The pose of the child in the plane of the parent."""
-        return PlanarPose(*self.offset[:2], yaw_of_turn(*self.turn))
+        return PlanarPose(*self.offset[:2], yaw_of_quaternion(*self.turn))
 
 
 def read_transform(message: Any) -> RigidTransform:
@@ -391,7 +391,7 @@ def read_transform(message: Any) -> RigidTransform:
     child, parent = frame_name(message.child_frame_id), frame_name(message.header.frame_id)
     if not math.isfinite(place.x + place.y + place.z):
         raise UnusableValueError(
-            f"the translation of '{short_line(child)}' is ({place.x}, {place.y}, {place.z})"
+            f"the translation of '{shorten_to_line(child)}' is ({place.x}, {place.y}, {place.z})"
         )
     length = _check_rotation(turn, TRANSFORM_TOLERANCE)
     rotation = turn.x / length, turn.y / length, turn.z / length, turn.w / length
@@ -467,17 +467,17 @@ def read_odometry(message: bytes) -> OdometryReading:
     # Numbers of eight bytes are aligned to multiples of eight, counted from the end of the head.
     numbers = _POSE_AND_TWIST.unpack_from(message, at + (_HEAD - at) % 8)
     x, y, _, *turn = numbers[:7]
-    pose = PlanarPose(x, y, yaw_of_turn(*turn))
+    pose = PlanarPose(x, y, yaw_of_quaternion(*turn))
     return OdometryReading(frames[0], frames[1], pose, turn, numbers[7:], seconds + nanoseconds * 1e-9)
 
 
-def drive_left(feedback: Any) -> tuple[float, float] | None:
+def remaining_drive(feedback: Any) -> tuple[float, float] | None:
     """Return the remaining metres and seconds of a drive from Nav2's feedback; None if the feedback has none."""
     metres, time = feedback.distance_remaining, feedback.estimated_time_remaining
     return (metres, time.sec + time.nanosec * 1e-9) if math.isfinite(metres) and metres >= 0.0 else None
 
 
-def poses_left(feedback: Any) -> int:
+def remaining_poses(feedback: Any) -> int:
     """Return the number of remaining poses of a goal through poses, from Nav2's feedback."""
     return int(feedback.number_of_poses_remaining)
 
@@ -502,7 +502,7 @@ def check_frame(subject: str, message: Any, wanted: str, cause: str = "") -> Non
     frame = message.header.frame_id
     if frame != wanted:
         because = f" ({cause})" if cause else ""
-        text = f"{subject} is in the frame '{short_line(frame)}', and must be in '{wanted}'{because}"
+        text = f"{subject} is in the frame '{shorten_to_line(frame)}', and must be in '{wanted}'{because}"
         raise UnusableValueError(text, ValueProblem.FRAME)
 
 
@@ -650,7 +650,7 @@ class ValueReports:
         is_sure = error.problem is not ValueProblem.STALE or now - first >= _STAYS_SEC
         if is_sure and key not in self._reported:
             self._reported.add(key)
-            self._node.get_logger().warning(short_line(f"{source}: {error}. It is treated as unknown."))
+            self._node.get_logger().warning(shorten_to_line(f"{source}: {error}. It is treated as unknown."))
 
 
 def value_reports(node: "Node") -> ValueReports:

@@ -63,12 +63,12 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
     from rclpy.context import Context
     from rclpy.signals import SignalHandlerOptions
 
-    from sar_compiler.ros.arguments import readable_ros_errors
+    from sar_compiler.ros.arguments import convert_ros_errors
 
-    remove_what_the_dead_left()
+    remove_stale_segments()
     context = Context()
     try:
-        with readable_ros_errors():
+        with convert_ros_errors():
             rclpy.init(args=list(arguments), context=context, signal_handler_options=SignalHandlerOptions.NO)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", _UNHEARD, RuntimeWarning)
@@ -96,7 +96,7 @@ _NEW_SEC = 60.0
 _UNFINISHED_SEC = 2.0
 
 
-def remove_what_the_dead_left(folder: Path = _FOLDER) -> int:
+def remove_stale_segments(folder: Path = _FOLDER) -> int:
     """Remove the shared-memory segments of this user's dead processes; return their number.
 
     A segment with a held lock is left alone, and so is one that is younger than a minute or belongs to another user.

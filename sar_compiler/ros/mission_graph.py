@@ -21,11 +21,11 @@ _LOOK_SEC, _LONGEST_LOOK_SEC = 2.0, 15.0
 _ANSWER_SEC = 10.0
 
 
-class OrderError(SarError):
+class MissionCommandError(SarError):
     """A command could not be sent or was not carried out."""
 
 
-def missions_in_sight(node: Node) -> list[LeaseClaim]:
+def find_missions(node: Node) -> list[LeaseClaim]:
     """Return the missions that drive a robot, by their claims; a mission that drives none claims nothing.
 
     On a busy machine nodes discover each other late. The search continues for a while after a discovery, or without a claim.
@@ -62,7 +62,7 @@ def missions_in_sight(node: Node) -> list[LeaseClaim]:
         time.sleep(_TURN_SEC)
 
 
-def orders_of(node: Node, of: str) -> list[str]:
+def available_commands(node: Node, of: str) -> list[str]:
     """Return the commands without values that a mission's node accepts now, by the names of their services.
 
     Args:
@@ -74,7 +74,7 @@ def orders_of(node: Node, of: str) -> list[str]:
     return sorted(name.removeprefix(before) for name in found if name.startswith(before))
 
 
-def give_order(node: Node, of: str, order: str, sign: Callable[[Callable[[], None]], object]) -> str:
+def send_command(node: Node, of: str, order: str, sign: Callable[[Callable[[], None]], object]) -> str:
     """Send a command, and return the answer.
 
     Args:
@@ -84,7 +84,7 @@ def give_order(node: Node, of: str, order: str, sign: Callable[[Callable[[], Non
         sign: Announces the sender, then calls the function that sends the command.
 
     Raises:
-        OrderError: If the command is not answered, or not carried out.
+        MissionCommandError: If the command is not answered, or not carried out.
     """
     client: Any = node.create_client(Trigger, f"{of}/{order}")
     answered, answers = Event(), list[Any]()
@@ -94,10 +94,12 @@ def give_order(node: Node, of: str, order: str, sign: Callable[[Callable[[], Non
         answered.set()
 
     if not client.wait_for_service(_ANSWER_SEC):
-        raise OrderError(f"{of} no longer accepts '{order}'")
+        raise MissionCommandError(f"{of} no longer accepts '{order}'")
     sign(lambda: client.call_async(Trigger.Request()).add_done_callback(take))
     if not answered.wait(_ANSWER_SEC):
-        raise OrderError(f"{of} has not answered within {_ANSWER_SEC:g} s. It may have accepted '{order}'")
+        raise MissionCommandError(
+            f"{of} has not answered within {_ANSWER_SEC:g} s. It may have accepted '{order}'"
+        )
     if not answers[0].success:
-        raise OrderError(f"not carried out: {answers[0].message}")
+        raise MissionCommandError(f"not carried out: {answers[0].message}")
     return str(answers[0].message)

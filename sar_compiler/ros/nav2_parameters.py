@@ -36,7 +36,7 @@ _ANSWER_SEC = 2.0
 _FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value", 9: "string_array_value"}
 
 
-class _NodeQuestion:
+class _ParameterQuery:
     """The query for some parameters of one node: first which of them it has, then their values.
 
     A node of rclcpp returns no values if any queried parameter is undeclared, hence the first step.
@@ -98,7 +98,7 @@ class Nav2Parameters:
 
     def __init__(self, node: "Node") -> None:
         self._node = node
-        self._questions = {name: _NodeQuestion(node, name, wanted) for name, wanted in _WANTED.items()}
+        self._questions = {name: _ParameterQuery(node, name, wanted) for name, wanted in _WANTED.items()}
 
     def are_awaited(self) -> bool:
         """Query each present node once; return whether any has yet to answer."""

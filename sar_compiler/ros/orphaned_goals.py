@@ -26,10 +26,10 @@ from sar_compiler.ros.leaves.goals import (
     FINAL,
     UNKNOWN,
     GoalEvent,
+    active_goals_of,
     cancel_client,
     cancel_request,
     goal_statuses_of,
-    goals_under_way,
     uuid_message,
 )
 from sar_compiler.ros.leaves.leaf import find_interface, of_node
@@ -45,7 +45,7 @@ UNKNOWN_SEC = 3.0
 _TURN_SEC = 0.05
 
 
-def note_goals(node: Node, journal: Journal) -> None:
+def record_goals(node: Node, journal: Journal) -> None:
     """Record every goal of a node in the journal before it is sent, and its end."""
 
     def note(news: GoalEvent) -> None:
@@ -54,7 +54,7 @@ def note_goals(node: Node, journal: Journal) -> None:
         else:
             _watch_end(journal, news.goal_id, news.status)
 
-    goals_under_way(node).listen(note)
+    active_goals_of(node).listen(note)
 
 
 def _watch_end(journal: Journal, goal_id: str, status: int) -> None:
@@ -71,10 +71,10 @@ class OrphanedGoals(Requirement):
 
     def __init__(self, node: Node, journal: Journal) -> None:
         self._goals = [
-            LeftGoal(
+            OrphanedGoal(
                 node, GoalEvent(goal.goal_id, goal.action), on_end=partial(_watch_end, journal, goal.goal_id)
             )
-            for goal in journal.goals_left()
+            for goal in journal.active_goals()
         ]
 
     def missing(self) -> str | None:
@@ -101,7 +101,7 @@ class CancelClients:
         self.canceller = cancel_client(self._node, self._action)
         self._prober: Client | None = None
 
-    def renew_if_unheard(self) -> None:
+    def renew_if_silent(self) -> None:
         """Replace the clients after long silence: a server drops answers to readers it has not discovered."""
         if self._unheard_since is None or time.monotonic() - self._unheard_since < _RENEWAL_SEC:
             return
@@ -137,7 +137,7 @@ class CancelClients:
         return None
 
 
-class LeftGoal:
+class OrphanedGoal:
     """A goal whose process is gone or cannot cancel it, canceled from here until its end is seen.
 
     Three sources show its end: the status topic, the answer to the request for its result, and a server that does not
@@ -177,7 +177,7 @@ class LeftGoal:
             self._end(status)
         if self._is_over:
             return None
-        self._clients.renew_if_unheard()
+        self._clients.renew_if_silent()
         if not self._clients.canceller.service_is_ready():
             return f"action {self.action}: no server that could cancel the orphaned goal"
         if time.monotonic() - self._asked_at >= _PERIOD_SEC:
@@ -223,7 +223,7 @@ class LeftGoal:
             self._on_end(status)
 
 
-def cancel_goals(goals: Sequence[LeftGoal], node: Node, limit_sec: float) -> list[LeftGoal]:
+def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) -> list[OrphanedGoal]:
     """Cancel goals until their ends are seen; return those that may still be active.
 
     Args:
@@ -271,7 +271,7 @@ class Canceller:
             on_request: Called with each goal once the first request to cancel it was sent.
         """
         left = [
-            LeftGoal(self.node, goal, on_request=partial(on_request, goal), patience_sec=UNKNOWN_SEC)
+            OrphanedGoal(self.node, goal, on_request=partial(on_request, goal), patience_sec=UNKNOWN_SEC)
             for goal in goals
         ]
         return [goal.action for goal in cancel_goals(left, self.node, limit_sec)]
@@ -282,14 +282,14 @@ class Canceller:
         self.context.try_shutdown()
 
 
-class Cancel(Protocol):
+class CancelFunction(Protocol):
     """Cancels the goals of a node from another thread than its executor's."""
 
     def __call__(self, limit_sec: float) -> Sequence[str]:
         """Return the actions of the goals whose ends were not seen within a limit, in seconds."""
 
 
-def cancel_apart(node: Node) -> Cancel:
+def make_separate_canceller(node: Node) -> CancelFunction:
     """Return a function that cancels a node's goals in a new ROS context, for a blocked executor or a dead context.
 
     Args:
@@ -302,7 +302,7 @@ def cancel_apart(node: Node) -> Cancel:
         logger.info(f"Canceling the goal of '{goal.action}'.")
 
     def cancel(limit_sec: float) -> Sequence[str]:
-        goals = goals_under_way(node).active()
+        goals = active_goals_of(node).active()
         if not goals:
             return []
         canceller = Canceller(f"{name}_canceller_{os.getpid()}", security, domain)

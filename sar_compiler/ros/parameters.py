@@ -7,7 +7,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sar_compiler.ros.arguments import RosArgumentError, readable_ros_errors
+from sar_compiler.ros.arguments import RosArgumentError, convert_ros_errors
 
 
 class DataNode(Node):
@@ -26,7 +26,7 @@ class DataNode(Node):
     def __init__(
         self, name: str, context: Context | None = None, cli_args: list[str] | None = None, **options: Any
     ) -> None:
-        with readable_ros_errors():
+        with convert_ros_errors():
             try:
                 super().__init__(
                     name,

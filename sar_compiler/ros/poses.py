@@ -18,10 +18,10 @@ def turn_by(orientation: Any, yaw: float) -> None:
 
 def yaw_of(orientation: Any) -> float:
     """Return the angle about z of a quaternion of any length, in radians; NaN if it is not finite."""
-    return yaw_of_turn(orientation.x, orientation.y, orientation.z, orientation.w)
+    return yaw_of_quaternion(orientation.x, orientation.y, orientation.z, orientation.w)
 
 
-def yaw_of_turn(x: float, y: float, z: float, w: float) -> float:
+def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     """Return the angle about z of a quaternion, given as four numbers, in radians."""
     if not math.isfinite(math.hypot(x, y, z, w)):
         return math.nan

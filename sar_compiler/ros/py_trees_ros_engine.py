@@ -16,11 +16,11 @@ from rclpy.node import Node
 from sar_compiler.missions.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.engine import (
     give_up,
+    log_failure,
     require_tickable_depth,
     settle,
     shut_down,
     stop_behaviours,
-    tell_failure,
 )
 from sar_compiler.runtime.kernel.leaf_nodes import insist_on_status
 
@@ -109,7 +109,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
 
     def _fail(self, error: Exception) -> None:
         self.failure = error
-        self._stop(tell_failure(self.node, error))
+        self._stop(log_failure(self.node, error))
 
     def _stop(self, failed: Behaviour | None) -> None:
         if self._stopped:

@@ -29,7 +29,7 @@ from sar_compiler.ros.nav2_log import nav2_log
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.poses import estimated_pose
 from sar_compiler.ros.robot_estimate import robot_estimate
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 InitialPose = tuple[float, float, float]
 """x and y in metres, yaw in radians."""
@@ -68,7 +68,7 @@ class Requirement(ABC):
         """Destroy the entities that it created on the node."""
 
 
-class MisplacedRobotError(SarError):
+class RobotMovedError(SarError):
     """A robot is not at the initial pose that a mission would send to its localisation.
 
     Attributes:
@@ -147,7 +147,7 @@ class LocalisationCheck(Requirement):
         """Publish the pose if due, and describe a missing answer; None once there is one.
 
         Raises:
-            MisplacedRobotError: If the localisation has a pose that is far from the initial one.
+            RobotMovedError: If the localisation has a pose that is far from the initial one.
         """
         has_taken_it = self._has_asked and self._robot.pose_at >= self._sent_at
         now = AWAKE.now()
@@ -186,7 +186,7 @@ class LocalisationCheck(Requirement):
         """Return whether an unlocalised robot is at its odometry's start or at `initial_pose`; True without odometry.
 
         Raises:
-            MisplacedRobotError: If it is elsewhere.
+            RobotMovedError: If it is elsewhere.
         """
         is_known = self._restarts or self._has_asked or self._robot.is_localised
         if is_known or not ros_graph(self._node).publishers(_ODOMETRY.name):
@@ -196,7 +196,7 @@ class LocalisationCheck(Requirement):
         here = self._robot.odometry[:2]
         moved = min(math.dist(here, (0.0, 0.0)), math.dist(here, self._pose[:2]))
         if moved > MOVED_M:
-            raise MisplacedRobotError(None, self._pose, moved=moved, can_resume=self._can_resume)
+            raise RobotMovedError(None, self._pose, moved=moved, can_resume=self._can_resume)
         return True
 
     def _is_heard_too_briefly(self, now: float) -> bool:
@@ -213,14 +213,14 @@ class LocalisationCheck(Requirement):
         """Return whether the localisation has a pose at the initial position, with another yaw.
 
         Raises:
-            MisplacedRobotError: If it has one elsewhere.
+            RobotMovedError: If it has one elsewhere.
         """
-        others = self._robot.pose is None and self._robot.hears_others
+        others = self._robot.pose is None and self._robot.hears_other_robots
         if self._has_asked or not self._robot.is_localised or others:
             return False
         place = self._robot.place()
         if place is None or not math.dist(place[:2], self._pose[:2]) <= _AGREES_M:
-            raise MisplacedRobotError(place, self._pose, can_resume=self._can_resume)
+            raise RobotMovedError(place, self._pose, can_resume=self._can_resume)
         turned = abs(math.remainder(place[2] - self._pose[2], math.tau))
         if not turned <= _AGREES_RAD:
             self._node.get_logger().warning(
@@ -293,7 +293,7 @@ class Nav2Check(Requirement):
                 f"; {MANAGER} has not started Nav2 up (autostart is off): "
                 f'ros2 service call {call} nav2_msgs/srv/ManageLifecycleNodes "{{command: 0}}"'
             )
-        stuck, what = _stuck({**states, self._lifecycle.name: state}, self._log.failed_change())
+        stuck, what = _failed_bringup({**states, self._lifecycle.name: state}, self._log.failed_change())
         said = self._log.quote(stuck)
         pose = ", and give the initial pose within its initial_transform_timeout"
         if self._robot.localisation_conflict():
@@ -313,7 +313,7 @@ class Nav2Check(Requirement):
         return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
 
 
-def _stuck(states: Mapping[str, str], named: str) -> tuple[str, str]:
+def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
     """Return the node whose bring-up failed, and the failed step in words.
 
     Args:
@@ -414,7 +414,7 @@ class Readiness:
             self._wait_for_nav2(initial_pose, restarts, can_resume)
         elif Use.transforms() in uses:
             sources = frame_sources(node)
-            self._steps.append(lambda: self._graph.missing_transforms() or sources.conflict() or None)
+            self._steps.append(lambda: self._graph.explain_missing_transforms() or sources.conflict() or None)
         self._steps += [
             partial(self._missing_endpoint, each) for each in self._endpoints if each.kind != "node"
         ]
@@ -495,16 +495,16 @@ class Readiness:
     def warn(self) -> None:
         """Log likely problems that do not prevent the start: several sources, or an unused clock."""
         topics = [each.name for each in self._endpoints if each.kind == "topic"]
-        lines = [self._graph.unused_clock()]
+        lines = [self._graph.unused_clock_problem()]
         if self.uses_nav2 and not self._is_robot_elsewhere:
             topics += ["map", "amcl_pose", _ODOMETRY.name]
             odometry = self._graph.ask(_ODOMETRY)
             lines.append(
                 f"{odometry.title}: {odometry.problem}{odometry.explanation}" if odometry.elsewhere else ""
             )
-        for line in dict.fromkeys([*lines, *map(self._graph.several_publishers, topics)]):
+        for line in dict.fromkeys([*lines, *map(self._graph.publisher_conflict, topics)]):
             if line:
-                self.node.get_logger().warning(in_one_line(f"{line}."))
+                self.node.get_logger().warning(escape_to_one_line(f"{line}."))
 
     def close(self) -> None:
         """Destroy the clients and subscriptions on the node when the wait is aborted."""
@@ -554,14 +554,14 @@ def wait_until_ready(
                 logger.info(_waiting_line(readiness))
             if not _spin_for(executor, min(_TURN_SEC, timeout_sec)):
                 return
-    except MisplacedRobotError as error:
+    except RobotMovedError as error:
         raise NotReadyError([str(error)], None) from error
     finally:
         readiness.close()
 
 
 def _waiting_line(readiness: Readiness) -> str:
-    return in_one_line("Waiting for: " + "; ".join(readiness.missing()))
+    return escape_to_one_line("Waiting for: " + "; ".join(readiness.missing()))
 
 
 def _spin_for(executor: Executor, duration_sec: float) -> bool:

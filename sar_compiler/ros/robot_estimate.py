@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from sar_compiler.missions.parameter_reader import SETTLE_SEC
 from sar_compiler.ros.clock import AWAKE, ClockedTime, Deadline, NodeTime, deadline_clock
 from sar_compiler.ros.frame_sources import child_frames, frame_sources
-from sar_compiler.ros.graph_queries import names_in_words, ros_graph
-from sar_compiler.ros.leaves.goals import goals_under_way
+from sar_compiler.ros.graph_queries import join_names, ros_graph
+from sar_compiler.ros.leaves.goals import active_goals_of
 from sar_compiler.ros.leaves.leaf import RosLeaf, of_node, qos_profile
 from sar_compiler.ros.lifecycle import DRIVING_NODES, LifecycleNodes, LifecycleState
 from sar_compiler.ros.message_values import (
@@ -122,7 +122,7 @@ class RobotEstimate:
         return self._own_time.now() - self._slow_since >= _STANDS_SEC
 
     @property
-    def speed_in_words(self) -> str:
+    def speed_text(self) -> str:
         """The speeds in the last odometry, in words."""
         return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
 
@@ -165,7 +165,7 @@ class RobotEstimate:
         """Return the robot's last localised pose, in the frame `map`; None if it is unknown."""
         return self._place_by_transforms() or self.pose
 
-    def current_place(self) -> PlanarPose | None:
+    def current_pose(self) -> PlanarPose | None:
         """Return the current pose of the robot in the frame `map`; None if it is unknown or outdated."""
         if self.lost_transforms():
             return None
@@ -229,20 +229,20 @@ class RobotEstimate:
         Until this is resolved, no initial pose is sent or requested, because the localisation could be the other robot's.
         """
         graph = ros_graph(self._node)
-        conflict = graph.foreign_localisation() or frame_sources(self._node).conflict()
-        if conflict or self.pose is not None or self.transform_at is None or self.hears_others:
+        conflict = graph.foreign_localisation_problem() or frame_sources(self._node).conflict()
+        if conflict or self.pose is not None or self.transform_at is None or self.hears_other_robots:
             return conflict
         others = graph.other_robots()
         if not others:
             return ""
         return (
             f"transforms from 'map' may be another robot's: {self._node.resolve_topic_name('/tf')} is also published by "
-            f"{names_in_words(others)}. Give each robot transforms of its own "
+            f"{join_names(others)}. Give each robot transforms of its own "
             "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
         )
 
     @property
-    def hears_others(self) -> bool:
+    def hears_other_robots(self) -> bool:
         """Whether all transforms from `map` lead to other robots' frames, judging by this robot's odometry."""
         knows = self.odometry is not None and self.transform_at is not None
         return knows and not self._has_own_transforms and bool(ros_graph(self._node).other_robots())
@@ -266,11 +266,13 @@ class RobotEstimate:
         if self.odometry is None or not self._transforms:
             return None
         for each in deserialize_message(self._transforms, TFMessage).transforms:
-            if (place := self._reports.read("Topic '/tf'", partial(self._placed_by, each))) is not None:
+            if (
+                place := self._reports.read("Topic '/tf'", partial(self._pose_from_transform, each))
+            ) is not None:
                 return place
         return None
 
-    def _placed_by(self, message: Any) -> PlanarPose | None:
+    def _pose_from_transform(self, message: Any) -> PlanarPose | None:
         """Return the pose from a transform; None if it does not start at `map` or does not end at a frame of the odometry.
 
         Raises:
@@ -308,7 +310,7 @@ class Standstill:
 
     def __init__(self, leaf: RosLeaf, wake: Wake, since: str, *, with_goals: bool = False) -> None:
         self._leaf, self._wake, self._since = leaf, wake, since
-        self._goals = goals_under_way(leaf.node) if with_goals else None
+        self._goals = active_goals_of(leaf.node) if with_goals else None
         self._robot = robot_estimate(leaf.node)
         self._due: Deadline | None = None
         self._told = False
@@ -330,9 +332,7 @@ class Standstill:
         if has_passed and not self._told:
             # Log it once: each line would have another speed.
             self._told = True
-            what = (
-                f"the robot still moves ({self._robot.speed_in_words})" if moves else "a goal may be active"
-            )
+            what = f"the robot still moves ({self._robot.speed_text})" if moves else "a goal may be active"
             self._leaf.complain(
                 f"'{self._leaf.name}': {what} {self._robot.settle_timeout_sec:g} s after {self._since}."
             )

@@ -73,7 +73,7 @@ class LeaseClaim(NamedTuple):
         node, host = (ascii(text[:_SHOWN])[1:-1] for text in (self.node, self.host))
         return f"node {node} (process {self.pid} on {host})"
 
-    def goes_before(self, other: "LeaseClaim") -> bool:
+    def has_priority_over(self, other: "LeaseClaim") -> bool:
         """Return whether the other must give way: a running mission has priority, then the older one."""
         return (not self.runs, self.since, self.key) < (not other.runs, other.since, other.key)
 
@@ -135,10 +135,10 @@ class RobotLease(Requirement):
         rival = self._rival()
         if rival is not None:
             raise AnotherMissionError(rival)
-        looks = self._subscriptions and self._looks_around()
+        looks = self._subscriptions and self._may_miss_claims()
         return "looking for another mission on this robot" if looks else None
 
-    def _looks_around(self) -> bool:
+    def _may_miss_claims(self) -> bool:
         """Return whether a mission may exist whose claim has not arrived: nodes meet late on a busy machine."""
         now, nodes = time.monotonic(), ros_graph(self._node).nodes()
         if nodes - self._seen:
@@ -185,7 +185,7 @@ class RobotLease(Requirement):
             )
 
     def _rival(self) -> LeaseClaim | None:
-        return next((other for other in self._others.values() if other.goes_before(self._mine)), None)
+        return next((other for other in self._others.values() if other.has_priority_over(self._mine)), None)
 
     def _publish(self) -> None:
         for topic, publisher in self._publishers.items():
@@ -198,7 +198,7 @@ class RobotLease(Requirement):
             return
         if len(self._others) >= _MOST and claim.key not in self._others:
             # Only a claim with priority matters.
-            if self._rival() is not None or not claim.goes_before(self._mine):
+            if self._rival() is not None or not claim.has_priority_over(self._mine):
                 return
             self._told.add(claim.key)
             del self._others[next(iter(self._others))]

@@ -29,7 +29,7 @@ from sar_compiler.ros.message_values import (
     PlanarPose,
     battery_share,
     frame_of,
-    grid_place,
+    grid_geometry,
     logged_sec,
     path_points,
     value_reports,
@@ -173,7 +173,7 @@ class RobotObserver:
         self._journal.watch(PLAN, frame=frame_of(message), points=drawn)
 
     def _on_map(self, message: Any) -> None:
-        if (place := self._reports.read("Topic 'map'", lambda: grid_place(message))) is None:
+        if (place := self._reports.read("Topic 'map'", lambda: grid_geometry(message))) is None:
             return
         said = (*place, zlib.crc32(message.data))
         # Drawing a map takes time in the thread that ticks, so the same map is not drawn again.

@@ -27,16 +27,16 @@ from sar_compiler.ros.clock import steady_timer
 from sar_compiler.ros.engine import (
     error_text,
     give_up,
+    log_failure,
     require_tickable_depth,
     settle,
     shut_down,
     stop_behaviours,
     tell,
-    tell_failure,
 )
 from sar_compiler.ros.executors import call_soon
 from sar_compiler.ros.leaves.leaf import alive
-from sar_compiler.ros.orphaned_goals import Cancel, cancel_apart
+from sar_compiler.ros.orphaned_goals import CancelFunction, make_separate_canceller
 from sar_compiler.runtime.breakpoints import Breakpoints, tick_with_breakpoints
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
@@ -159,7 +159,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self.failure: Exception | None = None
         self.failed_behaviour: Behaviour | None = None
         self._owns_node = False
-        self._cancel_apart: Cancel = _cancel_nothing
+        self._cancel_apart: CancelFunction = _cancel_nothing
         self._beat: TickScheduler | None = None
         self._guard: Any = None
         self._handlers: tuple[TickHandler | None, TickHandler | None] = (None, None)
@@ -203,7 +203,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._owns_node = node is None
         self.node = node if node is not None else rclpy.create_node(node_name)
         self._guard = self._make_guard(self.node)
-        self._cancel_apart = cancel_apart(self.node)
+        self._cancel_apart = make_separate_canceller(self.node)
         limit = float(timeout.value if isinstance(timeout, Duration) else timeout)
         try:
             self._set_up_behaviours(limit, visitor, {"node": self.node, "wake": self.wake, **kwargs})
@@ -468,7 +468,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         ):  # Python does not let a generator such as `_tick` pass it on
             error = error.__cause__
         self.failure = error
-        self.failed_behaviour = tell_failure(self.node, error)
+        self.failed_behaviour = log_failure(self.node, error)
         self.stop()
 
     def _pause(self) -> None:

@@ -50,7 +50,7 @@ class StopSignals:
         self._mouth = mouth
         self._listener_before = signal.set_wakeup_fd(mouth.fileno(), warn_on_full_buffer=False)
         self._before = {
-            number: signal.signal(number, self._let_go)
+            number: signal.signal(number, self._on_signal)
             for number in _NUMBERS
             if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN
         }
@@ -115,7 +115,7 @@ class StopSignals:
         """End the process at once."""
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
-    def _let_go(self, _number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         """Interrupt the main thread if requested; else system calls continue, and the listening thread gets the signal."""
         if self._interrupts:
             self._interrupts = False

@@ -20,14 +20,14 @@ from py_trees.behaviour import Behaviour
 from rclpy.node import Node
 
 from sar_compiler.missions.parameter_reader import BLOCKED_TICK_SEC
-from sar_compiler.process_end import place_of_thread
+from sar_compiler.process_end import thread_location
 from sar_compiler.ros.clock import steady_timer
-from sar_compiler.ros.engine import behaviour_title, places_of
+from sar_compiler.ros.engine import behaviour_title, source_locations
 from sar_compiler.ros.heartbeats import REPORT_SEC, Heartbeat, heartbeats
-from sar_compiler.ros.leaves.goals import goals_under_way
-from sar_compiler.ros.orphaned_goals import Cancel
+from sar_compiler.ros.leaves.goals import active_goals_of
+from sar_compiler.ros.orphaned_goals import CancelFunction
 from sar_compiler.ros.signals import UNNOTICED_SEC, StopSignals
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 _PERIOD_SEC, _LOOK_SEC = 0.5, 0.2
 # A check that is late by this much shows a standstill of the whole process, for which no leaf is to blame; seconds.
@@ -58,7 +58,7 @@ class TickWatch:
         node: Node,
         root: Behaviour,
         *,
-        cancel: Cancel | None,
+        cancel: CancelFunction | None,
         cancel_sec: float = BLOCKED_TICK_SEC,
         signals: StopSignals | None = None,
         end: Callable[[str], object] = lambda _: None,
@@ -75,7 +75,7 @@ class TickWatch:
         self._is_over = threading.Event()
         self._is_reported = self._is_canceled = False
         # In memory, and readable by the guardian under /proc.
-        self._stack = os.memfd_create("stacks") if self._heartbeats.are_heard else None
+        self._stack = os.memfd_create("stacks") if self._heartbeats.has_listeners else None
 
     def __enter__(self) -> None:
         """Start watching."""
@@ -128,24 +128,24 @@ class TickWatch:
             self._is_reported = True
             self._heartbeats.report(Heartbeat(self._cancel_sec, is_reported=True))
             self._logger.error(
-                f"Nothing was ticked for {silent_sec:.0f} s: {in_one_line(self.where())}. Time limits, answers and "
+                f"Nothing was ticked for {silent_sec:.0f} s: {escape_to_one_line(self.where())}. Time limits, answers and "
                 "commands have no effect meanwhile. Send a request in initialise(), and poll its answer in update()."
             )
-        if self._is_to_be_ended(silent_sec):
+        if self._must_end(silent_sec):
             self.end(self.where())
         if silent_sec > self._cancel_sec and not self._is_canceled and self._cancel is not None:
             self._is_canceled = True
             self._cancel_goals(self._cancel)
 
-    def _is_to_be_ended(self, silent_sec: float) -> bool:
+    def _must_end(self, silent_sec: float) -> bool:
         """Return whether the thread that ticks has not carried out a signal's request."""
         if self._signals is None or (asked_at := self._signals.came_at) is None:
             return False
         patience_sec = self._settle_sec if self._signals.is_noticed else UNNOTICED_SEC
         return min(silent_sec, time.monotonic() - asked_at) > patience_sec
 
-    def _cancel_goals(self, cancel: Cancel) -> None:
-        if not len(goals_under_way(self._node)):
+    def _cancel_goals(self, cancel: CancelFunction) -> None:
+        if not len(active_goals_of(self._node)):
             return
         self._logger.error(f"Nothing was ticked for {self._cancel_sec:g} s: canceling the goals.")
         for action in cancel(_TRYING_SEC):
@@ -154,8 +154,8 @@ class TickWatch:
     def where(self) -> str:
         """Return the blocking leaf with its lines, or else the line of the program."""
         if (leaf := self.blocking_leaf()) is not None:
-            return f"{behaviour_title(leaf)} blocks{places_of(leaf, self._frames())}"
-        place = place_of_thread(self._thread)
+            return f"{behaviour_title(leaf)} blocks{source_locations(leaf, self._frames())}"
+        place = thread_location(self._thread)
         return f"the program is in {place}" if place else "the executor does not turn"
 
     def blocking_leaf(self) -> Behaviour | None:

@@ -11,7 +11,7 @@ from sar_compiler.runtime.variables import (
     UnknownValueError,
     fit,
     number_of,
-    whole_or_real,
+    parse_number_text,
 )
 
 _PLAIN = (bool, int, float, str)
@@ -83,7 +83,7 @@ def value_to_assign(held: object, kind: type | None, value: ScriptValue, enums: 
         if kind is not None:
             return read_as(value, kind)
         if isinstance(held, (int, float)) and not isinstance(held, bool):
-            return float(whole_or_real(value, enums))
+            return float(parse_number_text(value, enums))
     return value_to_keep(held, value, enums)
 
 

@@ -66,7 +66,7 @@ class Program:
 
     def __init__(self, script: Script, enums: Mapping[str, int] = _NO_ENUMS) -> None:
         self.script = script
-        maker = _Maker(script.text, enums)
+        maker = _ScriptCompiler(script.text, enums)
         self.statements = tuple(maker.make(statement) for statement in script.statements)
 
     def run(self, variables: Variables) -> ScriptValue:
@@ -100,10 +100,10 @@ class Program:
         try:
             return operators.as_condition(value)
         except RefusedValueError as error:
-            raise no_condition(self.script, error) from error
+            raise condition_type_error(self.script, error) from error
 
 
-class _Maker:
+class _ScriptCompiler:
     def __init__(self, text: str, enums: Mapping[str, int]) -> None:
         self._text = text
         self._enums = dict(enums)
@@ -157,7 +157,7 @@ class _Maker:
                 try:
                     value = calculate(value, right)
                 except RefusedValueError as error:
-                    raise step_failure(self._text, node, step, error, value, right) from error
+                    raise chain_error(self._text, node, step, error, value, right) from error
             return value
 
         return run
@@ -175,7 +175,7 @@ class _Maker:
                     if not compare(operator, left, right, enums):
                         return 0.0
                 except RefusedValueError as error:
-                    raise step_failure(self._text, node, step, error, left, right) from error
+                    raise chain_error(self._text, node, step, error, left, right) from error
                 left = right
             return 1.0
 
@@ -215,7 +215,7 @@ class _Maker:
             raise failure(self._text, node, error) from error
 
 
-def no_condition(script: Script, error: RefusedValueError) -> EvaluationError:
+def condition_type_error(script: Script, error: RefusedValueError) -> EvaluationError:
     """Return the error for a script's value that is neither true nor false."""
     hint = "'=' assigns a value; write '==' to compare" if script.closing_assignment else None
     start, end = (script.statements[-1].start, script.statements[-1].end) if script.statements else (0, 0)
@@ -223,7 +223,7 @@ def no_condition(script: Script, error: RefusedValueError) -> EvaluationError:
     return EvaluationError(message, start, end, hint)
 
 
-def step_failure(
+def chain_error(
     text: str,
     node: Operation | ComparisonChain,
     step: OperatorTerm,

@@ -116,7 +116,7 @@ class TickRecord(NamedTuple):
         return self.events[-1].status
 
 
-def with_end(
+def append_end(
     events: Iterable[Event], root: str, status: str, tick: int = 0, time_sec: float | None = None
 ) -> tuple[Event, ...]:
     """Return the events of a tick, with its end.

@@ -51,7 +51,7 @@ class _ScriptLeaf(Behaviour):
     def update(self) -> Status:
         """Run the script; once its compiled form is known, that replaces this method."""
         if self._quick is None:
-            self._quick = self.script.quick_update(_SUCCESS, _FAILURE if self.is_condition else None)
+            self._quick = self.script.fast_update(_SUCCESS, _FAILURE if self.is_condition else None)
         quick = self._quick
         if quick is not None:
             # Another wrapper may be around this method.

@@ -17,12 +17,12 @@ from sar_compiler.errors import SarError
 Wake = Callable[[], None]
 
 
-def stay_asleep() -> None:
+def ignore_wake() -> None:
     """Do nothing: the `Wake` of a runner that has none."""
 
 
 @runtime_checkable
-class Settling(Protocol):
+class SettlingLeaf(Protocol):
     """A leaf that may leave something active after it was stopped, such as a pending cancellation."""
 
     def settled(self) -> bool:

@@ -12,10 +12,10 @@ from sar_compiler.runtime.variables import (
     RefusedValueError,
     ScriptValue,
     as_real,
-    as_whole,
     describe_value,
     number_of,
-    whole_or_real,
+    parse_number_text,
+    to_int64,
 )
 
 EPSILON = 2.0**-23
@@ -52,7 +52,7 @@ def join(left: ScriptValue, right: ScriptValue) -> ScriptValue:
 def complement(value: ScriptValue) -> ScriptValue:
     """Invert the bits of a number, of which only the integer part is used."""
     number = as_real(value)
-    return float(~as_whole(float(math.trunc(number)) if math.isfinite(number) else number))
+    return float(~to_int64(float(math.trunc(number)) if math.isfinite(number) else number))
 
 
 BINARY: Mapping[str, Callable[[ScriptValue, ScriptValue], ScriptValue]] = {
@@ -124,7 +124,7 @@ _COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
 
 
 def _comparable(value: ScriptValue, enums: Mapping[str, int]) -> float:
-    return float(whole_or_real(value, enums)) if isinstance(value, str) else as_real(value)
+    return float(parse_number_text(value, enums)) if isinstance(value, str) else as_real(value)
 
 
 def _join(left: str, right: str) -> str:
@@ -141,7 +141,7 @@ def _as_text(value: object) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, int):
-        return str(as_whole(value))
+        return str(to_int64(value))
     if isinstance(value, float):
         return f"{value:f}"
     raise RefusedValueError(f"{describe_value(value)} is neither a string nor a number")
@@ -149,7 +149,7 @@ def _as_text(value: object) -> str:
 
 def _bits(value: ScriptValue) -> int:
     """Return the operand of an operator on bits."""
-    return as_whole(as_real(value))
+    return to_int64(as_real(value))
 
 
 def _truth(value: ScriptValue) -> bool:

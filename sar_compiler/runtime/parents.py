@@ -16,7 +16,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.runtime.clock import Clock, WallClock
-from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
+from sar_compiler.runtime.leaf_protocol import Wake, ignore_wake
 
 if TYPE_CHECKING:
     from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, TreeNode, Visit
@@ -42,7 +42,7 @@ class Children(list[Behaviour]):
         return list, (list(self),)
 
 
-def _counting(name: str) -> Callable[..., Any]:
+def _count_changes(name: str) -> Callable[..., Any]:
     change = getattr(list, name)
 
     @wraps(change)
@@ -55,7 +55,7 @@ def _counting(name: str) -> Callable[..., Any]:
 
 _PLAIN = ("append", "clear", "extend", "insert", "pop", "remove", "reverse", "sort")
 for _name in (*_PLAIN, "__delitem__", "__iadd__", "__imul__", "__setitem__"):
-    setattr(Children, _name, _counting(_name))
+    setattr(Children, _name, _count_changes(_name))
 
 
 class TickedTree(Protocol):
@@ -106,7 +106,7 @@ class EngineBehaviour(Behaviour):
     clock: Clock = WallClock()
     place: tuple[TickedTree, int] | None = None
     """The tree that contains its node, and the node's index in it."""
-    wake: Wake = staticmethod(stay_asleep)
+    wake: Wake = staticmethod(ignore_wake)
     """Requests the next tick at once, for a node that returns RUNNING between children, so that other nodes are ticked."""
 
     def setup(self, **kwargs: Any) -> None:
@@ -115,7 +115,7 @@ class EngineBehaviour(Behaviour):
         Args:
             **kwargs: The runner's arguments; `wake` is optional and requests another tick at once.
         """
-        self.wake = kwargs.get("wake", stay_asleep)
+        self.wake = kwargs.get("wake", ignore_wake)
 
     def build_node(self, part: "NodeBuilder") -> "TreeNode":
         """Build the node with the kernel's builder."""

@@ -54,7 +54,7 @@ _COMPARISONS = frozenset(("==", "!=", *_DENIED))
 _CALCULATE = {"+": "add", "..": "join", "&": "bits_of_both", "|": "bits_of_any", "^": "bits_of_one"}
 
 
-def quick_script(
+def compile_fast_script(
     script: Script,
     entry: Callable[[str], Entry],
     enums: Mapping[str, int],
@@ -91,15 +91,15 @@ class _Return(NamedTuple):
     is_condition: bool
     has_answers: bool
 
-    def made_of(self, holds: ast.expr) -> ast.expr:
+    def from_condition(self, holds: ast.expr) -> ast.expr:
         """Return the code of the result for an expression that is true or false."""
         return ast.IfExp(holds, _load("then"), _load("otherwise")) if self.has_answers else holds
 
-    def made_of_given(self) -> ast.expr:
+    def from_given(self) -> ast.expr:
         """Return the code of the result for the value `given`."""
         given = _load("given")
         if self.is_condition:
-            return self.made_of(_call("condition", given))
+            return self.from_condition(_call("condition", given))
         return _load("then") if self.has_answers else given
 
 
@@ -133,7 +133,7 @@ def _body(statements: Sequence[SkeletonPart | None], ending: _Return) -> list[as
         is_answer = ending.is_condition and at == len(statements) - 1 and not _is_assignment(statement)
         quick = _FastPath().answer(statement, ending) if is_answer else _FastPath().statement(statement)
         body.append(ast.Try(quick, [ast.ExceptHandler(_load("MISSED"), None, [usual])], [], []))
-    return [*body, ast.Return(ending.made_of_given())]
+    return [*body, ast.Return(ending.from_given())]
 
 
 class _FastPath:
@@ -149,7 +149,7 @@ class _FastPath:
 
     def answer(self, part: SkeletonPart, ending: _Return) -> list[ast.stmt]:
         """Return the code that returns the truth of a condition."""
-        answer = ast.Return(ending.made_of(self.truth(part)))
+        answer = ast.Return(ending.from_condition(self.truth(part)))
         return [*self.reads, answer]
 
     def statement(self, part: SkeletonPart) -> list[ast.stmt]:

@@ -12,7 +12,7 @@ from sar_compiler.runtime.entry_types import value_of, value_to_assign
 from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.expressions import Access, Script, name_uses
 from sar_compiler.runtime.ports import Input, PortError
-from sar_compiler.runtime.script_code import quick_script
+from sar_compiler.runtime.script_code import compile_fast_script
 from sar_compiler.runtime.variables import Enums, ScriptValue, UnknownVariableError, VariableError
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ class NodeScript:
         self.holds = quick
         return quick()
 
-    def quick_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
+    def fast_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
         """Return a function that runs the script and returns a status; None if there is no compiled form.
 
         Args:
@@ -176,7 +176,9 @@ class NodeScript:
             return None
         script = self._code.get()
         usual = [functools.partial(self._evaluate, at) for at in range(len(script.statements))]
-        return quick_script(script, self._variables.entry, self._enums.numbers, usual, condition, answers)
+        return compile_fast_script(
+            script, self._variables.entry, self._enums.numbers, usual, condition, answers
+        )
 
     def _evaluate(self, at: int) -> ScriptValue:
         """Evaluate a statement by `evaluation`."""

@@ -15,7 +15,7 @@ from sar_compiler.runtime.parents import EngineBehaviour
 from sar_compiler.runtime.ticking import OwnControl
 
 
-class _InOrder(OwnControl):
+class _OrderedComposite(OwnControl):
     """Children in order: after `hands_over` the next child is ticked; the other result ends the node.
 
     Attributes:
@@ -32,14 +32,14 @@ class _InOrder(OwnControl):
         return super().build_node(part) if self.memory else ordering.ReactiveNode(part)
 
 
-class Sequence(_InOrder, composites.Sequence):
+class Sequence(_OrderedComposite, composites.Sequence):
     """A sequence that ignores skipped children, and is skipped if all of them are.
 
     Stock py_trees stops at a skipped child, as if it had been interrupted.
     """
 
 
-class Fallback(_InOrder, composites.Selector):
+class Fallback(_OrderedComposite, composites.Selector):
     """A fallback that ignores skipped children, and is skipped if all of them are.
 
     Stock py_trees treats a skipped child as one that failed.

@@ -182,10 +182,10 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
         )
         raise RefusedValueError(message)
     if isinstance(value, str):
-        value = whole_or_real(value, enums or {})
+        value = parse_number_text(value, enums or {})
     if kind is float:
         return as_real(value)
-    whole = as_whole(value)
+    whole = to_int64(value)
     if kind is bool:
         if whole not in {0, 1}:
             raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
@@ -193,7 +193,7 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
     return whole
 
 
-def whole_or_real(text: str, enums: Mapping[str, int]) -> int | float:
+def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
     """Return the number in a string: digits, `true` or `false`, or a name of an enumeration.
 
     Raises:
@@ -238,7 +238,7 @@ def as_real(value: ScriptValue) -> float:
     return float(value)
 
 
-def as_whole(value: ScriptValue) -> int:
+def to_int64(value: ScriptValue) -> int:
     """Return a number as a 64-bit integer.
 
     Raises:

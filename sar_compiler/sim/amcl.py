@@ -9,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 
 from sar_compiler.sim.geometry import ORIGIN, Pose2D, normalise_angle
-from sar_compiler.sim.messages import from_pose, tell_state, to_grid, to_pose, to_stamp, to_transform
+from sar_compiler.sim.messages import from_pose, set_lifecycle_state, to_grid, to_pose, to_stamp, to_transform
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.robot import Robot
@@ -58,7 +58,7 @@ class Amcl:
         self._tf = self._node.create_publisher(TFMessage, "/tf", 100)
         self._node.create_subscription(PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, 10)
         self._node.create_service(
-            GetState, "amcl/get_state", lambda _, response: tell_state(response, active=True)
+            GetState, "amcl/get_state", lambda _, response: set_lifecycle_state(response, active=True)
         )
 
     def die(self) -> None:

@@ -22,8 +22,16 @@ from rclpy.task import Future
 from sar_compiler.missions.faults import LOCALISATION, Fault, FaultPlan
 from sar_compiler.opener import is_file
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
-from sar_compiler.sim.messages import from_pose, tell_state, to_duration, to_path, to_pose, to_stamp
-from sar_compiler.sim.navigator import QUICK, Drive, DriveEnd, DriveOutcome, DriveProgress, Manner, Recovery
+from sar_compiler.sim.messages import from_pose, set_lifecycle_state, to_duration, to_path, to_pose, to_stamp
+from sar_compiler.sim.navigator import (
+    QUICK,
+    Drive,
+    DriveEnd,
+    DriveOutcome,
+    DriveProgress,
+    DrivingManner,
+    Recovery,
+)
 from sar_compiler.sim.node_host import NodeHost
 from sar_compiler.sim.occupancy import OccupancyMap
 from sar_compiler.sim.planner import NavCode, Planner, PlanningError
@@ -124,7 +132,12 @@ class _Goal(AcceptedGoal):
     """
 
     def __init__(
-        self, handle: ServerGoalHandle, fault: Fault | None, began: float, manner: Manner, action_type: Any
+        self,
+        handle: ServerGoalHandle,
+        fault: Fault | None,
+        began: float,
+        manner: DrivingManner,
+        action_type: Any,
     ) -> None:
         super().__init__(handle, began, action_type)
         self.leads_through = action_type is not NavigateToPose
@@ -145,7 +158,7 @@ class _Goal(AcceptedGoal):
             return False
         self._looks_at = now + self._looks_back_sec
         before = len(self.poses)
-        while self.poses[1:] and _away(self.poses[0], here) < _PASSED_M:
+        while self.poses[1:] and _is_far_from(self.poses[0], here) < _PASSED_M:
             del self.poses[0]
         return len(self.poses) < before
 
@@ -171,14 +184,14 @@ def _refusal(goal: _Goal, under_way: _Goal | None) -> DriveOutcome | None:
     return None
 
 
-def pre_empted(goal: AcceptedGoal) -> DriveOutcome:
+def end_of_replaced_goal(goal: AcceptedGoal) -> DriveOutcome:
     """Return the end of a goal that another one replaces: cancelled if that was requested before."""
     if goal.handle.is_cancel_requested:
         return DriveOutcome(DriveEnd.CANCELED)
     return DriveOutcome(DriveEnd.ABORTED, text="pre-empted by another goal")
 
 
-def _away(pose: Any, here: Pose2D) -> float:
+def _is_far_from(pose: Any, here: Pose2D) -> float:
     return math.hypot(pose.pose.position.x - here.x, pose.pose.position.y - here.y)
 
 
@@ -234,7 +247,7 @@ class BtNavigator:
         localise: Callable[[], Pose2D | None],
         *,
         lose_localisation: Callable[[float | None], object] = lambda _: None,
-        manner: Manner = QUICK,
+        manner: DrivingManner = QUICK,
     ) -> None:
         self._now = 0.0
         self._active_at: float | None = None
@@ -268,7 +281,7 @@ class BtNavigator:
             self._active_at = self._now + ACTIVATION_SEC
         self._acknowledge()
         if self._goal is not None:
-            self._attend(self._goal, feedback_due=step % _FEEDBACK_EVERY == 0)
+            self._update_goal(self._goal, feedback_due=step % _FEEDBACK_EVERY == 0)
         elif self._loose is not None:
             self._drive_on(*self._loose)
 
@@ -310,7 +323,7 @@ class BtNavigator:
         self._node.create_service(
             GetState,
             f"{self.node_name}/get_state",
-            lambda _, response: tell_state(response, active=self.active),
+            lambda _, response: set_lifecycle_state(response, active=self.active),
         )
         # Lets other nodes stop a drive that has no goal of theirs, as with Nav2's controller_server.
         self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
@@ -352,7 +365,7 @@ class BtNavigator:
         if not self.active:
             self._node.get_logger().warning(f"Goal rejected: {self.node_name} is not active.")
             return GoalResponse.REJECT
-        if self._faults.rejects_next():
+        if self._faults.should_reject():
             self._node.get_logger().warning("Fault: a goal is rejected.")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
@@ -373,10 +386,10 @@ class BtNavigator:
             goal.end(refused)
             return
         if under_way is not None:
-            under_way.end(pre_empted(under_way))
+            under_way.end(end_of_replaced_goal(under_way))
         self._goal, self._loose = goal, None
 
-    def _attend(self, goal: _Goal, *, feedback_due: bool) -> None:
+    def _update_goal(self, goal: _Goal, *, feedback_due: bool) -> None:
         is_first = goal.drive is None and goal.recovery is None
         if is_first and not self._manner.knows_distance_at_once:
             message = goal.action_type.Feedback(number_of_recoveries=goal.recoveries_begun)
@@ -414,7 +427,7 @@ class BtNavigator:
         if self._now - goal.began < due_sec or (fault.kind == "starved" and goal.drive is None):
             return None
         if fault.kind == "starved":
-            self._log_as("tf_help", "Transform data too old when converting from map to odom")
+            self._log_for_node("tf_help", "Transform data too old when converting from map to odom")
             return DriveOutcome(DriveEnd.ABORTED)
         code = fault.code or NavCode.NO_VALID_PATH
         return DriveOutcome(DriveEnd.ABORTED, code, "fault: the goal is aborted")
@@ -429,10 +442,10 @@ class BtNavigator:
         text = f"Timed out while waiting for action server to acknowledge goal request for {FOLLOW}"
         client = _CLIENT.format(THROUGH if goal.leads_through else NAVIGATE)
         namespace = self._node.get_namespace().strip("/").replace("/", ".")
-        self._log_as(f"{namespace}.{client}".lstrip("."), text)
+        self._log_for_node(f"{namespace}.{client}".lstrip("."), text)
         return outcome or DriveOutcome(DriveEnd.ABORTED)
 
-    def _log_as(self, name: str, text: str) -> None:
+    def _log_for_node(self, name: str, text: str) -> None:
         """Log a line under the name of another node's logger."""
         if self._lines is None:
             latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -444,7 +457,7 @@ class BtNavigator:
     def _go(self, goal: _Goal) -> DriveOutcome | None:
         """Drive for a step; return the end unless a recovery follows."""
         if goal.drive is None and (refused := self._set_out(goal)) is not None:
-            return self._or_recover(goal, refused)
+            return self._recover_or_end(goal, refused)
         here = self._localise()
         if goal.drive is None or here is None:
             is_lost = self._now - goal.localised_at > _LOST_AFTER_SEC
@@ -456,14 +469,14 @@ class BtNavigator:
         outcome = goal.progress.outcome
         if outcome is None and goal.has_passed(here, self._now):
             outcome = self._set_out(goal)
-        return None if outcome is None else self._or_recover(goal, outcome)
+        return None if outcome is None else self._recover_or_end(goal, outcome)
 
     def _step(self, drive: Drive, here: Pose2D) -> DriveProgress:
         progress = drive.step(replace(self._rosbot.state, pose=here), self._now)
         self._rosbot.drive(progress.command)
         return progress
 
-    def _or_recover(self, goal: _Goal, outcome: DriveOutcome) -> DriveOutcome | None:
+    def _recover_or_end(self, goal: _Goal, outcome: DriveOutcome) -> DriveOutcome | None:
         """Start a recovery after a failed attempt; return the end if none is left."""
         if outcome.code not in _RECOVERABLE or not goal.left:
             return outcome

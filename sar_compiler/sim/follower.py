@@ -27,20 +27,22 @@ class Path2D:
     points: Floats
 
     @cached_property
-    def to_go(self) -> Floats:
+    def remaining_lengths(self) -> Floats:
         """Metres along the path from each point to the last, shape (n,)."""
         lengths = np.hypot(*np.diff(self.points, axis=0).T)
         return np.append(np.cumsum(lengths[::-1])[::-1], 0.0)
 
     def nearest(self, pose: Pose2D, since: int) -> int:
         """Return the index of the point nearest to *pose*, not before *since* and not much after it."""
-        ahead = int(np.searchsorted(-self.to_go, _WINDOW - self.to_go[since], side="right"))
+        ahead = int(
+            np.searchsorted(-self.remaining_lengths, _WINDOW - self.remaining_lengths[since], side="right")
+        )
         part = self.points[since : max(ahead, since + 1)]
         return since + int(np.argmin(np.hypot(part[:, 0] - pose.x, part[:, 1] - pose.y)))
 
     def carrot(self, index: int, ahead: float) -> tuple[float, float]:
         """Return the point of the path *ahead* metres after point *index*, or its end."""
-        target = int(np.searchsorted(-self.to_go, ahead - self.to_go[index]))
+        target = int(np.searchsorted(-self.remaining_lengths, ahead - self.remaining_lengths[index]))
         x, y = self.points[min(target, len(self.points) - 1)]
         return float(x), float(y)
 
@@ -113,7 +115,7 @@ class Follower:
     def distance_remaining(self, pose: Pose2D) -> float:
         """Return the remaining distance to the goal from *pose* in metres."""
         x, y = self._path.points[self._index]
-        left = float(self._path.to_go[self._index]) + pose.distance_to(Pose2D(float(x), float(y)))
+        left = float(self._path.remaining_lengths[self._index]) + pose.distance_to(Pose2D(float(x), float(y)))
         return pose.distance_to(self._goal) if self._phase in {_Phase.ALIGN, _Phase.DONE} else left
 
     def command(self, state: RobotState) -> Twist2D:
@@ -121,7 +123,7 @@ class Follower:
         self._index = self._path.nearest(state.pose, self._index)
         away = state.pose.distance_to(self._goal)
         # A path may pass close to its own goal on the way; only its end is the goal.
-        ending = self._path.to_go[self._index] < self._settings.look_ahead
+        ending = self._path.remaining_lengths[self._index] < self._settings.look_ahead
         near = ending and away < self._settings.position_tolerance
         if near and self._phase in {_Phase.TURN, _Phase.DRIVE}:
             self._phase = _Phase.ALIGN

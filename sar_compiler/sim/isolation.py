@@ -50,7 +50,7 @@ def stay_on_this_machine() -> None:
     os.environ.setdefault(_RANGE, "LOCALHOST")
 
 
-def refuse_company(
+def require_no_other_nodes(
     *,
     context: Context | None = None,
     namespace: str | None = None,
@@ -141,7 +141,7 @@ def _own_sockets() -> Iterator[str]:
             yield str(descriptor.readlink()).removeprefix("socket:[").removesuffix("]")
 
 
-def refuse_rivals(node: Node, actions: Sequence[str] = (_ACTION,)) -> None:
+def require_no_rival_servers(node: Node, actions: Sequence[str] = (_ACTION,)) -> None:
     """Check, while a simulation runs, that no other node provides `/clock` or `navigate_to_pose`.
 
     Discovery can miss a node at the start, and others may appear later.

@@ -29,7 +29,7 @@ def to_stamp(now_ns: int) -> Time:
     return Time(sec=now_ns // NANOSECONDS, nanosec=now_ns % NANOSECONDS)
 
 
-def tell_state(response: Any, *, active: bool) -> Any:
+def set_lifecycle_state(response: Any, *, active: bool) -> Any:
     """Fill in the response of a lifecycle node that is active or inactive."""
     number = State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
     response.current_state = State(id=number, label="active" if active else "inactive")

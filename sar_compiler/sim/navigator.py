@@ -35,7 +35,7 @@ class Recovery:
 
 
 @dataclass(frozen=True)
-class Manner:
+class DrivingManner:
     """The manner of driving of the Nav2 substitute.
 
     Attributes:
@@ -63,7 +63,7 @@ class Manner:
         return replace(limits, speed=min(limits.speed, self.speed), turn=min(limits.turn, self.turn))
 
 
-QUICK = Manner()
+QUICK = DrivingManner()
 """Accurate, and without recoveries, as required in rehearsals and tests."""
 
 _CLEAR = Recovery("clears its costmaps", STAND, 1.0)
@@ -78,12 +78,12 @@ _REPLANS_SEC = 3.0
 
 
 @cache
-def manner(name: str) -> Manner:
+def manner(name: str) -> DrivingManner:
     """Return the manner with a name, one of `placement.MANNER_NAMES`."""
     return like_nav2(resources.shared_file_path("config", "nav2_params.yaml")) if name == NAV2_NAME else QUICK
 
 
-def like_nav2(parameters: Path) -> Manner:
+def like_nav2(parameters: Path) -> DrivingManner:
     """Return Nav2's manner of driving with a parameter file; missing parameters have Nav2's defaults.
 
     Raises:
@@ -94,7 +94,7 @@ def like_nav2(parameters: Path) -> Manner:
     path = _plugin(controller, "controller_plugins", "FollowPath")
     goal = _plugin(controller, "goal_checker_plugins", "goal_checker")
     grid = _plugin(planner, "planner_plugins", "GridBased")
-    return Manner(
+    return DrivingManner(
         speed=_number(controller, f"{path}.desired_linear_vel", 0.5),
         turn=_number(controller, f"{path}.rotate_to_heading_angular_vel", 1.8),
         follower=FollowerSettings(
@@ -190,7 +190,7 @@ class Drive:
         goal: Pose2D,
         start: Pose2D,
         now: float,
-        manner: Manner = QUICK,
+        manner: DrivingManner = QUICK,
         via: Sequence[Pose2D] = (),
     ) -> None:
         ways = [planner.plan(*each, manner.tolerance) for each in pairwise([start, *via, goal])]

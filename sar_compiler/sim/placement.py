@@ -104,7 +104,7 @@ RobotPlaces = Mapping[str, tuple[Pose2D, Pose2D]]
 """The pose in `map` and the odometry pose of each robot, by its name."""
 
 
-class KeptPlacesError(SarError):
+class PoseFileError(SarError):
     """The file cannot be read or written, or has another purpose.
 
     Attributes:
@@ -116,7 +116,7 @@ class KeptPlacesError(SarError):
         super().__init__(f"{path}: {problem}")
 
 
-class KeptPlaces:
+class PoseFile:
     """The poses of the robots of one world in a file.
 
     Args:
@@ -131,7 +131,7 @@ class KeptPlaces:
         """Return the poses written last; empty if there is no file.
 
         Raises:
-            KeptPlacesError: If the file is invalid, or for another world.
+            PoseFileError: If the file is invalid, or for another world.
         """
         try:
             said: Any = json.loads(read_file(self._path, POSES).text())
@@ -143,22 +143,22 @@ class KeptPlaces:
         except MissingFileError:
             return {}
         except UnreadableFileError as error:
-            raise KeptPlacesError(self._path, f"cannot be read: {error.reason}") from error
+            raise PoseFileError(self._path, f"cannot be read: {error.reason}") from error
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            raise KeptPlacesError(self._path, "has no poses of robots: name another file") from error
+            raise PoseFileError(self._path, "has no poses of robots: name another file") from error
         if world != self._world:
-            raise KeptPlacesError(
+            raise PoseFileError(
                 self._path, f"has poses of another world, {world!r}: delete it, or name another file"
             )
         if not all(pose.is_finite for pair in places.values() for pose in pair):
-            raise KeptPlacesError(self._path, "has a pose that is not finite: delete it")
+            raise PoseFileError(self._path, "has a pose that is not finite: delete it")
         return places
 
     def restore(self, robots: Sequence[Placement]) -> list[Placement]:
         """Return the robots at their last written poses; other robots at their starts.
 
         Raises:
-            KeptPlacesError: As `read`.
+            PoseFileError: As `read`.
         """
         places = self.read()
         return [Placement(each.name, *places.get(each.name, (each.start,))) for each in robots]
@@ -167,7 +167,7 @@ class KeptPlaces:
         """Replace the file atomically, so that it is complete whenever the process ends.
 
         Raises:
-            KeptPlacesError: If it cannot be written.
+            PoseFileError: If it cannot be written.
         """
         robots = {name: [_numbers(pose) for pose in pair] for name, pair in places.items()}
         beside = self._path.with_name(f"{self._path.name}.new")
@@ -175,7 +175,7 @@ class KeptPlaces:
             beside.write_text(json.dumps({"world": self._world, "robots": robots}), encoding="utf-8")
             beside.replace(self._path)
         except OSError as error:
-            raise KeptPlacesError(self._path, f"cannot be written: {error.strerror}") from error
+            raise PoseFileError(self._path, f"cannot be written: {error.strerror}") from error
 
 
 def _numbers(pose: Pose2D) -> list[float]:

@@ -226,7 +226,7 @@ _WORDS = {
 }
 
 
-class Leg(NamedTuple):
+class RouteLeg(NamedTuple):
     """The path to one stop.
 
     Attributes:
@@ -244,7 +244,7 @@ class Leg(NamedTuple):
     trouble: str = ""
 
 
-class Reach(NamedTuple):
+class ReachableArea(NamedTuple):
     """The reachable part of an area.
 
     Attributes:
@@ -262,9 +262,9 @@ class Reach(NamedTuple):
     off_map_m2: float = 0.0
 
 
-def reach_of(
+def reachable_areas(
     planner: Planner, start: tuple[float, float], outlines: Sequence[Sequence[tuple[float, float]]]
-) -> list[Reach]:
+) -> list[ReachableArea]:
     """Return the reachable part of each area.
 
     Args:
@@ -293,15 +293,15 @@ def reach_of(
         parts, count = label(inside & ~covered, structure=_TOUCHING)
         sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:] * cell_m2
         told = sizes[sizes >= _LEAST_TOLD_M2]
-        at = _middle_of(parts == 1 + int(sizes.argmax()), occupancy) if len(told) else None
+        at = _innermost_position(parts == 1 + int(sizes.argmax()), occupancy) if len(told) else None
         reached = float(np.count_nonzero(inside & covered)) * cell_m2
         found.append(
-            Reach(outline.area, reached, float(told.sum()), at, float(outline.difference(whole).area))
+            ReachableArea(outline.area, reached, float(told.sum()), at, float(outline.difference(whole).area))
         )
     return found
 
 
-def _middle_of(part: NDArray[np.bool_], occupancy: OccupancyMap) -> tuple[float, float]:
+def _innermost_position(part: NDArray[np.bool_], occupancy: OccupancyMap) -> tuple[float, float]:
     """Return the position in a part that is farthest from its edge: x and y in metres, frame `map`."""
     depth = distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(depth.argmax()), depth.shape)
@@ -315,7 +315,7 @@ def plan_route(
     stops: Sequence[tuple[str, float, float]],
     allowed: Callable[[float, float], bool] = lambda _x, _y: True,
     budget: Budget | None = None,
-) -> list[Leg]:
+) -> list[RouteLeg]:
     """Plan the path from stop to stop within a budget; an unreachable stop is skipped.
 
     Args:
@@ -333,18 +333,18 @@ def plan_route(
         try:
             path = planner.plan(here, there)
         except PlanningError as error:
-            legs.append(Leg(name, x, y, None, _WORDS[error.code]))
+            legs.append(RouteLeg(name, x, y, None, _WORDS[error.code]))
             continue
         if not allowed(x, y):
-            legs.append(Leg(name, x, y, None, "it is outside the geofence"))
+            legs.append(RouteLeg(name, x, y, None, "it is outside the geofence"))
             continue
         steps = np.hypot(*np.diff(np.vstack(([here.x, here.y], path.points)), axis=0).T)
-        legs.append(Leg(name, x, y, float(steps.sum()), _outside(path.points, allowed)))
+        legs.append(RouteLeg(name, x, y, float(steps.sum()), _leaves_allowed_area(path.points, allowed)))
         here = there
     return legs
 
 
-def _outside(points: Floats, allowed: Callable[[float, float], bool]) -> str:
+def _leaves_allowed_area(points: Floats, allowed: Callable[[float, float], bool]) -> str:
     """Return an error if a path leaves the allowed area; otherwise an empty string."""
     inside = all(allowed(float(x), float(y)) for x, y in points)
     return "" if inside else "the path there leaves the geofence"

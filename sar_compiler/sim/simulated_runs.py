@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from sar_compiler.analysis.sweep import Played
-from sar_compiler.analysis.sweep.workers import Workers
+from sar_compiler.analysis.sweep import RunResultSample
+from sar_compiler.analysis.sweep.workers import ReplaceableExecutor
 from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
 from sar_compiler.process_end import dependent_environment
@@ -58,7 +58,7 @@ class SimulatedRuns:
         ros = ["--ros-args", *self.ros] if self.ros else []
         return [*self.arguments, *faults, "--seed", str(seed), *ros]
 
-    def __call__(self, seeds: Sequence[int]) -> list[Played]:
+    def __call__(self, seeds: Sequence[int]) -> list[RunResultSample]:
         """Return the result of a mission for each seed.
 
         Raises:
@@ -67,7 +67,7 @@ class SimulatedRuns:
         """
         return [self._outcome(seed) for seed in seeds]
 
-    def _outcome(self, seed: int) -> Played:
+    def _outcome(self, seed: int) -> RunResultSample:
         problem = ""
         for _ in range(_MOST_ATTEMPTS):
             status, output, problem = _execute_run(
@@ -80,7 +80,7 @@ class SimulatedRuns:
                 said = json.loads(output.splitlines()[-1])
                 reason = "" if status == OK else said["reason"] or "failed"
                 size = (len(self.faults), said["ticks"])
-                return Played(seed, reason, said["duration"], said["figures"], size)
+                return RunResultSample(seed, reason, said["duration"], said["figures"], size)
             if status == USAGE and _COMPANY not in problem:
                 break
         raise SimulatedRunError(f"sar-run {shlex.join(self.command(seed))}: {problem or f'status {status}'}")
@@ -100,7 +100,7 @@ class SimulatedRunResult(NamedTuple):
     words: str = ""
 
 
-class Pilot:
+class RunProcessSlot:
     """A process that runs missions one after the other, in a domain that no other sweep uses during its lifetime.
 
     Args:
@@ -121,7 +121,7 @@ class Pilot:
             )
 
     @property
-    def is_fit(self) -> bool:
+    def is_usable(self) -> bool:
         """Whether it can run another mission."""
         return self._left > 0 and self._process.poll() is None
 
@@ -153,31 +153,31 @@ class Pilot:
             self._process.communicate()
 
 
-_flying: set[Pilot] = set()
-_waiting: list[Pilot] = []
+_flying: set[RunProcessSlot] = set()
+_waiting: list[RunProcessSlot] = []
 
 
 def _execute_run(program: Sequence[str], arguments: Sequence[str]) -> SimulatedRunResult:
     """Run a mission in an existing process if possible."""
-    pilot = _fit_pilot(program)
+    pilot = _usable_process(program)
     _flying.add(pilot)
     try:
         return pilot.fly(arguments)
     finally:
         _flying.discard(pilot)
-        if pilot.is_fit:
+        if pilot.is_usable:
             _waiting.append(pilot)
         else:
             pilot.close()
 
 
-def _fit_pilot(program: Sequence[str]) -> Pilot:
+def _usable_process(program: Sequence[str]) -> RunProcessSlot:
     while _waiting:
         pilot = _waiting.pop()
-        if pilot.is_fit:
+        if pilot.is_usable:
             return pilot
         pilot.close()
-    return Pilot(program)
+    return RunProcessSlot(program)
 
 
 @contextmanager
@@ -197,7 +197,7 @@ def _free_domain() -> Iterator[tuple[int, IO[str]]]:
     raise SimulatedRunError("all ROS domains of this machine are used by other sweeps: wait until one ends")
 
 
-def fewest_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
+def minimize_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
     """Return the runs with a minimal set of faults that still makes the mission of a seed fail."""
     for fault in runs.faults:
         fewer = replace(runs, faults=tuple(each for each in runs.faults if each != fault))
@@ -206,7 +206,7 @@ def fewest_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
     return runs
 
 
-def in_threads(count: int) -> Workers:
+def in_threads(count: int) -> ReplaceableExecutor:
     """Return workers that each wait for a mission; missions still running at the end are stopped."""
     _over.clear()
 
@@ -219,4 +219,4 @@ def in_threads(count: int) -> Workers:
             _waiting.pop().close()
         _over.clear()
 
-    return Workers(lambda: ThreadPoolExecutor(count), count, stop)
+    return ReplaceableExecutor(lambda: ThreadPoolExecutor(count), count, stop)

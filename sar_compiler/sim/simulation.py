@@ -25,12 +25,12 @@ from sar_compiler.sim.amcl import Amcl
 from sar_compiler.sim.battery import Battery, BatteryKind
 from sar_compiler.sim.bt_navigator import BtNavigator, NavigationSetup
 from sar_compiler.sim.geometry import Pose2D
-from sar_compiler.sim.isolation import refuse_rivals
+from sar_compiler.sim.isolation import require_no_rival_servers
 from sar_compiler.sim.messages import to_stamp
 from sar_compiler.sim.navigator import manner
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor, SteppedExecutor
 from sar_compiler.sim.occupancy import read_map
-from sar_compiler.sim.placement import KeptPlaces, Placement, PlacementError
+from sar_compiler.sim.placement import Placement, PlacementError, PoseFile
 from sar_compiler.sim.planner import Planner
 from sar_compiler.sim.robot import Robot
 from sar_compiler.sim.robot_interface import RobotInterface
@@ -253,7 +253,7 @@ class Simulation:
             raise SimulationError(f"the speed is {speed:g}: write a number above 0")
         self.failure: BaseException | None = None
         self._period = STEP_SEC / speed
-        self._kept: KeptPlaces | None = None
+        self._kept: PoseFile | None = None
         bodies = make_robots(world, robots, seed=seed)
         navigation = navigation_in(world, faults or FaultPlan())
         self._stopping = threading.Event()
@@ -289,7 +289,7 @@ class Simulation:
         """Return the true pose of the robot called *name*, frame `map`."""
         return self._robots[name].place[0]
 
-    def keep_places(self, kept: KeptPlaces) -> None:
+    def store_poses(self, kept: PoseFile) -> None:
         """Write the robots' poses from the start on; a write error ends the simulation."""
         self._kept = kept
 
@@ -347,8 +347,8 @@ class Simulation:
                 self._make_step()
                 self._own.serve_until(self._due)
                 if self._listener is not None:
-                    self._own.serve_until(began + STEP_SEC, enough=self._is_followed)
-            self._farewell()
+                    self._own.serve_until(began + STEP_SEC, enough=self._has_listener_caught_up)
+            self._notify_clients()
 
     def _advance(self) -> None:
         """Make a step when it is due, unless something has ended the simulation."""
@@ -375,7 +375,7 @@ class Simulation:
         self._due = max(self._due + self._period, now - _CATCH_UP_SEC)
         if now > self._look_at:
             self._look_at = now + _LOOK_EVERY_SEC
-            refuse_rivals(self._clock_node, self._actions)
+            require_no_rival_servers(self._clock_node, self._actions)
 
     def _step(self) -> None:
         self._step_count += 1
@@ -392,14 +392,14 @@ class Simulation:
         if self._kept is not None and self._step_count % _KEEP_EVERY == 0:
             self._kept.write({name: robot.place for name, robot in self._robots.items()})
 
-    def _is_followed(self) -> bool:
+    def _has_listener_caught_up(self) -> bool:
         """Return whether the listener has almost reached the time of this step, or does not need to."""
         listener = self._listener
         if listener is None or not listener.ros_time_is_active:
             return True
         return bool(listener.now().nanoseconds >= (self._step_count - _LEAD_STEPS) * STEP_NS)
 
-    def _farewell(self) -> None:
+    def _notify_clients(self) -> None:
         """Notify the clients of current goals of the end."""
         if self._stop_robots():
             for _ in range(_FAREWELL_ROUNDS):

@@ -137,11 +137,11 @@ def survey(
     corners = np.array([(world.start.x, world.start.y), *world.survey], dtype=np.float64)
     path = Path2D.through(corners)
     follower = Follower(path, None, robot.limits, FollowerSettings(look_ahead=0.3))
-    for step in range(round(float(path.to_go[0]) / _SLOWEST / STEP_SEC)):
+    for step in range(round(float(path.remaining_lengths[0]) / _SLOWEST / STEP_SEC)):
         if step % _SCAN_EVERY == 0:
             pose = robot.state.pose
             mapper.integrate(pose, lidar.scan(world.solid, pose, random))
-            on_progress(max(0.0, 1.0 - follower.distance_remaining(pose) / float(path.to_go[0])))
+            on_progress(max(0.0, 1.0 - follower.distance_remaining(pose) / float(path.remaining_lengths[0])))
         robot.command(follower.command(robot.state))
         if follower.done:
             return mapper.result()

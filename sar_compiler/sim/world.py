@@ -176,7 +176,7 @@ def find_world(name: str) -> World:
     """
     path = resources.find("worlds", name, ".yaml")
     if not is_there(path):
-        raise WorldError(resources.not_found("worlds", name, ".yaml"))
+        raise WorldError(resources.not_found_message("worlds", name, ".yaml"))
     return load_world(path)
 
 

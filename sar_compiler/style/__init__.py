@@ -64,7 +64,7 @@ COLOURS: Mapping[str, Colour] = {
 }
 
 
-class Look(NamedTuple):
+class LevelStyle(NamedTuple):
     """The look of a landmark's level, or of the verdict on a property.
 
     Attributes:
@@ -79,13 +79,13 @@ class Look(NamedTuple):
 
 
 LEVELS = (
-    Look("to-come", "quiet", ""),
-    Look("in-hand", "running", "▶"),
-    Look("done", "success", "✓"),
-    Look("given-up", "failure", "✗"),
+    LevelStyle("to-come", "quiet", ""),
+    LevelStyle("in-hand", "running", "▶"),
+    LevelStyle("done", "success", "✓"),
+    LevelStyle("given-up", "failure", "✗"),
 )
 """The looks by the numbers of `Level`."""
-FOUND = Look("found", "warning", "!")
+FOUND = LevelStyle("found", "warning", "!")
 """The look of a detection to which a person must go; its sign is shown only until it is finished."""
 _DONE, _GIVEN_UP = 2, 3
 
@@ -109,10 +109,10 @@ _STATUSES = {
 CONDITIONS = {"good": "●", "quiet": "○", "warning": "▲", "error": "■"}
 """The signs of conditions and alarms, by severity."""
 PROPERTIES = {
-    "watched": Look("watched", "quiet", "○"),
-    "owed": Look("owed", "running", "…"),
-    "kept": Look("kept", "success", "✓"),
-    "broken": Look("broken", "failure", "✗"),
+    "watched": LevelStyle("watched", "quiet", "○"),
+    "owed": LevelStyle("owed", "running", "…"),
+    "kept": LevelStyle("kept", "success", "✓"),
+    "broken": LevelStyle("broken", "failure", "✗"),
 }
 """The looks of monitored properties, by verdict."""
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}

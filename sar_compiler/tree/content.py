@@ -36,7 +36,7 @@ def as_written(path: Path) -> Path:
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
-def source_of(
+def make_source(
     data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str, kind: FileKind = TREE
 ) -> Source:
     """Make the source of a file's content.
@@ -63,7 +63,7 @@ def source_of(
     return source
 
 
-def bytes_of(source: Source, text: str) -> bytes:
+def encode_text(source: Source, text: str) -> bytes:
     """Encode a new text for a file in the encoding of that file.
 
     In XML, characters that the encoding lacks are written as `&#…;`.

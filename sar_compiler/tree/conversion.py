@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from sar_compiler.tree.content import bytes_of
+from sar_compiler.tree.content import encode_text
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity, Source, TreeError
 from sar_compiler.tree.model import EDITOR_ATTRIBUTES, Comment, Element, TreeFile
 from sar_compiler.tree.xml_recovery import readable
@@ -21,7 +21,7 @@ _WRITERS = {Form.XML: write_xml, Form.YAML: write_yaml}
 _EDITOR_COMMENT = "yaml-language-server:"
 
 
-class Converted(NamedTuple):
+class ConvertedTree(NamedTuple):
     """A converted tree file.
 
     Attributes:
@@ -33,7 +33,7 @@ class Converted(NamedTuple):
     losses: tuple[Diagnostic, ...]
 
 
-def convert(tree_file: TreeFile, form: Form) -> Converted:
+def convert(tree_file: TreeFile, form: Form) -> ConvertedTree:
     """Convert a tree file to a form.
 
     Args:
@@ -45,13 +45,13 @@ def convert(tree_file: TreeFile, form: Form) -> Converted:
             or if the form cannot express an attribute.
     """
     rest = [each for each in tree_file.findings if each.code == "stray-text"]
-    rest += rest_of(tree_file) if tree_file.source.form is Form.XML else ()
+    rest += ignored_content(tree_file) if tree_file.source.form is Form.XML else ()
     if rest:
         # BehaviorTree.CPP skips stray text; a conversion would lose it.
         raise TreeError(dataclasses.replace(each, severity=Severity.ERROR) for each in rest)
     if tree_file.source.form is form:
-        return Converted(_WRITERS[form](tree_file), ())
-    return Converted(_WRITERS[form](_without_editor_hints(tree_file)), tuple(_losses(tree_file, form)))
+        return ConvertedTree(_WRITERS[form](tree_file), ())
+    return ConvertedTree(_WRITERS[form](_without_editor_hints(tree_file)), tuple(_losses(tree_file, form)))
 
 
 def canonical_bytes(tree_file: TreeFile) -> bytes:
@@ -66,7 +66,7 @@ def canonical_bytes(tree_file: TreeFile) -> bytes:
     text = convert(tree_file, source.form).text
     if source.form is Form.XML:
         text = text.replace(DECLARATION, DECLARATION.replace("UTF-8", _encoding_name(source.encoding)), 1)
-    return bytes_of(source, text.replace("\n", source.line_end))
+    return encode_text(source, text.replace("\n", source.line_end))
 
 
 def _encoding_name(encoding: str) -> str:
@@ -143,7 +143,7 @@ _PIECE = re.compile(
 """The pieces of a well-formed text."""
 
 
-def rest_of(tree_file: TreeFile) -> Iterator[Diagnostic]:
+def ignored_content(tree_file: TreeFile) -> Iterator[Diagnostic]:
     """Yield a finding for each text and each processing instruction that belongs to no element."""
     with_text = {element.offset for element in tree_file.root.iterate() if element.text}
     opened: list[int] = []

@@ -10,8 +10,8 @@ from enum import Enum
 from typing import Any, NamedTuple, Protocol, TypedDict
 
 from sar_compiler.errors import SarError
+from sar_compiler.tree.display_text import escape_to_one_line, shortened, visible
 from sar_compiler.tree.severity import Severity as Severity
-from sar_compiler.tree.showing import in_one_line, shortened, visible
 
 LINE_END = re.compile(r"\r\n|\r|\n")
 """The line ends of XML and of YAML; str.splitlines() accepts further ones."""
@@ -172,7 +172,7 @@ class Source:
         line = bisect.bisect_right(self.line_starts, offset)
         return line, offset - self.line_starts[line - 1] + 1
 
-    def blank_before(self, offset: int, passing: str = " \t\r\n") -> bool:
+    def has_blank_line_before(self, offset: int, passing: str = " \t\r\n") -> bool:
         """Return whether a blank line precedes an offset, with only characters of *passing* in between."""
         start = offset
         while start and self.text[start - 1] in passing:
@@ -278,10 +278,10 @@ class Diagnostic:
             paint: Colours a text by its role: `place`, `error`, `warning`, `info`, `margin`, `carets`, `advice`.
         """
         span, severity = self.span, self.severity.value
-        place = paint(in_one_line(f"{self.source.path}:{span.line}:{span.column}:"), "place")
-        head = f"{place} {paint(f'{severity}[{self.code}]', severity)}: {in_one_line(self.message)}"
+        place = paint(escape_to_one_line(f"{self.source.path}:{span.line}:{span.column}:"), "place")
+        head = f"{place} {paint(f'{severity}[{self.code}]', severity)}: {escape_to_one_line(self.message)}"
         line, most = self.source.line(span.line), max(width - _MARGIN, _LEAST)
-        advice = paint(in_one_line(self.advice), "advice")
+        advice = paint(escape_to_one_line(self.advice), "advice")
         empty = paint("      |", "margin")
         if not line.strip():
             return f"{head}\n{empty} {advice}" if advice else head

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from sar_compiler.tree.matching import Node, in_place, match
+from sar_compiler.tree.matching import ComparedNode, in_place, match
 from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
 
 
@@ -72,7 +72,7 @@ def _renames_type(one: Difference, is_same_type: Callable[[str, str], bool]) -> 
     )
 
 
-def _differences(old: Node, new: Node) -> Iterator[Difference]:
+def _differences(old: ComparedNode, new: ComparedNode) -> Iterator[Difference]:
     if old.mark == new.mark:
         return
     yield from _attribute_changes(old, new)
@@ -86,7 +86,7 @@ def _differences(old: Node, new: Node) -> Iterator[Difference]:
         yield from _child(child, stayed)
 
 
-def _child(node: Node, stayed: set[Node]) -> Iterator[Difference]:
+def _child(node: ComparedNode, stayed: set[ComparedNode]) -> Iterator[Difference]:
     partner = node.partner
     if partner is None:
         yield Difference(Change.ADDED, node.path, None, node.element, after=node.path, inner=_count(node))
@@ -98,7 +98,7 @@ def _child(node: Node, stayed: set[Node]) -> Iterator[Difference]:
     yield from _differences(partner, node)
 
 
-def _inside_added(node: Node) -> Iterator[Difference]:
+def _inside_added(node: ComparedNode) -> Iterator[Difference]:
     """Yield the differences of nodes that have moved into an added node."""
     if node.partner is not None:
         yield from _child(node, set())
@@ -107,7 +107,7 @@ def _inside_added(node: Node) -> Iterator[Difference]:
         yield from _inside_added(child)
 
 
-def _attribute_changes(old: Node, new: Node) -> Iterator[Difference]:
+def _attribute_changes(old: ComparedNode, new: ComparedNode) -> Iterator[Difference]:
     if old.type != new.type:
         yield _change(old, new, "", old.type, new.type)
     for name in dict.fromkeys([*old.attributes, *new.attributes]):
@@ -118,16 +118,18 @@ def _attribute_changes(old: Node, new: Node) -> Iterator[Difference]:
         yield _change(old, new, TEXT_KEY, old.element.text, new.element.text)
 
 
-def _change(old: Node, new: Node, what: str, before: str | None, after: str | None) -> Difference:
+def _change(
+    old: ComparedNode, new: ComparedNode, what: str, before: str | None, after: str | None
+) -> Difference:
     return Difference(Change.CHANGED, new.path, old.element, new.element, what, before, after)
 
 
-def _count(node: Node) -> int:
+def _count(node: ComparedNode) -> int:
     """Return the number of removed nodes in a subtree, down to those that have a partner."""
     return sum(1 + _count(child) for child in node.children if child.partner is None)
 
 
-def _move(old: Node, new: Node) -> Difference:
+def _move(old: ComparedNode, new: ComparedNode) -> Difference:
     before, after = old.path, new.path
     if old.parent and old.parent.partner is new.parent:
         before, after = f"child {old.number + 1}", f"child {new.number + 1}"

@@ -180,7 +180,7 @@ def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
     return is_root or tag in _ALONE or (tag == b"root" and _SECTIONS.search(data) is not None)
 
 
-def is_of_another_kind(text: str, form: Form) -> bool:
+def is_other_file_type(text: str, form: Form) -> bool:
     """Return whether a text can be neither a tree file nor the beginning of one."""
     data = text[: _BEGINNING.limit].lstrip("\ufeff").encode("utf-8", "replace")
     if form is Form.YAML:
@@ -215,7 +215,7 @@ def _files_in(folder: Path, *, is_whole: bool = True, is_sought: bool = False) -
                 yield entry
 
 
-def path_named(name: str) -> Path:
+def path_for_name(name: str) -> Path:
     """Return the path for a name from the user.
 
     Raises:
@@ -238,9 +238,11 @@ def find_tree(name: str) -> Path:
     Raises:
         UnreadableFileError: If *name* is empty, or a bare word that is neither a file nor a shipped tree.
     """
-    if path_named(name) == STANDARD_INPUT:
+    if path_for_name(name) == STANDARD_INPUT:
         return STANDARD_INPUT
     path = resources.find("trees", name, ".xml")
-    if resources.is_bare_word(name) and not is_there(path):
-        raise MissingFileError(path, "there is no such file", resources.not_found("trees", name, ".xml"))
+    if resources.is_shipped_name(name) and not is_there(path):
+        raise MissingFileError(
+            path, "there is no such file", resources.not_found_message("trees", name, ".xml")
+        )
     return path

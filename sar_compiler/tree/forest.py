@@ -58,7 +58,7 @@ class Forest:
     tree_set: "TreeSet | None" = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, tree_file: TreeFile) -> "Forest":
+    def from_file(cls, tree_file: TreeFile) -> "Forest":
         """Return the forest of a single file, without its includes."""
         return cls(tree_file, (tree_file,))
 
@@ -280,7 +280,11 @@ class _SetSearch:
     def _find(self, reference: Element, attribute: str, home: Forest) -> None:
         """Resolve a reference in a tree of one of the forests."""
         tree_id = reference.attributes[attribute]
-        having = [(self.forest.place, home)] if tree_id in home.trees else self._having(tree_id, reference)
+        having = (
+            [(self.forest.place, home)]
+            if tree_id in home.trees
+            else self._files_with_tree(tree_id, reference)
+        )
         if not having:
             # A malformed file of which only the beginning is checked has its own finding.
             self.findings += [
@@ -307,7 +311,7 @@ class _SetSearch:
         if first is not self.forest:
             self.found.setdefault(id(target), (target, first))
 
-    def _having(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
+    def _files_with_tree(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
         """Return the files that contain a tree; of several, those with the longest path in common with the referencing file."""
         having = [each for each in self.tree_set.having(tree_id) if each[0] != self.forest.place]
         if tree_id in self.forest.trees:

@@ -34,19 +34,19 @@ _LETTER = r"[^\W\d_]"
 _PARTS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
 
-def unit_in(name: str) -> str:
+def unit_suffix(name: str) -> str:
     """Return the unit that a name ends with: `ms` for `delay_msec`; empty if there is none."""
     parts = _PARTS.findall(name)
     return UNIT_OF.get(parts[-1].lower(), "") if parts else ""
 
 
-def keeps_unit(written: str, meant: str) -> bool:
+def has_same_unit(written: str, meant: str) -> bool:
     """Return whether two names of a number have the same unit: `delay_msec` and `msec` do, `msec` and `sec` do not."""
-    unit = unit_in(meant)
-    if unit == unit_in(written):
+    unit = unit_suffix(meant)
+    if unit == unit_suffix(written):
         return True
     # A typo in the unit itself (`mesc`) leaves no unit, and the same number of parts.
-    return not unit_in(written) and len(_PARTS.findall(written)) == len(_PARTS.findall(meant))
+    return not unit_suffix(written) and len(_PARTS.findall(written)) == len(_PARTS.findall(meant))
 
 
 def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
@@ -64,7 +64,7 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
     import difflib
 
     candidates, lower, folded = (
-        [each for each in known if keeps_unit(word, each)],
+        [each for each in known if has_same_unit(word, each)],
         word.lower(),
         _fold(word),
     )

@@ -14,7 +14,7 @@ _NAMES = ("name", "ID", "path")
 
 
 @dataclass(eq=False)
-class Node:
+class ComparedNode:
     """An element in a comparison.
 
     Attributes:
@@ -32,16 +32,16 @@ class Node:
     """
 
     element: Element
-    parent: "Node | None"
+    parent: "ComparedNode | None"
     type: str
     attributes: Mapping[str, str]
     ordered: bool
-    children: "list[Node]" = field(default_factory=list)
+    children: "list[ComparedNode]" = field(default_factory=list)
     number: int = 0
     mark: int = 0
     size: int = 1
     label: str = ""
-    partner: "Node | None" = None
+    partner: "ComparedNode | None" = None
 
     @property
     def name(self) -> str:
@@ -57,24 +57,24 @@ class Node:
     def path(self) -> str:
         """The labels of the enclosing nodes and its own; the root has only its own."""
         labels = []
-        node: Node | None = self
+        node: ComparedNode | None = self
         while node is not None and node.parent is not None:
             labels.append(node.label)
             node = node.parent
         return "/".join(reversed(labels)) or self.label
 
-    def iterate(self) -> "Iterator[Node]":
+    def iterate(self) -> "Iterator[ComparedNode]":
         """Yield the node and its descendants, in the order of the file."""
         yield self
         for child in self.children:
             yield from child.iterate()
 
 
-Key = Callable[[Node], Hashable | None]
+Key = Callable[[ComparedNode], Hashable | None]
 """The key that two nodes must share to be paired; a node with None pairs with nothing."""
 
 
-def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
+def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
     """Match the elements of two files, however they may have changed.
 
     Elements are paired in three steps: those at the same position with equal content or an equal name, then those that have
@@ -92,7 +92,7 @@ def match(old: TreeFile, new: TreeFile) -> tuple[Node, Node]:
     return first, second
 
 
-def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
+def in_place(old: ComparedNode, new: ComparedNode) -> list[tuple[ComparedNode, ComparedNode]]:
     """Return the pairs of children that follow each other in the same order in both nodes of a pair."""
     there = {child.partner: child for child in old.children}
     pairs = [(there[child], child) for child in new.children if child in there]
@@ -102,7 +102,9 @@ def in_place(old: Node, new: Node) -> list[tuple[Node, Node]]:
     return [pairs[j] for _, j in kept]
 
 
-def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, ordered: bool) -> Node:
+def _node(
+    element: Element, parent: ComparedNode | None, marks: dict[Hashable, int], *, ordered: bool
+) -> ComparedNode:
     """Make a node of an element; equal elements get equal marks."""
     kind, attributes = element.tag, dict(element.attributes)
     if kind in EXPLICIT_TAGS and "ID" in attributes and ordered:
@@ -111,7 +113,7 @@ def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, 
         attributes = {k: v for k, v in attributes.items() if not k.startswith(EDITOR_ATTRIBUTES)}
     # Trees and descriptions are found by name, at any position.
     inside = ordered and element.tag != MODEL_TAG
-    node = Node(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)
+    node = ComparedNode(element, parent, kind, attributes, inside and element.tag != ROOT_TAG)
     node.children = [_node(child, node, marks, ordered=inside) for child in element.children]
     node.size += sum(child.size for child in node.children)
     node.label = node.name or node.type
@@ -127,7 +129,7 @@ def _node(element: Element, parent: Node | None, marks: dict[Hashable, int], *, 
     return node
 
 
-def _number(nodes: list[Node]) -> None:
+def _number(nodes: list[ComparedNode]) -> None:
     """Number siblings, and make their labels unique."""
     counts = Counter(node.label for node in nodes)
     numbers: Counter[str] = Counter()
@@ -138,11 +140,11 @@ def _number(nodes: list[Node]) -> None:
             node.label = f"{node.label}[{numbers[node.label]}]"
 
 
-def _pair(old: Node, new: Node) -> None:
+def _pair(old: ComparedNode, new: ComparedNode) -> None:
     old.partner, new.partner = new, old
 
 
-def _pair_equal(old: Node, new: Node) -> None:
+def _pair_equal(old: ComparedNode, new: ComparedNode) -> None:
     """Pair two equal nodes, with all their descendants."""
     if old.partner is not None or new.partner is not None:
         return
@@ -159,24 +161,27 @@ _mark: Key = attrgetter("mark")
 _identity: Key = attrgetter("identity")
 
 
-def _content(node: Node) -> Hashable | None:
+def _content(node: ComparedNode) -> Hashable | None:
     return tuple(child.mark for child in node.children) or None
 
 
-def _align(old: Node, new: Node) -> None:
+def _align(old: ComparedNode, new: ComparedNode) -> None:
     """Pair the children of a pair of nodes by unambiguous keys."""
     if not old.ordered:
         for key in (_mark, _identity):
-            _pair_by(_free(old.children), _free(new.children), key)
+            _pair_by_key(_unpaired(old.children), _unpaired(new.children), key)
         return
-    gaps = [(_free(old.children), _free(new.children))]
+    gaps = [(_unpaired(old.children), _unpaired(new.children))]
     for key in (_mark, _identity, _content):
         gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key)]
 
 
 def _align_gap(
-    old: list[Node], new: list[Node], key: Key, accept: Callable[[Node, Node], bool] = lambda _old, _new: True
-) -> list[tuple[list[Node], list[Node]]]:
+    old: list[ComparedNode],
+    new: list[ComparedNode],
+    key: Key,
+    accept: Callable[[ComparedNode, ComparedNode], bool] = lambda _old, _new: True,
+) -> list[tuple[list[ComparedNode], list[ComparedNode]]]:
     """Pair the nodes that two ranges have in the same order, and return the ranges between them."""
     keys = [[key(node) for node in nodes] for nodes in (old, new)]
     pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
@@ -186,8 +191,8 @@ def _align_gap(
 
 
 def _between(
-    old: list[Node], new: list[Node], pairs: Sequence[tuple[int, int]]
-) -> Iterator[tuple[list[Node], list[Node]]]:
+    old: list[ComparedNode], new: list[ComparedNode], pairs: Sequence[tuple[int, int]]
+) -> Iterator[tuple[list[ComparedNode], list[ComparedNode]]]:
     """Yield the ranges of two lists before, between and after pairs."""
     i = j = 0
     for next_i, next_j in [*pairs, (len(old), len(new))]:
@@ -195,7 +200,7 @@ def _between(
         i, j = next_i + 1, next_j + 1
 
 
-def _join(old: Node, new: Node) -> None:
+def _join(old: ComparedNode, new: ComparedNode) -> None:
     if old.mark == new.mark:
         _pair_equal(old, new)
     else:
@@ -203,13 +208,15 @@ def _join(old: Node, new: Node) -> None:
         _align(old, new)
 
 
-def _free(nodes: list[Node]) -> list[Node]:
+def _unpaired(nodes: list[ComparedNode]) -> list[ComparedNode]:
     return [node for node in nodes if node.partner is None]
 
 
-def _pair_by(old: list[Node], new: list[Node], old_key: Key, new_key: Key | None = None) -> None:
+def _pair_by_key(
+    old: list[ComparedNode], new: list[ComparedNode], old_key: Key, new_key: Key | None = None
+) -> None:
     """Pair nodes by a key, at any position; nodes with the same key are paired in order."""
-    by_key: dict[Hashable, deque[Node]] = defaultdict(deque)
+    by_key: dict[Hashable, deque[ComparedNode]] = defaultdict(deque)
     for node in new:
         by_key[(new_key or old_key)(node)].append(node)
     for node in old:
@@ -221,21 +228,23 @@ def _pair_by(old: list[Node], new: list[Node], old_key: Key, new_key: Key | None
             _join(node, candidates.popleft())
 
 
-def _find_moved(old: Node, new: Node) -> None:
+def _find_moved(old: ComparedNode, new: ComparedNode) -> None:
     """Pair the remaining nodes by content or name: the largest first, and those with the same parent first."""
-    left, right = (sorted(_free(list(root.iterate())), key=lambda node: -node.size) for root in (old, new))
-    _pair_by(
+    left, right = (
+        sorted(_unpaired(list(root.iterate())), key=lambda node: -node.size) for root in (old, new)
+    )
+    _pair_by_key(
         left, right, lambda node: (node.mark, _home(node, other=True)), lambda node: (node.mark, _home(node))
     )
-    _pair_by(left, right, _mark)
-    _pair_by(left, right, lambda node: node.identity if node.name else None)
+    _pair_by_key(left, right, _mark)
+    _pair_by_key(left, right, lambda node: node.identity if node.name else None)
 
 
-def _home(node: Node, *, other: bool = False) -> int:
+def _home(node: ComparedNode, *, other: bool = False) -> int:
     return id(node.parent.partner if other and node.parent else node.parent)
 
 
-def _find_renamed(old: Node) -> None:
+def _find_renamed(old: ComparedNode) -> None:
     """Pair nodes of different names or tags that have the same position in both files."""
     for node in old.iterate():
         if node.partner is None or node.mark == node.partner.mark:
@@ -243,18 +252,18 @@ def _find_renamed(old: Node) -> None:
         stayed = in_place(node, node.partner) if node.ordered else []
         numbers = [(one.number, other.number) for one, other in stayed]
         gaps = [
-            (_free(one), _free(other))
+            (_unpaired(one), _unpaired(other))
             for one, other in _between(node.children, node.partner.children, numbers)
         ]
         for key in (lambda one: one.type, lambda one: one.name or None, _shape):
             gaps = [smaller for gap in gaps for smaller in _align_gap(*gap, key, _alike)]
 
 
-def _shape(node: Node) -> Hashable | None:
+def _shape(node: ComparedNode) -> Hashable | None:
     return "parent" if node.children else None
 
 
-def _alike(old: Node, new: Node) -> bool:
+def _alike(old: ComparedNode, new: ComparedNode) -> bool:
     """Return whether at least half of the content of two nodes is equal."""
     if old.children and new.children:
         ours, theirs = (Counter(child.identity for child in node.children) for node in (old, new))

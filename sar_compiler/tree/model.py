@@ -51,7 +51,7 @@ class Comment:
     after_blank_line: bool = False
 
 
-class About(Advice, total=False):
+class FindingDetails(Advice, total=False):
     """The optional attributes of a finding about an element; see `Element.finding`."""
 
     name: str | None
@@ -102,7 +102,7 @@ class Element:
     @property
     def follows_blank_line(self) -> bool:
         """Whether a blank line directly precedes it."""
-        return self.line > 0 and self.source.blank_before(self.offset, passing="- \t\r\n")
+        return self.line > 0 and self.source.has_blank_line_before(self.offset, passing="- \t\r\n")
 
     def tag_span(self) -> Span:
         """Return the span from its first character to the end of its tag's name."""
@@ -118,7 +118,7 @@ class Element:
         places = self.source.attribute(self, attribute)
         return self.source.inside(*places[2:]) if places else self.tag_span()
 
-    def within_value(self, attribute: str, start: int, end: int) -> Span:
+    def value_part_span(self, attribute: str, start: int, end: int) -> Span:
         """Return the span of the characters from *start* to *end* of an attribute's parsed value."""
         source = self.source
         places = source.attribute(self, attribute)
@@ -175,7 +175,7 @@ class Element:
                 waiting.extend(reversed(element.children))
 
 
-def last_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Element | None:
+def last_element_before(elements: "Sequence[Element]", place: tuple[int, int]) -> Element | None:
     """Return the last element at or before a location; the elements are in the order of the file."""
     index = bisect.bisect_right(elements, place, key=lambda each: each.place)
     return elements[index - 1] if index else None
@@ -256,14 +256,14 @@ class UnfinishedFileError(TreeError):
         return type(self), (self.findings, self.beginning)
 
 
-def text_of_xml(data: str) -> str:
+def xml_comment_text(data: str) -> str:
     """Return the text of a comment, given the characters between `<!--` and `-->`."""
     first, *rest = data.split("\n")
     # The first line begins after the mark, so its indentation is no evidence about the other lines.
     return _without_blank_ends([first.strip(), *_dedent(rest)])
 
 
-def text_of_yaml(lines: Sequence[str]) -> str:
+def yaml_comment_text(lines: Sequence[str]) -> str:
     """Return the text of consecutive comment lines, given the part of each line after `#`."""
     return _without_blank_ends(_dedent([line.removeprefix(" ") for line in lines]))
 

@@ -4,7 +4,7 @@ import re
 from enum import Enum
 
 from sar_compiler.json_values import json_text
-from sar_compiler.tree.showing import UNSEEN, UNSPEAKABLE
+from sar_compiler.tree.display_text import UNSEEN, UNSPEAKABLE
 
 
 def as_json(data: object, indent: int | None = 2) -> str:
@@ -36,7 +36,7 @@ def value_as_script(value: object) -> str:
     return f"'{value}'" if isinstance(value, str) else str(value)
 
 
-def count_text(number: int, what: str) -> str:
+def count_with_noun(number: int, what: str) -> str:
     """Return a number with a noun in singular or plural: `1 file`, `1,000 files`."""
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from xml.parsers import expat
 
 from sar_compiler.gc_pause import gc_paused
-from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
+from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, make_source
 from sar_compiler.tree.diagnostic import (
     AttributePlaces,
     Diagnostic,
@@ -29,9 +29,9 @@ from sar_compiler.tree.model import (
     OpenTag,
     TreeFile,
     UnfinishedFileError,
-    text_of_xml,
+    xml_comment_text,
 )
-from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, Recovered, recover
+from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, RecoveredText, recover
 
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
 # The written form of one character of a value.
@@ -47,7 +47,7 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
     """
     declared = _DECLARED_ENCODING.match(data) if isinstance(data, bytes) else None
     encoding = declared.group(1).decode("ascii") if declared else None
-    return _XmlReader(source_of(data, path, _SPANS, encoding, _EMPTY_HINT)).read()
+    return _XmlReader(make_source(data, path, _SPANS, encoding, _EMPTY_HINT)).read()
 
 
 class _XmlSpans(Spans):
@@ -87,7 +87,7 @@ _HINTS = {
 class _XmlReader:
     """One pass over a text; creates each element at its end tag, so that it can be frozen."""
 
-    def __init__(self, source: Source, recovered: Recovered | None = None) -> None:
+    def __init__(self, source: Source, recovered: RecoveredText | None = None) -> None:
         self._source = source
         self._recovered = recovered
         self._parser = parser = expat.ParserCreate(encoding="utf-8")
@@ -177,7 +177,7 @@ class _XmlReader:
 
     def _comment(self, data: str) -> None:
         depth, start, siblings = len(self._open), self._here(), self._levels[-1]
-        text = text_of_xml(self._recovered.original(data) if self._recovered is not None else data)
+        text = xml_comment_text(self._recovered.original(data) if self._recovered is not None else data)
         written = self._source.text
         # The text before the comment on its line.
         first, last = self._source.offset(self._parser.CurrentLineNumber, 1), start
@@ -195,7 +195,7 @@ class _XmlReader:
             comment = Comment(text, trailing=True)
             siblings[-1] = dataclasses.replace(siblings[-1], comments=(comment,))
         else:
-            comment = Comment(text, len(siblings), after_blank_line=self._source.blank_before(start))
+            comment = Comment(text, len(siblings), after_blank_line=self._source.has_blank_line_before(start))
             self._comments.setdefault(depth, []).append(comment)
 
     def _instruction(self, target: str, _data: str) -> None:
@@ -230,12 +230,12 @@ class _XmlReader:
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
         """Return a finding in the user's terms for an error that expat's message does not explain."""
-        from sar_compiler.tree.xml_mistakes import mistake_at
+        from sar_compiler.tree.xml_errors import find_xml_fault
 
         start = self._source.offset(error.lineno, error.offset + 1)
         words = expat.errors.messages.get(error.code, str(error))
         hint = _HINTS.get(words)
-        found = mistake_at(self._source.text, start, words)
+        found = find_xml_fault(self._source.text, start, words)
         if found is not None:
             message = f"not well-formed XML: {found.message}"
             span = self._source.span(found.start, found.end)

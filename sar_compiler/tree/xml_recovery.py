@@ -48,7 +48,7 @@ class _PartOfFile(Enum):
     COMMENT = _DASHES
 
 
-class Recovered(NamedTuple):
+class RecoveredText(NamedTuple):
     """A text that expat can parse.
 
     Attributes:
@@ -73,7 +73,7 @@ def attributes_end(text: str, offset: int, limit: int = sys.maxsize) -> int:
     return offset
 
 
-def recover(source: Source) -> Recovered | None:
+def recover(source: Source) -> RecoveredText | None:
     """Return a text with stand-ins up to the first irrecoverable error; None if there is nothing to recover."""
     stand_ins = _stand_ins(source.text)
     if stand_ins is None:
@@ -96,7 +96,7 @@ def recover(source: Source) -> Recovered | None:
     if not parts:
         return None
     originals = {ord(stand_in): chr(character) for character, stand_in in stand_ins.items()}
-    return Recovered("".join([*parts, text[done:]]), originals, tuple(findings))
+    return RecoveredText("".join([*parts, text[done:]]), originals, tuple(findings))
 
 
 def readable(tree_file: TreeFile) -> str:
@@ -154,7 +154,7 @@ class _TagWalk:
             if self._beside < 0:
                 yield offset, tag, self._part()
             found: list[tuple[int, int, _PartOfFile]] = []
-            offset = self._behind_tag(tag, found)
+            offset = self._end_of_tag(tag, found)
             yield from found if self._beside < 0 else ()
             if not offset:
                 return
@@ -167,7 +167,7 @@ class _TagWalk:
             return _PartOfFile.BEFORE_ROOT
         return _PartOfFile.CONTENT if self._opened else _PartOfFile.BESIDE_ROOT
 
-    def _behind_tag(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
+    def _end_of_tag(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
         """Add the parts of a tag, and return its end; 0 if it cannot be parsed."""
         text = self._text
         if text.startswith("<!--", tag):
@@ -184,9 +184,9 @@ class _TagWalk:
             end = _end_after(text, ">", tag)
             closes = self._opened and text[tag + len("</") : max(end - 1, 0)].rstrip() == self._opened.pop()
             return end if closes else 0
-        return self._behind_start(tag, found)
+        return self._end_of_start_tag(tag, found)
 
-    def _behind_start(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
+    def _end_of_start_tag(self, tag: int, found: list[tuple[int, int, _PartOfFile]]) -> int:
         if self._has_root and not self._opened:
             self._beside = tag
         self._has_root = True

@@ -124,7 +124,7 @@ def _escape(text: str, escapes: dict[str, str]) -> str:
     return "".join(escapes.get(character, character) for character in text)
 
 
-def one_tag_a_line(root: Element) -> str:
+def xml_with_tag_per_line(root: Element) -> str:
     """Return an element as XML in which line n begins with start tag n, for tools that count lines."""
     return "\n".join(_tags(root))
 

@@ -9,8 +9,9 @@ from typing import Any, NoReturn
 
 import yaml
 
-from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, source_of
+from sar_compiler.tree.content import MAX_ATTRIBUTES, MAX_DEPTH, MAX_ELEMENTS, make_source
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Source, TreeError
+from sar_compiler.tree.display_text import UNSPEAKABLE, escape_to_one_line
 from sar_compiler.tree.model import (
     CHILDREN_KEY,
     MODEL_TAG,
@@ -23,11 +24,10 @@ from sar_compiler.tree.model import (
     TreeFile,
     UnfinishedFileError,
     is_name,
-    text_of_yaml,
+    yaml_comment_text,
 )
-from sar_compiler.tree.showing import UNSPEAKABLE, in_one_line
-from sar_compiler.tree.yaml_events import Events
-from sar_compiler.tree.yaml_fields import dedented, takes_fields
+from sar_compiler.tree.yaml_events import YamlEvents
+from sar_compiler.tree.yaml_fields import dedented, is_fields_attribute
 from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 _EMPTY_HINT = "write root: with BTCPP_format: 4 and children: below it"
@@ -48,7 +48,7 @@ def parse_yaml(data: bytes | str, path: str = "<text>") -> TreeFile:
         TreeError: If it is not YAML, not a tree, too large, too deep, or uses a feature that only YAML has.
     """
     spans = YamlSpans()
-    return _YamlReader(source_of(data, path, spans, None, _EMPTY_HINT), spans).read()
+    return _YamlReader(make_source(data, path, spans, None, _EMPTY_HINT), spans).read()
 
 
 class _Parts:
@@ -75,7 +75,7 @@ class _YamlReader:
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
         self._spans = spans
-        self._events = Events(source, closing=True)
+        self._events = YamlEvents(source, closing=True)
         # Elements that are incomplete or wrong.
         self._unfinished: list[OpenTag] = []
         # Findings about text that may be intended.
@@ -139,7 +139,7 @@ class _YamlReader:
             self._report("wrong-shape", "these braces are empty, but a node needs a tag", *_place(first))
             return None
         if not self._depth and getattr(events.next, "value", None) in _OF_THE_ROOT:
-            return self._rootless()
+            return self._read_without_root()
         tag = self._key()
         element = self._tagged(tag, events.trailing) if tag is not None else None
         if tag is None:
@@ -149,7 +149,7 @@ class _YamlReader:
         events.take()
         return element
 
-    def _rootless(self) -> Element | None:
+    def _read_without_root(self) -> Element | None:
         """Read the content of a root that is not named."""
         first, parts = self._events.next, _Parts()
         message = f"a tree file begins with '{ROOT_TAG}:'; '{first.value}' belongs below it"
@@ -264,7 +264,7 @@ class _YamlReader:
         for said in (trailing, _header_comment(self._source.text, value), events.trailing):
             if said is not None:
                 parts.comments.append(Comment(said, attribute=key.value, trailing=True))
-        if self._is_no_text(key, value):
+        if self._is_no_string(key, value):
             pass
         elif value.style == '"' and (unspeakable := re.search(UNSPEAKABLE, value.value)):
             message = f"{key.value}: a tree file cannot have the character U+{ord(unspeakable.group()):04X}"
@@ -275,14 +275,14 @@ class _YamlReader:
             parts.attributes[key.value] = value.value
             parts.places += (*_place(key), *_place(value))
             if events.trailing is not None:
-                self._look_for_cut(key, value)
+                self._report_cut_string(key, value)
         elif self._models:
             parts.text = value.value.strip()
         else:
             message = f"'{TEXT_KEY}' is allowed only in the ports of a {MODEL_TAG}"
             self._report("wrong-shape", message, *_place(key), hint="write a comment instead")
 
-    def _look_for_cut(self, key: Any, value: Any) -> None:
+    def _report_cut_string(self, key: Any, value: Any) -> None:
         """Report a plain string that a # has possibly cut off."""
         start, end = _place(value)
         cut = _CUT.match(self._source.text, end) if not value.style and value.value[:1].isalpha() else None
@@ -307,7 +307,7 @@ class _YamlReader:
             if said is not None:
                 parts.comments.append(Comment(said, attribute=key.value, trailing="\n" not in said))
         if not events.is_cut and value.tag is None:
-            parts.unquoted[key.value] = self._not_a_text(parts, key, value, end)
+            parts.unquoted[key.value] = self._no_string_finding(parts, key, value, end)
             parts.attributes[key.value] = dedented(self._source.text[start:end], self._source.place(start)[1])
             parts.places += (*_place(key), start, end)
             self._spans.add_verbatim(start)
@@ -318,12 +318,12 @@ class _YamlReader:
         This comes last because the ID, which determines the attributes that take fields, may follow the others.
         """
         for name, finding in parts.unquoted.items():
-            if not takes_fields(tag, parts.attributes, name):
+            if not is_fields_attribute(tag, parts.attributes, name):
                 index = 4 * [*parts.attributes].index(name)
                 del parts.attributes[name], parts.places[index : index + 4]
                 self._events.findings.append(finding)
 
-    def _not_a_text(self, parts: _Parts, key: Any, value: Any, end: int) -> Diagnostic:
+    def _no_string_finding(self, parts: _Parts, key: Any, value: Any, end: int) -> Diagnostic:
         """Return the finding about a list or a mapping in place of a string."""
         start = _place(value)[0]
         written = self._source.text[start:end]
@@ -397,7 +397,7 @@ class _YamlReader:
             return True
         return False
 
-    def _is_no_text(self, key: Any, value: Any) -> bool:
+    def _is_no_string(self, key: Any, value: Any) -> bool:
         """Report a scalar that is no string for an attribute: an empty value, or a node that was meant to follow the key."""
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
@@ -412,7 +412,7 @@ class _YamlReader:
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
         if node is None:
             return False
-        above = in_one_line(self._source.text[start : node.start()].strip())
+        above = escape_to_one_line(self._source.text[start : node.start()].strip())
         message = f"this line is indented deeper than '{above}', so it continues that string"
         hint = "indent it like the '- ' of its siblings"
         self._report("wrong-shape", message, node.start(1), node.end(1), hint=hint)
@@ -460,4 +460,4 @@ def _header_comment(text: str, value: Any) -> str | None:
     if value.style not in ("|", ">"):
         return None
     match = _HEADER_COMMENT.match(text, value.start_mark.index)
-    return text_of_yaml([match.group(1)]) if match else None
+    return yaml_comment_text([match.group(1)]) if match else None

@@ -16,7 +16,7 @@ import yaml
 
 from sar_compiler.tree.content import MAX_DEPTH
 from sar_compiler.tree.diagnostic import LINE_END, Advice, Diagnostic, Source, TreeError
-from sar_compiler.tree.model import text_of_yaml
+from sar_compiler.tree.model import yaml_comment_text
 from sar_compiler.tree.yaml_fields import end_of_block, masked, unmasked
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
 
 
 @dataclass
-class Waiting:
+class PendingComment:
     """A comment on lines of its own that no element has claimed yet.
 
     Attributes:
@@ -54,10 +54,10 @@ class Waiting:
     @property
     def text(self) -> str:
         """Its text."""
-        return text_of_yaml(self.lines)
+        return yaml_comment_text(self.lines)
 
 
-class Events:
+class YamlEvents:
     """The events of a text, with one event of lookahead.
 
     Attributes:
@@ -77,7 +77,7 @@ class Events:
         self.findings: list[Diagnostic] = []
         self.trailing: str | None = None
         self._source = source
-        self._waiting: list[Waiting] = []
+        self._waiting: list[PendingComment] = []
         self._has_comments = "#" in source.text
         self._end = 0
         self._nested = 0
@@ -176,7 +176,7 @@ class Events:
             if depth == 0:
                 return end
 
-    def comments(self, from_column: int = 0) -> list[Waiting]:
+    def comments(self, from_column: int = 0) -> list[PendingComment]:
         """Return and clear the comments before the next event.
 
         Args:
@@ -187,7 +187,7 @@ class Events:
         self._waiting = waiting[count:]
         return waiting[:count]
 
-    def skip_fields(self) -> tuple[int, Waiting | None]:
+    def skip_fields(self) -> tuple[int, PendingComment | None]:
         """Skip a list or a mapping with its comments and tags, which are part of its text.
 
         Returns:
@@ -224,7 +224,7 @@ class Events:
                 and self.trailing is None
                 and not LINE_END.search(self._source.text, start, match.start())
             ):
-                self.trailing = text_of_yaml([match.group(1)])
+                self.trailing = yaml_comment_text([match.group(1)])
             else:
                 self._wait(match)
         if isinstance(event, yaml.ScalarEvent) or getattr(event, "flow_style", False):
@@ -240,8 +240,8 @@ class Events:
                 last.end = match.end()
                 return
         # Consecutive comments are separated by a blank line, which therefore has no other meaning.
-        after_blank_line = self._source.blank_before(match.start()) and last is None
-        self._waiting.append(Waiting(column, match.end(), [match.group(1)], after_blank_line))
+        after_blank_line = self._source.has_blank_line_before(match.start()) and last is None
+        self._waiting.append(PendingComment(column, match.end(), [match.group(1)], after_blank_line))
 
     def _refuse_surprises(self, event: Any) -> None:
         start = event.start_mark.index

@@ -25,7 +25,7 @@ _UNMASKS = {ord(after): chr(before) for before, after in _MASKS.items()}
 _MASKED = re.compile(r"(?<=\{)\s*@(?=\w)|(?<=\w)\[\d+\](?=[\w.\[\]]*\s*:)")
 
 
-def takes_fields(tag: str, attributes: Mapping[str, str], name: str) -> bool:
+def is_fields_attribute(tag: str, attributes: Mapping[str, str], name: str) -> bool:
     """Return whether an attribute of an element takes YAML."""
     return name in FIELD_ATTRIBUTES.get(attributes.get("ID", "") if tag in EXPLICIT_TAGS else tag, ())
 

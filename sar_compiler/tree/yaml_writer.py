@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.model import CHILDREN_KEY, TEXT_KEY, Comment, Element, TreeFile
 from sar_compiler.tree.yaml import REFERENCE, parse_yaml
-from sar_compiler.tree.yaml_fields import takes_fields
+from sar_compiler.tree.yaml_fields import is_fields_attribute
 
 _WHOLE_NUMBER = re.compile(r"0|-?[1-9][0-9]{0,14}")
 _DECIMAL_NUMBER = re.compile(r"-?[0-9]{1,9}\.[0-9]{1,6}")
@@ -127,7 +127,7 @@ def _value(text: str, indent: str) -> list[str]:
 
 def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
     """Return the lines of fields as YAML; none if that would be read as another text, or if they are no fields."""
-    if not takes_fields(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
+    if not is_fields_attribute(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
         return []
     lines = text.removesuffix("\n").split("\n")
     if len(lines) == 1 and text[:1] in ("{", "["):

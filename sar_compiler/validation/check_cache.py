@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 from sar_compiler.errors import SarError
 from sar_compiler.json_values import json_text, json_value
-from sar_compiler.opener import MODULE, FileKind, Observation, Question, digest, read_file, state_of
-from sar_compiler.project.additions import CommandLineSettings
+from sar_compiler.opener import MODULE, FileKind, FileQuery, Observation, digest, read_file, state_of
+from sar_compiler.project.command_line_settings import CommandLineSettings
 from sar_compiler.resources import cache_folder, shipped_root
 from sar_compiler.tree.content import real_path
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Form, Severity, Source, Span
@@ -191,7 +191,7 @@ class CheckCache:
             return
         data = json_value(text.decode("utf-8", "surrogatepass"))
         if data["named"] in ("", self._named):
-            surroundings = observation_of(data["surroundings"])
+            surroundings = observation_from_data(data["surroundings"])
             if surroundings.holds():
                 self._surroundings, self._reads_set, self._kept = (
                     surroundings,
@@ -209,7 +209,7 @@ class CheckCache:
             work: The limit for exploring its runs, in units of work; None for no limit.
         """
         with suppress(SarError, ValueError, LookupError, TypeError, AttributeError):
-            check = check_of(self._kept[str(path)])
+            check = check_from_data(self._kept[str(path)])
             if (work is None or check.spent <= work) and check.sources.holds():
                 return check
         return None
@@ -229,12 +229,12 @@ class CheckCache:
             return
         for path, check in checks.items():
             if check.is_whole and not (check.is_limited or check.notes) and check.sources.is_consistent:
-                self._kept[str(path)] = data_of(check)
+                self._kept[str(path)] = check_to_data(check)
             else:
                 self._kept.pop(str(path), None)
         data = {
             "named": self._named if reads_set or self._reads_set else "",
-            "surroundings": data_of_observation(self._surroundings),
+            "surroundings": observation_to_data(self._surroundings),
             "checks": self._kept,
         }
         text = json_text(data, separators=(",", ":")).encode()
@@ -270,7 +270,7 @@ def add_modules(observation: Observation) -> None:
             if (
                 not isinstance(path, str)
                 or path.startswith(f"{own}{os.sep}")
-                or Question("state", path) in observation
+                or FileQuery("state", path) in observation
             ):
                 continue
             if path.startswith(standard) and not path.startswith(
@@ -285,7 +285,7 @@ def add_modules(observation: Observation) -> None:
                     read_file(path, MODULE)
 
 
-def data_of(check: FileCheck) -> dict[str, Any]:
+def check_to_data(check: FileCheck) -> dict[str, Any]:
     """Return the result of a check as JSON values."""
     sources: dict[int, tuple[int, Source]] = {}
 
@@ -300,10 +300,10 @@ def data_of(check: FileCheck) -> dict[str, Any]:
         if name != "sources" and value
     }
     texts = [[each.path, each.text, each.form.value, each.encoding, each.bom] for _, each in sources.values()]
-    return {**data, "sources": data_of_observation(check.sources), "texts": texts}
+    return {**data, "sources": observation_to_data(check.sources), "texts": texts}
 
 
-def check_of(data: Mapping[str, Any]) -> FileCheck:
+def check_from_data(data: Mapping[str, Any]) -> FileCheck:
     """Return the result of a check from JSON values.
 
     Raises:
@@ -323,14 +323,14 @@ def check_of(data: Mapping[str, Any]) -> FileCheck:
         )
 
     fields = {key: value for key, value in data.items() if key not in ("texts", "sources", "fixes")}
-    check = FileCheck(**fields, sources=observation_of(data["sources"]))
+    check = FileCheck(**fields, sources=observation_from_data(data["sources"]))
     for name in FINDINGS_OF_A_CHECK:
         setattr(check, name, [*map(finding, getattr(check, name))])
     check.fixes = [TextFix(*each) for each in data.get("fixes", ())]
     return check
 
 
-def data_of_observation(observation: Observation) -> dict[str, dict[str, dict[str, str]]]:
+def observation_to_data(observation: Observation) -> dict[str, dict[str, dict[str, str]]]:
     """Return queries as JSON values: the answers by kind, limit and path."""
     data: dict[str, dict[str, dict[str, str]]] = {}
     for (kind, path, limit), answer in observation.items():
@@ -338,10 +338,10 @@ def data_of_observation(observation: Observation) -> dict[str, dict[str, dict[st
     return data
 
 
-def observation_of(data: Mapping[str, Mapping[str, Mapping[str, str]]]) -> Observation:
+def observation_from_data(data: Mapping[str, Mapping[str, Mapping[str, str]]]) -> Observation:
     """Return queries from JSON values."""
     return Observation(
-        (Question(kind, path, int(limit)), answer)
+        (FileQuery(kind, path, int(limit)), answer)
         for kind, limits in data.items()
         for limit, answers in limits.items()
         for path, answer in answers.items()

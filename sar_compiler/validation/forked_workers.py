@@ -17,7 +17,7 @@ _NUMBER, _LENGTH = 4, 8
 _AHEAD = 2
 
 
-class _Copy(NamedTuple):
+class _WorkerProcess(NamedTuple):
     process: int
     orders: int
     answers: int
@@ -44,7 +44,7 @@ class ForkedWorkers:
     ) -> None:
         self._work = work
         self._waiting = deque(numbers)
-        self._copies: list[_Copy] = []
+        self._copies: list[_WorkerProcess] = []
         self._max_sec = max_sec
         for _ in range(count):
             self._start()
@@ -67,7 +67,7 @@ class ForkedWorkers:
             os._exit(0)
         os.close(orders_in)
         os.close(answers_out)
-        self._copies.append(_Copy(process, orders, answers, deque(), bytearray()))
+        self._copies.append(_WorkerProcess(process, orders, answers, deque(), bytearray()))
         self._send_orders(self._copies[-1])
 
     def _serve(self, orders: int, answers: int) -> None:
@@ -88,7 +88,7 @@ class ForkedWorkers:
             with suppress(ValueError, OSError):
                 resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
 
-    def _send_orders(self, copy: _Copy) -> None:
+    def _send_orders(self, copy: _WorkerProcess) -> None:
         while self._waiting and len(copy.pending) < _AHEAD:
             copy.pending.append(self._waiting.popleft())
             with suppress(BrokenPipeError):  # it has died, which is detected when its results are read
@@ -107,7 +107,7 @@ class ForkedWorkers:
         while not is_over() and self._waiting:  # all copies were killed
             yield self._waiting.popleft(), None
 
-    def _receive(self, copy: _Copy) -> Iterator[tuple[int, str | None]]:
+    def _receive(self, copy: _WorkerProcess) -> Iterator[tuple[int, str | None]]:
         data = os.read(copy.answers, 1 << 20)
         if not data:  # it was killed, for instance for lack of memory
             yield from ((number, None) for number in copy.pending)

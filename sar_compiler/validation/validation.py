@@ -24,9 +24,9 @@ from sar_compiler.opener import (
     is_folder,
     read_file,
 )
-from sar_compiler.parts import is_here
-from sar_compiler.project.additions import CommandLineSettings
-from sar_compiler.tree.content import bytes_of, real_path
+from sar_compiler.parts import is_part_installed
+from sar_compiler.project.command_line_settings import CommandLineSettings
+from sar_compiler.tree.content import encode_text, real_path
 from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 from sar_compiler.tree.discovery import find_tree, read_tree_file, tree_files_in
 from sar_compiler.tree.model import TreeFile
@@ -35,10 +35,10 @@ from sar_compiler.validation.check_cache import (
     FileCheck,
     TextFix,
     add_modules,
-    check_of,
-    data_of,
-    data_of_observation,
-    observation_of,
+    check_from_data,
+    check_to_data,
+    observation_from_data,
+    observation_to_data,
 )
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ class Validation:
                 folders.append(Path(name))
                 yield from files
             else:
-                resources.require_there(name)
+                resources.require_tree_file(name)
                 yield find_tree(name)
         except UnreadableFileError as error:
             self._tell(str(error))
@@ -173,16 +173,16 @@ class Validation:
     def check(self, options: CheckOptions, budget: Budget) -> None:
         """Check the files within a budget that `processor_sec` measures."""
         work: int | None = 0
-        is_tried = options.is_tried and is_here("analysis")
+        is_tried = options.is_tried and is_part_installed("analysis")
         if is_tried:
             from sar_compiler.budget import work_for
 
             work = work_for(len(self.files)) if options.trial_sec is None else None
 
         def try_runs(tree: "ProjectTree") -> "TrialOutcome":
-            from sar_compiler.analysis.trial import try_within
+            from sar_compiler.analysis.trial import try_runs_within
 
-            return try_within(tree, work, options.trial_sec, budget.is_spent)
+            return try_runs_within(tree, work, options.trial_sec, budget.is_spent)
 
         def make_checker() -> "FileChecker":
             return FileChecker(self._additions, self._further_checks, try_runs if is_tried else None)
@@ -198,9 +198,9 @@ class Validation:
             self._is_left = True
             run.end()
         if any(self._used):
-            from sar_compiler.project.workspace import notes_on_use
+            from sar_compiler.project.workspace import use_notes
 
-            for text in notes_on_use(*self._used):
+            for text in use_notes(*self._used):
                 self._on_note(text)
 
     def _cache(self, options: CheckOptions, *, is_tried: bool) -> "CheckCache | None":
@@ -281,9 +281,9 @@ def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
     from sar_compiler.writing import WriteError, write_bytes
 
     path, source = tree.path, tree.source
-    if bytes_of(source, source.text) != read_file(path, TREE).data:
+    if encode_text(source, source.text) != read_file(path, TREE).data:
         raise WriteError(f"{path} is not fixed: it has changed meanwhile, or its encoding cannot be written")
-    write_bytes(path, bytes_of(source, apply_fixes(source.text, chosen)))
+    write_bytes(path, encode_text(source, apply_fixes(source.text, chosen)))
 
 
 FEWEST_FOR_COPIES = 20
@@ -365,8 +365,8 @@ class CheckRun:
         self._sent = len(observed)
         return json_text(
             {
-                "check": data_of(check),
-                "surroundings": data_of_observation(new),
+                "check": check_to_data(check),
+                "surroundings": observation_to_data(new),
                 "is_consistent": observed.is_consistent and check.sources.is_consistent,
                 "reads_set": checker.reads_set,
                 "process": os.getpid(),
@@ -376,7 +376,7 @@ class CheckRun:
         )
 
     def _receive(self, message: dict[str, Any]) -> FileCheck:
-        for question, answer in observation_of(message["surroundings"]).items():
+        for question, answer in observation_from_data(message["surroundings"]).items():
             self._others.record(question, answer)
         self._others.is_consistent = self._others.is_consistent and message["is_consistent"]
         self._reads_set = self._reads_set or message["reads_set"]
@@ -384,7 +384,7 @@ class CheckRun:
         self.others_sec = sum(self._cpu.values())
         if message["reason"]:
             self._budget.spend(message["reason"])
-        return check_of(message["check"])
+        return check_from_data(message["check"])
 
     def results(self) -> Iterator[tuple[Path, FileCheck]]:
         """Yield each file with its result, in the order of the files."""
@@ -489,7 +489,7 @@ class FileChecker:
         # Record the uses of this file even if other files have used the same palettes and trees.
         project.used_palettes, project.used_trees = {}, {}
         if not tree.is_malformed:
-            project.note_use(tree.forest)
+            project.report_use(tree.forest)
         check.palettes += project.findings
         check.findings += tree.findings
         check.further += [each for further in self._further_checks for each in further(tree)]

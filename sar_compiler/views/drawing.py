@@ -25,9 +25,9 @@ from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
 from sar_compiler.style import COLOURS, DECORATORS, literal
+from sar_compiler.tree.display_text import escape_to_one_line, shortened
 from sar_compiler.tree.model import SUBTREE_TAG
 from sar_compiler.tree.plain import plain, speakable
-from sar_compiler.tree.showing import in_one_line, shortened
 
 # Maximum number of characters of a label and of the line below it; a title has the full texts.
 _LONGEST = 40
@@ -154,7 +154,7 @@ def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, 
         sign,
         _cut(name),
         _cut(details),
-        in_one_line(shortened(title.rstrip())),
+        escape_to_one_line(shortened(title.rstrip())),
         bound.subtree is not None and not is_wrapper,
     )
 
@@ -196,7 +196,7 @@ def _value(value: object) -> str:
 
 
 def _cut(text: str) -> str:
-    text = in_one_line(text).rstrip()
+    text = escape_to_one_line(text).rstrip()
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 
@@ -216,7 +216,7 @@ _DOT_SHAPES = {
 def dot(tree: Drawable, *, folded: bool = False) -> str:
     """Return a tree as a digraph; subtrees are clusters, or single nodes if they are folded."""
     lines = [
-        f"digraph {_quote(in_one_line(tree.name))} {{",
+        f"digraph {_quote(escape_to_one_line(tree.name))} {{",
         "  ordering=out;",
         '  graph [fontname="sans-serif", style=dashed];',
         '  node [fontname="sans-serif", fontsize=9, style=filled];',
@@ -357,7 +357,7 @@ def svg(tree: Drawable, *, folded: bool = False) -> str:
     blocks = _place_blocks(nodes)
     width, height = (math.ceil(size + 2 * _MARGIN) for size in (blocks[0].width, blocks[0].height))
     size = f'width="{width}" height="{height}"'
-    title = f"{in_one_line(tree.name)}, {len(nodes)} {'node' if len(nodes) == 1 else 'nodes'}"
+    title = f"{escape_to_one_line(tree.name)}, {len(nodes)} {'node' if len(nodes) == 1 else 'nodes'}"
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}" role="img">',
         f"<title>{_text(title)}</title>",

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from sar_compiler.commands import version_of
 from sar_compiler.resources import shared_file_path
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, Severity, Source, Span
+from sar_compiler.tree.display_text import visible
 from sar_compiler.tree.kinds import KINDS, SEVERITIES
-from sar_compiler.tree.plain import as_json, count_text
-from sar_compiler.tree.showing import visible
+from sar_compiler.tree.plain import as_json, count_with_noun
 
 if TYPE_CHECKING:
     from sar_compiler.checks.fixing import Fix
@@ -72,7 +72,7 @@ def page_of(code: str) -> str:
     return shared_file_path("docs/findings", f"{code}.md").read_text("utf-8")
 
 
-def without_markdown(page: str, paint: Callable[[str, str], str]) -> str:
+def plain_text(page: str, paint: Callable[[str, str], str]) -> str:
     """Return a Markdown page for a terminal: code is indented, and headings are bold.
 
     Args:
@@ -102,7 +102,7 @@ FEW = 3
 _NAMED = 8
 
 
-def by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
+def group_by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return one finding for each cause, at its first location, with the number of the others.
 
     Up to `FEW` locations in one file are separate findings; so are the messages of a cause that has up to `FEW`.
@@ -133,7 +133,7 @@ def _of_one_message(places: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
     first, others = places[0], places[1:]
     near = ", ".join(f"{each.source.path}:{each.span.line}" for each in others[:FEW])
     more = ", ..." if others[FEW:] else ""
-    where = f"and in {count_text(len(others), 'more place')}: {near}{more}"
+    where = f"and in {count_with_noun(len(others), 'more place')}: {near}{more}"
     return [replace(first, message=f"{first.message}; {where}")]
 
 
@@ -142,7 +142,7 @@ def _cause_text(cause: Cause, group: Iterable[Diagnostic]) -> str:
     counts = Counter(each.common_cause.subject for each in group if each.common_cause)
     named = ", ".join(f"'{subject}' ({number:,})" for subject, number in counts.most_common(_NAMED))
     others = f" and {len(counts) - _NAMED:,} more" if len(counts) > _NAMED else ""
-    return f"{cause.text}: {named}{others}, in {count_text(counts.total(), 'place')}"
+    return f"{cause.text}: {named}{others}, in {count_with_noun(counts.total(), 'place')}"
 
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"

@@ -5,8 +5,7 @@ import itertools
 from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
-from sar_compiler.journal.attention import open_tasks
-from sar_compiler.journal.display import Landmark, fact_words, with_author
+from sar_compiler.journal.display import Landmark, default_sentence, with_author
 from sar_compiler.journal.journal_entries import (
     BREAKPOINT,
     CHANGED,
@@ -23,10 +22,11 @@ from sar_compiler.journal.journal_entries import (
     JournalEntry,
 )
 from sar_compiler.journal.mission_state import RUNNING, MissionState, NodeState
-from sar_compiler.journal.status_line import DRIVING, GOOD, QUIET, MissionCondition, condition
+from sar_compiler.journal.open_tasks import find_open_tasks
+from sar_compiler.journal.status_line import DRIVING, GOOD, QUIET, StatusLine, condition
 from sar_compiler.runtime.clock import clock_text
 from sar_compiler.style import IN_TEXT
-from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shortened
 
 # The maximum numbers of events, and of landmarks of a kind, in a line.
 _MOST_TOLD = 10
@@ -82,15 +82,15 @@ def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
             return ""
         words = f"{node.name} {node.words}"
     elif entry.kind == CHANGED:  # the sentence of an event follows it
-        words = with_author(str(entry.data.get("said") or ""), CommandAuthor.of(entry.data))
+        words = with_author(str(entry.data.get("said") or ""), CommandAuthor.from_data(entry.data))
     elif entry.kind == ORDERED:
         words = "" if entry.data.get("is_told") else state.facts[-1].text
     else:
-        words = "" if state.is_told else fact_words(entry.kind, entry.data)
+        words = "" if state.is_told else default_sentence(entry.kind, entry.data)
     return _log_line(state, words) if words else ""
 
 
-def condition_change(state: MissionState, before: MissionCondition) -> str:
+def condition_change(state: MissionState, before: StatusLine) -> str:
     """Return the log line of a mission's condition; empty if it is unchanged or if all is well."""
     now = condition(state)
     if (now.word, now.reason) == (before.word, before.reason) or {now.level, before.level} <= {GOOD, QUIET}:
@@ -99,7 +99,7 @@ def condition_change(state: MissionState, before: MissionCondition) -> str:
 
 
 def _log_line(state: MissionState, words: str) -> str:
-    return in_one_line(f"{clock_text(state.now.time):>9}  {shortened(words)}")
+    return escape_to_one_line(f"{clock_text(state.now.time):>9}  {shortened(words)}")
 
 
 def screen(state: MissionState, now: float, height: int) -> list[Line]:
@@ -122,7 +122,7 @@ def full_height(state: MissionState) -> int:
 
 def _headline(state: MissionState, now: float) -> Line:
     words = [state.title, clock_text(now), condition(state).text(now), _drive_left(state)]
-    return [Piece("  ".join(map(in_one_line, filter(None, words))), "title")]
+    return [Piece("  ".join(map(escape_to_one_line, filter(None, words))), "title")]
 
 
 def _drive_left(state: MissionState) -> str:
@@ -135,9 +135,9 @@ def _drive_left(state: MissionState) -> str:
 
 def _tasks(state: MissionState) -> Iterator[Line]:
     """Yield a line with the open tasks other than alarms, which have their own, if there are any."""
-    tasks = [task for task in open_tasks(state) if not task.is_alarm]
+    tasks = [task for task in find_open_tasks(state) if not task.is_alarm]
     if tasks:
-        yield [Piece(in_one_line(f"TO DO: {'; '.join(task.text for task in tasks)}"), "alarm")]
+        yield [Piece(escape_to_one_line(f"TO DO: {'; '.join(task.text for task in tasks)}"), "alarm")]
 
 
 def _figures(state: MissionState, now: float) -> Iterator[Line]:
@@ -148,7 +148,7 @@ def _figures(state: MissionState, now: float) -> Iterator[Line]:
     words += [f"ALARM ({clock_text(now - state.since[each.text].time)}): {each.text}" for each in raised]
     words += [figure.text for figure in situation.figures.values()]
     if words:
-        yield [Piece("  ".join(map(in_one_line, words)), "alarm" if raised else "")]
+        yield [Piece("  ".join(map(escape_to_one_line, words)), "alarm" if raised else "")]
 
 
 def _found(state: MissionState) -> Iterator[Line]:
@@ -159,10 +159,10 @@ def _found(state: MissionState) -> Iterator[Line]:
         finds = situation.of_kind(kind.name)
         told = "; ".join(map(_find, finds[: -_MOST_TOLD - 1 : -1]))
         text = f"{kind.plural}: {len(finds)}; {told}" if finds else f"{kind.plural}: none"
-        yield [Piece(in_one_line(text), "" if finds else "quiet")]
+        yield [Piece(escape_to_one_line(text), "" if finds else "quiet")]
     if state.facts and not kinds:
         latest = "; ".join(fact.text for fact in state.facts[: -_MOST_TOLD - 1 : -1])
-        yield [Piece(in_one_line(f"noted: {len(state.facts)}; {shortened(latest)}"))]
+        yield [Piece(escape_to_one_line(f"noted: {len(state.facts)}; {shortened(latest)}"))]
 
 
 def _find(find: Landmark) -> str:
@@ -280,7 +280,10 @@ def _row(state: MissionState, row: _TreeRow, now: float, *, is_folded: bool) -> 
         pieces.append(Piece(f"  {clock_text(now - since.time)}", "quiet"))
     for node in reversed(row.nodes):
         if words := node.message or (node.label if node.has_part else ""):
-            return [*pieces, Piece(f"  {in_one_line(words)}", "quiet" if node.status != "FAILURE" else "")]
+            return [
+                *pieces,
+                Piece(f"  {escape_to_one_line(words)}", "quiet" if node.status != "FAILURE" else ""),
+            ]
     return pieces
 
 
@@ -297,7 +300,7 @@ def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
             shown = sign(node.status)
             yield Piece(shown, node.status)
             yield Piece(" ")
-        yield Piece(in_one_line(node.name))
+        yield Piece(escape_to_one_line(node.name))
 
 
 def _below(state: MissionState, node: NodeState) -> int:

@@ -9,16 +9,16 @@ from py_trees.visitors import VisitorBase
 
 from sar_compiler.compiler import CompiledTree, Construction, Origins
 from sar_compiler.errors import SarError
-from sar_compiler.nodes.btcpp.draft import Draft
+from sar_compiler.nodes.btcpp.draft import NodeDraft
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models.palette import describe, is_built_in
 from sar_compiler.nodes.registry import language_variants
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.kernel.cells import ENDED, INVALID, RUNNING, number_of
 from sar_compiler.runtime.skipping import was_skipped
+from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, is_name, synthetic_element
-from sar_compiler.tree.showing import in_one_line
-from sar_compiler.tree.xml_writer import one_tag_a_line
+from sar_compiler.tree.xml_writer import xml_with_tag_per_line
 
 MOST_NODES = 0xFFFF
 """A number has 16 bits, and 0 is reserved."""
@@ -169,9 +169,9 @@ def tree_xml(tree: NumberedTree) -> str:
         name, path, first = waiting.pop()
         lines += [_start(TREE_TAG, {"ID": name, "_fullpath": path}), *writer.nodes(first), f"</{TREE_TAG}>"]
         # In pre-order: readers process the uses of a tree one by one.
-        waiting += reversed(writer.take_subtrees())
+        waiting += reversed(writer.pop_subtrees())
     models = describe([spec for specs in writer.specs.values() for spec in specs])
-    lines += [one_tag_a_line(models) if models.children else f"<{MODEL_TAG}/>", "</root>"]
+    lines += [xml_with_tag_per_line(models) if models.children else f"<{MODEL_TAG}/>", "</root>"]
     return "\n".join(lines)
 
 
@@ -196,7 +196,7 @@ class _NodeWriter:
         self._inside = inside
         self._subtrees: list[_UsedSubtree] = []
 
-    def take_subtrees(self) -> list[_UsedSubtree]:
+    def pop_subtrees(self) -> list[_UsedSubtree]:
         """Return the subtrees that were named since the last call."""
         found, self._subtrees = self._subtrees, []
         return found
@@ -244,7 +244,7 @@ class _NodeWriter:
                 name: getattr(value, "name", str(value)) for name, value in node.made.wrapper.items()
             }
             specs = language_variants(tag)
-        draft = Draft(synthetic_element(tag), tag, attributes, explicit=False)
+        draft = NodeDraft(synthetic_element(tag), tag, attributes, explicit=False)
         for spec in specs:
             if spec.semantics.counterpart.rewrite is not None:
                 spec.semantics.counterpart.rewrite(draft, FindingCollector())
@@ -268,5 +268,5 @@ def _attribute_names(specs: Iterable[NodeSpec]) -> Iterator[str]:
 
 
 def _start(tag: str, attributes: Mapping[str, str], *, is_empty: bool = False) -> str:
-    written = (f" {name}={quoteattr(in_one_line(text))}" for name, text in attributes.items())
+    written = (f" {name}={quoteattr(escape_to_one_line(text))}" for name, text in attributes.items())
     return f"<{tag}{''.join(written)}{'/' if is_empty else ''}>"

@@ -124,7 +124,7 @@ class LiveFeed:
 
     def take(self, entry: JournalEntry, robot: int = 0) -> None:
         """Queue an entry of a robot; from any thread, without blocking."""
-        self._news.append(lambda: _happen(self._states[robot], entry))
+        self._news.append(lambda: _apply_entry(self._states[robot], entry))
 
     def set_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
         """Queue the cause of a robot's failed run, as JSON values; from any thread, without blocking."""
@@ -136,9 +136,9 @@ class LiveFeed:
 
     def offer(self, verbs: Sequence[Mapping[str, Any]], robot: int = 0) -> None:
         """Queue the available commands of a robot, as JSON values; from any thread, without blocking."""
-        self._news.append(lambda: self._tell_verbs([*verbs], robot))
+        self._news.append(lambda: self._send_commands([*verbs], robot))
 
-    def _tell_verbs(self, verbs: list[Mapping[str, Any]], robot: int) -> None:
+    def _send_commands(self, verbs: list[Mapping[str, Any]], robot: int) -> None:
         if self._verbs[robot] != verbs:
             self._verbs[robot] = verbs
             self._send(message("verbs", self._verbs))
@@ -161,12 +161,12 @@ class LiveFeed:
         """Send queued entries to the browsers until the run has ended."""
         loop, due = asyncio.get_running_loop(), 0.0
         while not self._ended:
-            await self._tell_news()
+            await self._send_new_entries()
             if loop.time() >= due:
                 due = loop.time() + _BEAT_SEC
                 self._send(message("beat", {**self._beat(), "pages": len(self._listeners)}))
             await asyncio.sleep(_NEWS_SEC)
-        await self._tell_news()
+        await self._send_new_entries()
         self._send(message("bye", {}))
         self._has_told_all = True
 
@@ -174,7 +174,7 @@ class LiveFeed:
         """Let `run` send the rest and end; from any thread."""
         self._ended = True
 
-    async def _tell_news(self) -> None:
+    async def _send_new_entries(self) -> None:
         for left in range(len(self._news), 0, -1):
             self._news.popleft()()
             if left % _AT_ONCE == 0:
@@ -186,7 +186,7 @@ class LiveFeed:
         self._listeners = {listener for listener in self._listeners if listener.put(text)}
 
 
-def _happen(state: PageState, entry: JournalEntry) -> None:
+def _apply_entry(state: PageState, entry: JournalEntry) -> None:
     """Apply an entry in the form of a file. An entry that is not JSON becomes an event that reports this."""
     try:
         data = json_value(json_text(entry.data))

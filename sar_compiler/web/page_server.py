@@ -55,7 +55,7 @@ _HEADERS = {
 _OF_REPORT = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 
 
-class OrderGiver(NamedTuple):
+class CommandSender(NamedTuple):
     """The sender of a command, and its robot.
 
     Attributes:
@@ -77,10 +77,10 @@ class OrderGiver(NamedTuple):
         return CommandAuthor(f"{self.name or 'an operator'} ({page})", self.reason)
 
 
-class Orders(Protocol):
+class CommandHandler(Protocol):
     """Carries out the operator's commands."""
 
-    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
+    def give(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> "Future[tuple[bool, str]]":
         """Send a command, from any thread.
 
         Args:
@@ -96,7 +96,7 @@ class Orders(Protocol):
         """
 
 
-class Tool(NamedTuple):
+class PageQuery(NamedTuple):
     """A query about a run for engineers on the page.
 
     Attributes:
@@ -108,11 +108,13 @@ class Tool(NamedTuple):
     is_free: bool = True
 
 
-Tools = Mapping[str, Tool]
+Tools = Mapping[str, PageQuery]
 """The tools of a page, by their names. The answer of `report` is a complete page."""
 
 
-def page_app(feed: Feed, token: str, orders: Orders | None = None, tools: Tools | None = None) -> ASGIApp:
+def page_app(
+    feed: Feed, token: str, orders: CommandHandler | None = None, tools: Tools | None = None
+) -> ASGIApp:
     """Return the application: the page, its events, the commands, and the tools.
 
     Args:
@@ -158,7 +160,7 @@ def _knows(token: str, request: Request) -> bool:
     return compare_digest(given.encode(), f"Bearer {token}".encode())
 
 
-async def _order(orders: Orders | None, token: str, request: Request) -> Response:
+async def _order(orders: CommandHandler | None, token: str, request: Request) -> Response:
     """Carry out a command, and return its answer.
 
     Raises:
@@ -180,7 +182,7 @@ async def _order(orders: Orders | None, token: str, request: Request) -> Respons
         return _answer(
             400, f"the header X-Seen is {error}. Write the objects of the command that the sender saw"
         )
-    giver = OrderGiver(by, robot, request.client.host if request.client else "", reason, seen)
+    giver = CommandSender(by, robot, request.client.host if request.client else "", reason, seen)
     return await _give_order(orders, request.path_params["verb"], values, giver)
 
 
@@ -281,7 +283,9 @@ async def _values(request: Request) -> Mapping[str, Any]:
     return values
 
 
-async def _give_order(orders: Orders, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> Response:
+async def _give_order(
+    orders: CommandHandler, verb: str, values: Mapping[str, Any], giver: CommandSender
+) -> Response:
     try:
         given = orders.give(verb, values, giver)
         accepted, said = await asyncio.wait_for(asyncio.wrap_future(given), _ANSWER_SEC)
@@ -397,7 +401,11 @@ class PageServer:
     """
 
     def __init__(
-        self, feed: Feed, port: int | None = None, orders: Orders | None = None, tools: Tools | None = None
+        self,
+        feed: Feed,
+        port: int | None = None,
+        orders: CommandHandler | None = None,
+        tools: Tools | None = None,
     ) -> None:
         self.token = secrets.token_urlsafe(16)
         self._feed = feed

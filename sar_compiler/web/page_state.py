@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
 from sar_compiler.journal import journal_entries as events
-from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.command_objects import run_identity
 from sar_compiler.journal.display import EventTime, Landmark, with_author
 from sar_compiler.journal.georeference import Georeference
@@ -19,6 +18,7 @@ from sar_compiler.journal.mission_state import (
     MissionState,
     RunProcess,
 )
+from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import condition
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
@@ -62,7 +62,7 @@ class LastStatus(NamedTuple):
     ran: float = 0.0
     longest: float = 0.0
 
-    def followed_by(
+    def with_status(
         self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
     ) -> "LastStatus":
         """Return the record after another status, which starts a new activation if the node was reset before."""
@@ -260,7 +260,7 @@ class PageState:
             self._at_rest.add(number)
             return
         self._nodes.add(number)
-        self._last[number] = self._last.get(number, LastStatus()).followed_by(
+        self._last[number] = self._last.get(number, LastStatus()).with_status(
             str(data["status"]),
             str(data["message"]),
             str(data.get("label") or ""),
@@ -294,7 +294,7 @@ class PageState:
             self._is_new = True
         if self._fact is not None and (said := data.get("said")):
             *when, _ = self._log.values[self._fact]
-            self._log.put(self._fact, [*when, with_author(str(said), CommandAuthor.of(data))])
+            self._log.put(self._fact, [*when, with_author(str(said), CommandAuthor.from_data(data))])
 
     def _add_line(self, level: str, text: str, stamp: float | None = None) -> int:
         """Add a line to the log, a stamped one before later lines; return its index."""
@@ -451,7 +451,7 @@ class PageState:
         "plan": lambda self: self._mission.plan,
         "drive": lambda self: self._mission.drive and self._mission.drive._asdict(),
         "condition": lambda self: condition(self._mission)._asdict(),
-        "tasks": lambda self: [task._asdict() for task in open_tasks(self._mission)],
+        "tasks": lambda self: [task._asdict() for task in find_open_tasks(self._mission)],
         "place": lambda self: self._mission.situation.phase.place,
         "objects": lambda self: dict(self._mission.situation.objects),
         "estimate": lambda self: {"end": self._mission.likely_end, "limit": self._mission.time_limit_sec},

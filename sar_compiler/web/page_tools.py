@@ -15,15 +15,15 @@ from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import RUN_BEGAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.recorded_events import recorded_events
-from sar_compiler.reports.explanation import first_that_fits, trees_that_ran
+from sar_compiler.reports.explanation import answer_for_matching_tree, candidate_trees
 from sar_compiler.reports.report_files import report_page
 from sar_compiler.runtime.blackboard import Entry, MissingEntryError
 from sar_compiler.runtime.breakpoints import Breakpoints
 from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.tree.showing import in_one_line, shortened
+from sar_compiler.tree.display_text import escape_to_one_line, shortened
 from sar_compiler.views.numbered_tree import NumberedTree, TooManyNodesError
-from sar_compiler.web.page_server import Tool, Tools
+from sar_compiler.web.page_server import PageQuery, Tools
 
 if TYPE_CHECKING:
     from sar_compiler.analysis.verify.counterfactual import WhatIfResult, WhatIfSearch
@@ -60,10 +60,10 @@ class LiveTools:
     def tools(self) -> Tools:
         """The available queries."""
         return {
-            "entries": Tool(self._blackboard),
-            "breakpoints": Tool(self._change_breakpoints, is_free=False),
+            "entries": PageQuery(self._blackboard),
+            "breakpoints": PageQuery(self._change_breakpoints, is_free=False),
             # It takes processor time from the mission for a moment.
-            "otherwise": Tool(self._what_if.ask, is_free=False),
+            "otherwise": PageQuery(self._what_if.ask, is_free=False),
         }
 
     def begin(self, tree: CompiledTree, engine: "Engine") -> None:
@@ -141,7 +141,7 @@ def _shown(key: str, entry: Entry) -> dict[str, object]:
     except MissingEntryError:  # never written, or removed by the tick meanwhile
         return {"key": key, "value": None, "type": "", "writes": 0}
     try:
-        text = in_one_line(repr(value))
+        text = escape_to_one_line(repr(value))
     except Exception as error:  # noqa: BLE001 - a foreign value; it may change meanwhile
         text = f"({error})"
     return {"key": key, "value": shortened(text), "type": type(value).__name__, "writes": entry.stamp}
@@ -168,14 +168,16 @@ class WhatIf:
         robot, run, node, tick = (int(values.get(name, 0)) for name in ("robot", "run", "node", "tick"))
         with self._lock:
             entries = [*self._entries(robot, run)]
-            state = MissionState.of(entries)
+            state = MissionState.from_stream(entries)
             if not (state.runs and 0 <= node < len(state.nodes)):
                 raise ToolError("there is no such node in this run")
 
             def record() -> "Iterator[Event]":
                 return takewhile(lambda each: each.tick <= tick, recorded_events(entries))
 
-            found = first_that_fits(self._retrospects(state), lambda each: each.consequences(record(), node))
+            found = answer_for_matching_tree(
+                self._retrospects(state), lambda each: each.consequences(record(), node)
+            )
         names = [each.name for each in state.nodes]
         looks = state.runs[-1].about.get("looks") or []
         return [_consequence_data(each, names, looks) for each in found]
@@ -187,7 +189,7 @@ class WhatIf:
         about, began = state.runs[-1].about, state.runs[-1].began
         if (key := (about.get("tree_file"), about.get("tree_id"), began)) not in self._known:
             names = [each.name for each in state.nodes]
-            trees = trees_that_ran(state, Workspace())
+            trees = candidate_trees(state, Workspace())
             self._known = {key: [WhatIfSearch(tree, names) for tree in trees]}
         return self._known[key]
 
@@ -215,18 +217,18 @@ def journal_tools(paths: Sequence[Path], reading: AbstractContextManager[object]
         with alone, JournalFile.reading(journal_of(robot)) as file:
             return [each for each in file.stream() if each.run == run and each.kind in (RUN_BEGAN, STATUS)]
 
-    return {"otherwise": Tool(WhatIf(entries).ask), "report": Tool(report)}
+    return {"otherwise": PageQuery(WhatIf(entries).ask), "report": PageQuery(report)}
 
 
 def _consequence_data(found: "WhatIfResult", names: Sequence[str], looks: Sequence[Any]) -> dict[str, object]:
     """Return the effect of an outcome as JSON values, without conditions of no interest."""
 
-    def is_told(answer: Event) -> bool:
+    def is_reported(answer: Event) -> bool:
         look = looks[answer.number] if answer.number < len(looks) else None
         return answer.status != "SUCCESS" or look != ["condition", ""]
 
     return {
         "instead": {"status": found.instead.status, "label": found.instead.label},
-        "then": [f"{names[each.number]} {each.answer}" for each in filter(is_told, found.then)],
+        "then": [f"{names[each.number]} {each.answer}" for each in filter(is_reported, found.then)],
         "root": found.root,
     }

@@ -25,7 +25,7 @@ _APART = 24 * 3600
 _LEAST, _CHECKPOINTS = 2000, 400
 
 
-class TrackPlace(NamedTuple):
+class TrackPosition(NamedTuple):
     """A position in a robot's track, in which runs follow each other without the time between them.
 
     Attributes:
@@ -40,11 +40,11 @@ class TrackPlace(NamedTuple):
     began: float = 0.0
     before: float = 0.0
 
-    def behind(self, entry: JournalEntry) -> "TrackPlace":
+    def behind(self, entry: JournalEntry) -> "TrackPosition":
         """Return the position after the next entry."""
         began, before = (entry.time, self.end) if entry.kind == RUN_BEGAN else (self.began, self.before)
         end = max(self.end, before + entry.time - began)
-        return TrackPlace(self.entry.behind(entry), end, began, before)
+        return TrackPosition(self.entry.behind(entry), end, began, before)
 
 
 class Checkpoint(NamedTuple):
@@ -55,7 +55,7 @@ class Checkpoint(NamedTuple):
         packed: The state.
     """
 
-    place: TrackPlace
+    place: TrackPosition
     packed: bytes
 
 
@@ -82,16 +82,16 @@ class ReplayTrack:
         self.shift = 0.0
         self.first: float | None = None
         self._checkpoints: list[Checkpoint] = []
-        self.last = TrackPlace()
+        self.last = TrackPosition()
         self._make()
         self.why: Mapping[str, Any] | None = None if self.first is None else explain(path)
-        self._state, self._place = PageState(), TrackPlace()
+        self._state, self._place = PageState(), TrackPosition()
 
     def _make(self) -> None:
-        state, place = PageState(), TrackPlace()
+        state, place = PageState(), TrackPosition()
         with JournalFile.reading(self._path) as file:
             every = max(_LEAST, file.last_number() // _CHECKPOINTS)
-            for number, entry in enumerate(file.stream_behind(StreamPosition())):
+            for number, entry in enumerate(file.stream_after(StreamPosition())):
                 if self.first is None:
                     self.first = entry.time
                 if number and number % every == 0:
@@ -109,7 +109,7 @@ class ReplayTrack:
         until = min(time - self.shift, self.last.end)
         before = bisect.bisect_right(self._checkpoints, until, key=lambda each: each.place.end)
         # Playback advances the state, also over a checkpoint: the changes are smaller than the full state.
-        nearest = self._checkpoints[before - 2].place if before > 1 else TrackPlace()
+        nearest = self._checkpoints[before - 2].place if before > 1 else TrackPosition()
         if self._place.entry < nearest.entry or self._place.end > until:
             self._state, self._place = self._state_at(before)
         if until >= 0.0:
@@ -123,16 +123,16 @@ class ReplayTrack:
             self._state.set_why(self.why)
         return self._state
 
-    def _state_at(self, count: int) -> tuple[PageState, TrackPlace]:
+    def _state_at(self, count: int) -> tuple[PageState, TrackPosition]:
         """Return the state of the last of the first *count* checkpoints, and its position."""
         if not count:
-            return PageState(), TrackPlace()
+            return PageState(), TrackPosition()
         place, packed = self._checkpoints[count - 1]
         return _unpack(packed), place
 
     def _go_on(self, until: float) -> None:
         with JournalFile.reading(self._path) as file:
-            for entry in file.stream_behind(self._place.entry):
+            for entry in file.stream_after(self._place.entry):
                 place = self._place.behind(entry)
                 # A mission may have continued in this journal since.
                 if place.end > until or place.entry > self.last.entry:

@@ -25,10 +25,10 @@ from sar_compiler.ros.engine import Engine
 from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.terminal import draws_in_place
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
-from sar_compiler.web.page_server import OrderGiver, Orders, PageServer, Tool, Tools
+from sar_compiler.web.page_server import CommandHandler, CommandSender, PageQuery, PageServer, Tools
 from sar_compiler.web.page_tools import LiveTools, ToolError, journal_tools
 from sar_compiler.web.replay import Replay
-from sar_compiler.web.team_orders import TeamOrders, ordering
+from sar_compiler.web.team_commands import TeamCommands, ordering
 
 if TYPE_CHECKING:
     from sar_compiler.execution.command_client import CommandClient
@@ -79,7 +79,7 @@ class RunPage(RunExtension):
         robots, forms = [node.get_fully_qualified_name()], [[_form(verb) for verb in verbs]]
         tools = {
             **self._tools.tools,
-            **({"report": Tool(self._report)} if journal.is_kept else {}),
+            **({"report": PageQuery(self._report)} if journal.is_kept else {}),
         }
         feed = LiveFeed({"robots": robots, "verbs": forms, "tools": [*tools]}, beat)
         for entry in journal.earlier():
@@ -87,7 +87,7 @@ class RunPage(RunExtension):
         # Separately: the page continues without an explanation.
         for listener in (feed.take, _FailureExplainer(feed).take, self._tools.take):
             journal.listen(listener)
-        self._orders = _OwnOrders(calls)
+        self._orders = _LocalCommands(calls)
         self._server = PageServer(feed, port, self._orders, tools)
         self._server.start()
         print_error(f"The page of this run: {self._server.url}")
@@ -102,13 +102,13 @@ class RunPage(RunExtension):
         """Stop serving; on a terminal Ctrl-C does so, unless it has ended the run."""
         self._has_ended = self._orders.has_ended = True
         self._tools.end()
-        if has_begun and self._is_looked_at and not self._run.signals.came:
-            self._run.staying.append(self._stay)
+        if has_begun and self._has_viewers and not self._run.signals.came:
+            self._run.staying.append(self._wait_for_viewers)
         else:
             self._server.close()
 
     @property
-    def _is_looked_at(self) -> bool:
+    def _has_viewers(self) -> bool:
         is_terminal = draws_in_place(sys.stdout) and draws_in_place(sys.stderr)
         return is_terminal and not self._run.options.supervision.is_there
 
@@ -118,7 +118,7 @@ class RunPage(RunExtension):
             raise ToolError("the run is still active. Use sar-journal report meanwhile")
         return report_page(self._place)
 
-    def _stay(self) -> None:
+    def _wait_for_viewers(self) -> None:
         self._is_staying = True
         print_error(f"The run has ended. Its page stays open until Ctrl-C: {self._server.url}")
         while not self._run.signals.wait(_LOOK_SEC) and not self._server.wait(0.0):
@@ -136,7 +136,7 @@ def open_page(url: str) -> None:
     Thread(target=show, name="browser", daemon=True).start()
 
 
-class _OwnOrders:
+class _LocalCommands:
     """Carries out the commands to the robot of this process.
 
     Args:
@@ -147,11 +147,11 @@ class _OwnOrders:
         self._calls = calls
         self.has_ended = False
 
-    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> Future[tuple[bool, str]]:
+    def give(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> Future[tuple[bool, str]]:
         """Send a command; see `CommandClient.give`.
 
         Raises:
-            VerbError: If it is invalid.
+            CommandError: If it is invalid.
         """
         if self.has_ended:
             message = "the run has ended"
@@ -182,7 +182,7 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
         JournalError: If a file is no journal, or cannot be read.
         PageError: If the port cannot be used.
     """
-    team = _Team(paths)
+    team = _TeamPage(paths)
     tools = journal_tools(paths, team.reading)
     hello: dict[str, object] = {"robots": _names(paths), "tools": [*tools]}
     team.feed = feed = LiveFeed(hello, team.beat, len(paths))
@@ -192,7 +192,7 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
             team.look()
 
 
-class _Team:
+class _TeamPage:
     """The data for a page of missions in other processes.
 
     Args:
@@ -207,9 +207,9 @@ class _Team:
     feed: LiveFeed
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        from sar_compiler.journal.following import JournalFollower
+        from sar_compiler.journal.journal_follower import JournalFollower
 
-        self.orders: TeamOrders | None = None
+        self.orders: TeamCommands | None = None
         self.reading = Lock()
         self._followers = [JournalFollower(path) for path in paths]
         self._heard = [time.monotonic() for _ in paths]
@@ -230,10 +230,10 @@ class _Team:
             for entry in follower.news():
                 self._heard[robot] = time.monotonic()
                 self.feed.take(entry, robot)
-                self._think_of(robot, entry, follower.path)
+                self._process_entry(robot, entry, follower.path)
             self.feed.know(RunProcess(is_gone, time.monotonic() - self._heard[robot]), robot)
 
-    def _think_of(self, robot: int, entry: JournalEntry, path: Path) -> None:
+    def _process_entry(self, robot: int, entry: JournalEntry, path: Path) -> None:
         if entry.kind == RUN_BEGAN and self.orders is not None:
             self.feed.offer([_form(verb) for verb in self.orders.know(robot, entry)], robot)
         if entry.kind == RUN_ENDED and (why := _why_of(_explain(path))) is not None:
@@ -249,11 +249,11 @@ class _Team:
 def _explain(path: Path, workspace: "Workspace | None" = None) -> Explanation:
 
     with JournalFile.reading(path) as file:
-        return Explanation.of(file, workspace)
+        return Explanation.explain(file, workspace)
 
 
 def _why_of(explained: Explanation) -> dict[str, Any] | None:
-    return explained.data() if explained.reasons.is_of_a_failure else None
+    return explained.data() if explained.reasons.has_cause else None
 
 
 class _FailureExplainer:
@@ -281,7 +281,7 @@ def _serve(
     feed: "LiveFeed | ReplayFeed",
     port: int | None,
     tools: Tools,
-    orders: Orders | None = None,
+    orders: CommandHandler | None = None,
     *,
     opens: bool,
 ) -> Iterator[PageServer]:

@@ -16,8 +16,8 @@ from sar_compiler.leaves import (
     Seconds,
     Use,
     describe_status,
-    drive_left,
     register,
+    remaining_drive,
     turn_by,
 )
 from sar_compiler.missions import PROGRESS
@@ -127,7 +127,7 @@ class NavigateTo(ActionLeaf):
 
     def on_feedback(self, feedback: Any) -> Status | None:
         """Store the remaining distance and record it in the journal."""
-        left = drive_left(feedback)
+        left = remaining_drive(feedback)
         if left is None:
             self.feedback_message = f"navigating to {self._target}"
             return None
@@ -142,7 +142,7 @@ class NavigateTo(ActionLeaf):
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS on arrival, otherwise FAILURE; log Nav2's reason."""
         if status != SUCCEEDED:
-            reason, code = describe_end(status, result, self.nav2_reason()), code_of(result)
+            reason, code = describe_end(status, result, self.nav2_reason()), error_code(result)
             if code in (*FOR_GOOD, OCCUPIED):
                 seconds = _OCCUPIED_SEC if code == OCCUPIED else math.inf
                 self._hopeless[self._target] = reason, Deadline(seconds, self._clock)
@@ -208,7 +208,7 @@ class NavigateTo(ActionLeaf):
         return message
 
 
-def drive_answers(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
+def drive_outcomes(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
     """Return the outcomes of a leaf that drives: arrival, Nav2's failures, and the given further failures under the condition of the arrival."""
     when = arrived.when
     return (
@@ -227,7 +227,7 @@ def drive_answers(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
     kind=Kind.ACTION,
     effects="drives the robot to the current zone",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_answers(
+    answers=drive_outcomes(
         Answer("SUCCESS", "arrived", "zones_left > 0", "at = 'zone'; navigation_lost = false"),
         Answer("FAILURE", "no zone", "zones_left == 0"),
     ),
@@ -260,7 +260,7 @@ class NavigateToZone(NavigateTo):
     kind=Kind.ACTION,
     effects="drives the robot to the base station",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_answers(Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false")),
+    answers=drive_outcomes(Answer("SUCCESS", "arrived", then="at = 'base'; navigation_lost = false")),
     facts={"at": "", "navigation_lost": False},
 )
 class NavigateToBase(NavigateTo):
@@ -275,7 +275,7 @@ class NavigateToBase(NavigateTo):
 
     def goal(self) -> Any:
         """Return the goal for the base station; SUCCESS if the robot was already there when the mission was resumed."""
-        if self.record.before.take_home():
+        if self.record.before.pop_home():
             self.feedback_message = "an earlier run has driven home"
             self._on_arrival()
             return Status.SUCCESS
@@ -309,14 +309,14 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
     Returns:
         Status and error code, each as a number and in words, and Nav2's own reason if it gave one.
     """
-    code = code_of(result)
+    code = error_code(result)
     own = str(getattr(result, "error_msg", ""))
     words = own or _describe_code(code, aborted=status == _ABORTED)
     quoted = f" ({said})" if said and not own else ""
     return f"{describe_status(status)}, error code {getattr(result, 'error_code', 0)}: {words}{quoted}{_advice(code)}"
 
 
-def code_of(result: Any) -> int:
+def error_code(result: Any) -> int:
     """Return the error code of a result; a code for several poses is mapped to that of a single pose."""
     code = int(getattr(result, "error_code", 0))
     return code - _LATER if code in _OF_SEVERAL else code

@@ -16,8 +16,8 @@ from sar_compiler.leaves import (
     WallClock,
     register,
 )
-from search_and_rescue.actions.survivors import DetectSurvivor, ReportLeaf, report_of
-from search_and_rescue.record import KeptReports, MissionRecord, SurvivorReport
+from search_and_rescue.actions.survivors import DetectSurvivor, ReportLeaf, survivor_report
+from search_and_rescue.record import MissionRecord, StoredReports, SurvivorReport
 
 _LONGEST_BACKOFF_SEC = 60.0
 _KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = true"
@@ -39,7 +39,7 @@ class Backoff:
         self._since = -math.inf
 
     @property
-    def left_sec(self) -> float:
+    def remaining_sec(self) -> float:
         """Remaining seconds of the pause; 0 or less if it is over."""
         elapsed = self._clock.now() - self._since
         # A clock that jumps back, such as that of a restarted simulator, ends the pause.
@@ -82,7 +82,7 @@ class KeepReport(RosLeaf):
 
     def update(self) -> Status:
         """Store the report; storing it again has no effect."""
-        report = report_of(self._detect_node, self, self._record, "no report to store")
+        report = survivor_report(self._detect_node, self, self._record, "no report to store")
         if isinstance(report, Status):
             return report
         survivor_id = report.survivor_id
@@ -122,7 +122,7 @@ class DeliverReports(ReportLeaf):
         backoff_sec: Pause after the first failure, seconds; 0 to send again immediately.
     """
 
-    kept_reports: KeptReports
+    kept_reports: StoredReports
     _: KW_ONLY
     clock: Clock = field(default_factory=WallClock)
     backoff_sec: Seconds = 0.0
@@ -145,8 +145,11 @@ class DeliverReports(ReportLeaf):
         if not self._untried:
             self.feedback_message = "no report is stored"
             return self.answer(Status.SUCCESS, "nothing kept")
-        if self._backoff.left_sec > 0.0 and {report.survivor_id for report in self._untried} <= self._tried:
-            self.feedback_message = f"next attempt in {self._backoff.left_sec:.0f} s"
+        if (
+            self._backoff.remaining_sec > 0.0
+            and {report.survivor_id for report in self._untried} <= self._tried
+        ):
+            self.feedback_message = f"next attempt in {self._backoff.remaining_sec:.0f} s"
             return Status.RUNNING
         report = self._untried.pop(0)
         self._tried.add(report.survivor_id)

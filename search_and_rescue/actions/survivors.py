@@ -7,7 +7,7 @@ from py_trees.common import Status
 
 from sar_compiler.leaves import (
     Answer,
-    GridPlace,
+    GridGeometry,
     Kind,
     RosLeaf,
     Seconds,
@@ -16,7 +16,7 @@ from sar_compiler.leaves import (
     UnusableValueError,
     Use,
     check_position,
-    grid_place,
+    grid_geometry,
     of_node,
     planar_point,
     qos_profile,
@@ -65,7 +65,7 @@ class MapExtent:
         from nav_msgs.msg import OccupancyGrid
 
         self._node = node
-        self._place: GridPlace | None = None
+        self._place: GridGeometry | None = None
         self._grid: OccupancyGrid | None = None
         self._obstacles: ObstacleMap | None = None
         latched = qos_profile(type(self).__name__, "transient_local")
@@ -91,7 +91,7 @@ class MapExtent:
         return ""
 
     def _take(self, message: Any) -> None:
-        place = value_reports(self._node).read(f"Topic '{_MAP_TOPIC}'", lambda: grid_place(message))
+        place = value_reports(self._node).read(f"Topic '{_MAP_TOPIC}'", lambda: grid_geometry(message))
         if place is not None:
             self._place, self._grid, self._obstacles = place, message, None
 
@@ -198,7 +198,7 @@ class DetectSurvivor(ServiceLeaf):
         self._zone_id = self.zone_manager.current_zone()["id"]
         if self.record.before.has_searched(self._zone_id):
             self.say(f"{self._zone_id} was searched by an earlier run.")
-            return self._answered(self.record.before.take_search(self._zone_id))
+            return self._answered(self.record.before.pop_search(self._zone_id))
         return self.interface.Request(zone_id=self._zone_id)
 
     def on_send(self) -> None:
@@ -311,7 +311,7 @@ class AwaitSurvivor(TopicLeaf):
             return self.answer(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()["id"]
         if self.record.before.has_found(zone):
-            return self._found(zone, self.record.before.take_search(zone))
+            return self._found(zone, self.record.before.pop_search(zone))
         return super().update()
 
     def on_message(self, message: Any) -> Status:
@@ -325,7 +325,7 @@ class AwaitSurvivor(TopicLeaf):
 
     def on_silence(self) -> Status:
         """Return RUNNING: no new survivor was published."""
-        self.feedback_message = f"no new survivor on '{self.topic_name}'{self.silence_cause}"
+        self.feedback_message = f"no new survivor on '{self.topic_name}'{self.absence_reason}"
         return self.answer(Status.RUNNING, "listening")
 
     def _found(self, zone: str, place: tuple[float, float] | None) -> Status:
@@ -343,7 +343,7 @@ class AwaitSurvivor(TopicLeaf):
             super()._receive(message)
 
     def _is_new(self, place: tuple[float, float]) -> bool:
-        return not self.record.named_near(*place, self.same_within)
+        return not self.record.survivors_near(*place, self.same_within)
 
 
 class StaticTransforms:
@@ -435,7 +435,7 @@ class BroadcastSurvivorTF(RosLeaf):
         if pose is None:
             self.complain(f"'{self.name}' has no frame to broadcast: no survivor was found.")
             return Status.FAILURE
-        survivor_id = self.record.before.take_name(*pose)
+        survivor_id = self.record.before.pop_name(*pose)
         if survivor_id is None:
             survivor_id = self.zone_manager.next_survivor_id()
             self.record.survivor_named(survivor_id, *pose)
@@ -462,7 +462,7 @@ class BroadcastSurvivorTF(RosLeaf):
         static_transforms_of(self.node).put(frame)
 
 
-def report_of(
+def survivor_report(
     detect_node: DetectSurvivor, leaf: RosLeaf, record: MissionRecord, lacks: str
 ) -> SurvivorReport | Status:
     """Return the report of the detected survivor, or the leaf's status if there is nothing to report.
@@ -478,7 +478,7 @@ def report_of(
         missing = "no survivor was found" if pose is None else "the survivor has no name yet"
         leaf.complain(f"'{leaf.name}' has {lacks}: {missing}.")
         return Status.FAILURE
-    if record.was_reported_before(survivor_id):
+    if record.was_reported(survivor_id):
         leaf.feedback_message = f"{survivor_id}, named by an earlier run, is already acknowledged"
         return Status.SUCCESS
     return SurvivorReport(survivor_id, *pose)
@@ -521,7 +521,7 @@ class ReportLeaf(ServiceLeaf):
         if not response.acknowledged:
             self.complain(f"Base did not acknowledge {self._survivor_id}.")
             return self.answer(Status.FAILURE, "refused")
-        self.record.survivor_acknowledged(self._survivor_id)
+        self.record.record_acknowledgement(self._survivor_id)
         self.feedback_message = f"{self._survivor_id} acknowledged"
         self.say(f"Base acknowledged {self._survivor_id}.")
         return Status.SUCCESS
@@ -568,7 +568,7 @@ class NotifyBase(ReportLeaf):
 
     def request(self) -> Any:
         """Return the report of the survivor; FAILURE if there is none with a name, SUCCESS if base acknowledged it in an earlier run."""
-        report = report_of(self.detect_node, self, self.record, "nothing to report")
+        report = survivor_report(self.detect_node, self, self.record, "nothing to report")
         if isinstance(report, Status):
             return self.answer(report, "nothing to report" if report is Status.FAILURE else "acknowledged")
         return self._request_for(report)

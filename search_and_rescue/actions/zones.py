@@ -17,10 +17,10 @@ from sar_compiler.leaves import (
 )
 from search_and_rescue.actions.survivors import map_extent_of
 from search_and_rescue.background_calls import run_in_background
-from search_and_rescue.orders import OperatorOrders
-from search_and_rescue.planned_paths import PlannedWays
+from search_and_rescue.operator_commands import OperatorCommands
+from search_and_rescue.planned_paths import PathRequests
 from search_and_rescue.record import MissionRecord
-from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import MAP_FRAME, VisitingOrder, Zone, ZoneManager, is_ratio
 
 Attempts = Annotated[int, at_least(1)]
@@ -103,14 +103,18 @@ class ChooseZone(RosLeaf):
         order: VisitingOrder = "listed",
         ways_timeout_sec: Seconds = 5.0,
         planner_id: str = "",
-        orders: OperatorOrders | None = None,
-        sweeps: Sweeps | None = None,
+        orders: OperatorCommands | None = None,
+        sweeps: SweepStates | None = None,
     ) -> None:
         super().__init__(name)
-        self._zones, self._orders, self._sweeps = zone_manager, orders or OperatorOrders(), sweeps or Sweeps()
+        self._zones, self._orders, self._sweeps = (
+            zone_manager,
+            orders or OperatorCommands(),
+            sweeps or SweepStates(),
+        )
         self._order: VisitingOrder = order
         self._ways_timeout_sec, self._planner_id = ways_timeout_sec, planner_id
-        self._ways: PlannedWays | None = None
+        self._ways: PathRequests | None = None
         self._among: list[Zone] = []
         self._choice: Future[list[int]] | None = None
         self._approximation = ""
@@ -123,7 +127,7 @@ class ChooseZone(RosLeaf):
             map_extent_of(self.node)
             self._orders.offer(self.node, "add_hint", self._on_hint)
         if self._order != "listed":
-            self._ways = PlannedWays(
+            self._ways = PathRequests(
                 self.node, self._zones, self._ways_timeout_sec, self._planner_id, self._wake
             )
 

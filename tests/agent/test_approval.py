@@ -8,7 +8,7 @@ import pytest
 from sar_compiler.analysis.approval import ApprovalCheck, ApprovalError, approval_folder
 from sar_compiler.analysis.verify.properties import read_property_file
 from sar_compiler.loaded_tree import load
-from sar_compiler.missions.beginning import read_parameters
+from sar_compiler.missions.mission_start import read_parameters
 from tests.cli.running import run
 from tests.trees import write
 

@@ -4,14 +4,14 @@ import itertools
 
 import pytest
 
-from sar_compiler.analysis.conformance import PropertyFate, conform
+from sar_compiler.analysis.conformance import PropertyResult, conform
 from sar_compiler.analysis.verify.properties import parse_property_file
 from sar_compiler.analysis.verify.recorded_runs import OtherTreeError
-from sar_compiler.runtime.events import ANSWERED, HALTED, Event, with_end
+from sar_compiler.runtime.events import ANSWERED, HALTED, Event, append_end
 from sar_compiler.runtime.walking import pre_order
 from tests.analysis.verify.stage import TAGS, bound, simulated_tree
 
-KEPT, BROKEN, IN_DOUBT, OPEN = PropertyFate
+KEPT, BROKEN, IN_DOUBT, OPEN = PropertyResult
 
 
 class Flights:
@@ -46,7 +46,7 @@ class Flights:
         return [
             event
             for number, (root, *said) in enumerate(ticks, 1)
-            for event in with_end(map(self.event, said), self.names[0], root, number, number / 2)
+            for event in append_end(map(self.event, said), self.names[0], root, number, number / 2)
         ]
 
     def compared(self, *ticks, is_over=True):

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from sar_compiler.analysis.conformance import PropertyFate, conform
+from sar_compiler.analysis.conformance import PropertyResult, conform
 from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
 from sar_compiler.compiler.outline import outline
 from sar_compiler.journal.journal import Journal
@@ -21,7 +21,7 @@ from tests.chance import rounds
 from tests.views.flown import watched_tick
 
 TICKS = 12
-WRONG = (PropertyFate.BROKEN, PropertyFate.IN_DOUBT)
+WRONG = (PropertyResult.BROKEN, PropertyResult.IN_DOUBT)
 
 
 def flown_tick(watch, tree, recorder):
@@ -78,7 +78,7 @@ def test_a_counterexample_of_a_proof_that_was_flown_breaks_its_property_at_the_s
             assert found.misfit is None, f"{seed}: {name}: {found.misfit}"
             fate = next(each for each in found.properties if each.name == name)
             assert fate.fate in WRONG, f"{seed}: {name}: {fate}"
-            if fate.fate is PropertyFate.BROKEN:
+            if fate.fate is PropertyResult.BROKEN:
                 assert (fate.event, fate.tick) == flown.broken[name], f"{seed}: {name}"
                 count += 1
     assert count > 40
@@ -92,16 +92,16 @@ def test_a_flight_conforms_and_breaks_what_its_own_watch_has_told():
         found = flown.compared(case)
         assert found.misfit is None, f"{seed}: {found.misfit}"
         for each in found.properties:
-            if each.fate is PropertyFate.IN_DOUBT:
+            if each.fate is PropertyResult.IN_DOUBT:
                 doubtful += 1
             else:
                 sure += 1
                 broken = flown.broken.get(each.name)
-                assert (each.fate is PropertyFate.BROKEN) == (broken is not None), f"{seed}: {each}"
+                assert (each.fate is PropertyResult.BROKEN) == (broken is not None), f"{seed}: {each}"
                 if broken is not None:
                     assert (each.event, each.tick) == broken, f"{seed}: {each}"
                 elif each.name in flown.owed:
-                    assert each.fate is PropertyFate.OPEN, f"{seed}: {each}"
+                    assert each.fate is PropertyResult.OPEN, f"{seed}: {each}"
     assert sure > 100
     assert doubtful < sure / 10
 

@@ -18,7 +18,7 @@ def cells():
 @pytest.fixture
 def board(cells):
     board = Board("numbers")
-    NumberedBoard.of(board, cells)
+    NumberedBoard.from_board(board, cells)
     return board
 
 
@@ -38,7 +38,7 @@ def test_what_was_on_the_board_stays_there(cells):
     scope = Scope(board)
     scope.resolve("a").write([1, 2])
     scope.resolve("b").declare(int)
-    NumberedBoard.of(board, cells)
+    NumberedBoard.from_board(board, cells)
     assert (scope.resolve("a").read(), scope.resolve("b").kind) == ([1, 2], int)
     assert [name.removeprefix(board.prefix) for name in board.names()] == ["/a"]
 
@@ -142,7 +142,7 @@ def test_a_value_that_cannot_be_kept_is_refused_with_the_name_of_its_entry(scope
 def test_boards_share_cells_without_touching_each_others_entries(board, cells, scope):
     other = Board("numbers")
     Scope(other).resolve("a").write("theirs")
-    NumberedBoard.of(other, cells)
+    NumberedBoard.from_board(other, cells)
     scope.resolve("a").write("ours")
     assert (scope.resolve("a").read(), Scope(other).resolve("a").read()) == ("ours", "theirs")
     assert len(list(board.names())) == len(list(other.names())) == 1

@@ -11,7 +11,7 @@ from sar_compiler.analysis.simulated_tree import (
     OnlyDescribedError,
     compile_simulated,
     match_rank,
-    put_in_place,
+    replace_nodes,
 )
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.compiler import bind_main
@@ -189,7 +189,7 @@ def test_what_stands_for_a_described_node_has_its_defaults_and_none_of_the_ports
     text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{tree}</BehaviorTree><TreeNodesModel>{model}</TreeNodesModel></root>'
     registry = default_registry()
     binding = bind_main(forest_of(text), registry)
-    put_in_place(binding, {"Recover": registry["Sequence"], "Rate": registry["PassThrough"]})
+    replace_nodes(binding, {"Recover": registry["Sequence"], "Rate": registry["PassThrough"]})
     simulated = compile_simulated(binding, {})
     assert isinstance(simulated.root, composites.Sequence)
     assert simulated.root.memory

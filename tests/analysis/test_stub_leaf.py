@@ -102,7 +102,7 @@ def test_a_board_that_is_numbered_afterwards_is_written_as_such(made, facts):
     leaf = made(ARRIVED)
     assert leaf.is_possible(ARRIVED)
     entries = EntryCells()
-    NumberedBoard.of(facts.board, entries)
+    NumberedBoard.from_board(facts.board, entries)
     before = list(entries.now)
     leaf.change(ARRIVED)
     entries.settle()

@@ -2,15 +2,15 @@
 
 import json
 
-from sar_compiler.analysis.sweep import Played, StoppingRule, SweptRow
+from sar_compiler.analysis.sweep import RunResultSample, StoppingRule, SweepRow
 from sar_compiler.analysis.sweep_table import sweep_as_json, sweep_as_text
 
 RULE = StoppingRule(runs=4, half_width=0.0, confidence=0.95)
 
 
-def row(*counts: dict[str, float]) -> SweptRow:
-    outcomes = [Played(seed, "", 1.0, each) for seed, each in enumerate(counts)]
-    return SweptRow({}, lambda _seeds: [], outcomes)
+def row(*counts: dict[str, float]) -> SweepRow:
+    outcomes = [RunResultSample(seed, "", 1.0, each) for seed, each in enumerate(counts)]
+    return SweepRow({}, lambda _seeds: [], outcomes)
 
 
 def test_what_a_run_does_not_have_is_not_counted_as_nothing() -> None:

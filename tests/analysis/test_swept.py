@@ -10,9 +10,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator as StockDecorator
 
-from sar_compiler.analysis.simulate import replaying
-from sar_compiler.analysis.simulate.running import failures
-from sar_compiler.analysis.swept import (
+from sar_compiler.analysis.simulate import reused_tree
+from sar_compiler.analysis.simulate.scenario_run import failures
+from sar_compiler.analysis.sweep_runs import (
     ChangedTreeError,
     ScenarioRuns,
     _replays,
@@ -71,7 +71,7 @@ def outcomes_alone(play, seeds):
 
 def test_a_tree_that_remembers_too_much_is_made_anew(monkeypatch):
     expected = outcomes_alone(runs(), range(5))
-    monkeypatch.setattr(replaying, "_MOST_CHOICES", 1)
+    monkeypatch.setattr(reused_tree, "_MOST_CHOICES", 1)
     _replays.cache_clear()
     assert runs()(range(5)) == expected
 
@@ -136,7 +136,7 @@ def test_the_smallest_scenario_fails_as_its_run_has_and_leaves_nothing_to_chance
     text = smallest_scenario(runs(), seed)
     assert text is not None
     small = runs(text, unusual=0.0)
-    assert not small.are_random()
+    assert not small.has_randomness()
     assert missed(small) == missed(runs(), seed)
 
 
@@ -162,10 +162,10 @@ def test_two_leaves_of_one_path_have_no_scenario(tmp_path):
 
 
 def test_chances_and_durations_between_two_are_what_chance_decides():
-    assert not runs("ticks: 9", 0.0).are_random()
-    assert runs("ticks: 9", 0.1).are_random()
-    assert runs("leaves: {NavigateToZone: {answer: arrived, after: 1s to 2s}}", 0.0).are_random()
-    assert runs("leaves: {NavigateToZone: {answer: aborted, probability: 0.5}}", 0.0).are_random()
+    assert not runs("ticks: 9", 0.0).has_randomness()
+    assert runs("ticks: 9", 0.1).has_randomness()
+    assert runs("leaves: {NavigateToZone: {answer: arrived, after: 1s to 2s}}", 0.0).has_randomness()
+    assert runs("leaves: {NavigateToZone: {answer: aborted, probability: 0.5}}", 0.0).has_randomness()
 
 
 def test_what_is_varied_is_put_into_the_scenario_and_a_trace_is_left_out():

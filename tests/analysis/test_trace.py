@@ -3,7 +3,7 @@
 import json
 from xml.etree import ElementTree as ET
 
-from sar_compiler.analysis.simulate.running import Coverage, failures
+from sar_compiler.analysis.simulate.scenario_run import OutcomeCoverage, failures
 from sar_compiler.analysis.trace_view import (
     PlayedScenario,
     coverage_text,
@@ -104,7 +104,7 @@ def test_the_verdict_names_the_line_of_every_expectation_that_does_not_hold():
 
 
 def test_coverage_is_counted_and_what_is_missing_has_its_line():
-    collected = Coverage()
+    collected = OutcomeCoverage()
     collected.add(played("name: x", "<Selector><AdvanceZone/><Success/></Selector>"))
     assert coverage_text(collected).splitlines() == [
         "coverage: 2 of 3 nodes ticked, 1 of 3 outcomes of leaves seen",
@@ -145,7 +145,7 @@ def test_what_xml_cannot_have_is_replaced():
 
 
 def test_json_has_every_tick_and_what_was_not_covered():
-    collected = Coverage()
+    collected = OutcomeCoverage()
     scenarios = parts()
     collected.add(scenarios[0].run)
     data = json.loads(runs_as_json("tree.xml", scenarios, collected))

@@ -10,7 +10,7 @@ from py_trees.behaviours import Dummy
 from sar_compiler.analysis.simulated_tree import compile_simulated
 from sar_compiler.analysis.state_search.searching import explore
 from sar_compiler.analysis.verify.properties import without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.compiler import bind_main
@@ -90,7 +90,7 @@ def answers_of(body: str) -> Answers | None:
         return None
     root = context.trees[-1].root
     assert root is not None
-    prepared = Prepared.of(compile_simulated(bind_main(forest, REGISTRY), {}))
+    prepared = PreparedTree.prepare(compile_simulated(bind_main(forest, REGISTRY), {}))
     stepper = TreeStepper(prepared, without_properties().rules)
     graph = explore(stepper.steps, MOST_STATES)
     if graph.error is not None:
@@ -98,8 +98,8 @@ def answers_of(body: str) -> Answers | None:
     seen = frozenset(WORDS[stepper.steps.restore(key)[0]] for key in graph.states) - {""}
     return Answers(
         seen,
-        _words(context.outcomes.may_return(root)),
-        _words(context.outcomes.known_to_return(root)),
+        _words(context.outcomes.possible_results(root)),
+        _words(context.outcomes.certain_results(root)),
         graph.complete,
     )
 

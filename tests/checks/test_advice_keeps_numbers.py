@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 
 from sar_compiler.checks import check
 from sar_compiler.checks.fixing import SAFE, apply_fixes, fixes
-from sar_compiler.nodes.numbers import number_in
+from sar_compiler.nodes.numbers import convert_with_unit
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.nodes.values import NO_VALUE, ConversionError
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.forest import Forest
-from sar_compiler.tree.guessing import nearest, unit_in
+from sar_compiler.tree.guessing import nearest, unit_suffix
 from sar_compiler.tree.xml import parse_xml
 from tests.docs.test_findings import ALONE, CODES, page_of, seen, write
 from tests.trees import document, forest
@@ -105,8 +105,8 @@ def test_what_is_suggested_for_an_attribute_has_a_known_value_beside_every_unit(
 
 
 def test_a_number_of_more_digits_than_anybody_means_is_rounded():
-    assert number_in("1.0000000000000000000000001 km", "m") == "1000"
-    assert number_in("1.0000000000000001 km", "m") == "1000.0000000000001"
+    assert convert_with_unit("1.0000000000000000000000001 km", "m") == "1000"
+    assert convert_with_unit("1.0000000000000001 km", "m") == "1000.0000000000001"
 
 
 @given(st.sampled_from(sorted(NUMBERS)), quantities())
@@ -144,7 +144,7 @@ UNIT_WORDS = ("ms", "msec", "s", "sec", "seconds", "min", "hours", "deg", "rad",
 @pytest.mark.parametrize("place", [pytest.param(each, id=".".join(each)) for each in sorted(NUMBERS)])
 def test_no_attribute_is_suggested_whose_numbers_have_another_unit(place):
     tag, name = place
-    stem = name.rpartition("_")[0] if unit_in(name) else name
+    stem = name.rpartition("_")[0] if unit_suffix(name) else name
     inside = {"Control": 2, "Decorator": 1}.get(REGISTRY[tag].kind.value, 0)
     for word in UNIT_WORDS:
         written = f"{stem}_{word}" if stem else word
@@ -154,8 +154,8 @@ def test_no_attribute_is_suggested_whose_numbers_have_another_unit(place):
         for each in (finding for finding in found if finding.code == "unknown-attribute"):
             meant = each.suggestion
             if meant is not None:
-                unit = TYPES[tag, meant].unit or unit_in(meant)
-                assert unit == unit_in(written), f"{written} -> {meant}"
+                unit = TYPES[tag, meant].unit or unit_suffix(meant)
+                assert unit == unit_suffix(written), f"{written} -> {meant}"
 
 
 def test_a_number_of_an_attribute_with_another_unit_is_worked_out():
@@ -172,7 +172,7 @@ def test_no_number_is_meant_by_another_one(one, other, known):
 def test_mended_scripts_have_the_numbers_that_were_written(quantity, script):
     value, _, text = quantity
     tree_file = parse_xml(document(f'<ScriptCondition code="{script.format(text)}"/>'), "test.xml")
-    found = check(Forest.of(tree_file), REGISTRY)
+    found = check(Forest.from_file(tree_file), REGISTRY)
     after = apply_fixes(tree_file.source.text, fixes(tree_file.source, tree_file, found))
     assert after == tree_file.source.text or f"{abs(value)}".lstrip("0") in after.replace("_", "").replace(
         ",", ""
@@ -183,7 +183,7 @@ def test_mended_scripts_have_the_numbers_that_were_written(quantity, script):
 def test_mended_files_have_the_values_that_were_written(attributes):
     body = "".join(f'<{tag} {name}="{text}"/>' for (tag, name), (_, _, text) in attributes)
     tree_file = parse_xml(document(body or "<AlwaysSuccess/>"), "test.xml")
-    mended = fixes(tree_file.source, tree_file, check(Forest.of(tree_file), REGISTRY))
+    mended = fixes(tree_file.source, tree_file, check(Forest.from_file(tree_file), REGISTRY))
     assert all(
         each.text.lower() == tree_file.source.text[each.start : each.end].lower().strip() for each in mended
     )
@@ -234,7 +234,7 @@ def unit_of(source, start):
     names = re.findall(r"""([\w.-]+)["']?\s*[=:]\s*[^=]*$""", before[before.rfind("\n") + 1 :])
     tags = re.findall(r"<(\w+)", before)
     known = TYPES.get((tags[-1], names[-1])) if tags and names else None
-    return (known.unit if known is not None else "") or (unit_in(names[-1]) if names else "")
+    return (known.unit if known is not None else "") or (unit_suffix(names[-1]) if names else "")
 
 
 def changed_numbers(finding):
@@ -246,7 +246,7 @@ def changed_numbers(finding):
     told = [(finding.suggestion, unit, [(source.text[start:end], unit)])] if finding.suggestion else []
     given = re.findall(r"""([\w.-]+)\s*=\s*["']([^"']*)""", line)
     for name, value in re.findall(rf"""(?!{FORMAT})\b([\w.-]+)="([^"{{]*)""", finding.hint or ""):
-        told.append((value, unit_in(name), [(text, unit_in(other)) for other, text in given]))
+        told.append((value, unit_suffix(name), [(text, unit_suffix(other)) for other, text in given]))
     return [
         (text, sources)
         for text, unit, sources in told

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sar_compiler.analysis.assumptions import take_controls
+from sar_compiler.analysis.assumptions import apply_controls
 from sar_compiler.compiler import bind_main
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
@@ -18,7 +18,7 @@ def taken(text):
     forest, registry = forest_of(TREE), default_registry()
     binding = bind_main(forest, registry)
     document = parse_yaml(text, "scenario.yaml", "")
-    take_controls(document, document.root, binding, registry, forest.files)
+    apply_controls(document, document.root, binding, registry, forest.files)
     found = [(f.code, f.span.column, f.suggestion) for f in document.findings]
     return found, [node.spec.tag for node in binding.nodes() if not node.spec.kind.is_leaf]
 

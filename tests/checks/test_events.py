@@ -5,12 +5,12 @@ import random
 
 import pytest
 
-from sar_compiler.analysis.simulate.running import ScenarioPlayer
 from sar_compiler.analysis.simulate.scenario_files import Scenario
+from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer
 from sar_compiler.analysis.verify.properties import without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.runtime.events import ANSWERED, STARTED, TICKED, Event, with_end
+from sar_compiler.runtime.events import ANSWERED, STARTED, TICKED, Event, append_end
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
@@ -68,12 +68,14 @@ def fly(binding, policy, times):
         root = ""
         with contextlib.suppress(Exception):  # as in the simulated run
             root = WORDS[live.tick()]
-        yield with_end(simulated.events, simulated.root.name, root, number, time_sec)
+        yield append_end(simulated.events, simulated.root.name, root, number, time_sec)
 
 
 def prove(binding):
     """Yield what the proof knows of the ticks that a flight may be in; it is sent the events of the flight's tick."""
-    stepper = TreeStepper(Prepared.of(simulated_tree(binding)), without_properties().rules, meets=False)
+    stepper = TreeStepper(
+        PreparedTree.prepare(simulated_tree(binding)), without_properties().rules, meets=False
+    )
     states = {stepper.steps.start()}
     seen = yield
     while True:

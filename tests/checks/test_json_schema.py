@@ -142,7 +142,7 @@ JUDGED_ALIKE = [
 @pytest.mark.parametrize("node", JUDGED_ALIKE)
 def test_the_schema_and_the_rules_are_of_one_mind(node):
     text = in_a_tree(yaml.safe_load(node))
-    findings = check(Forest.of(parse_yaml(text, "test.yaml")), default_registry())
+    findings = check(Forest.from_file(parse_yaml(text, "test.yaml")), default_registry())
     refused = any(finding.severity is Severity.ERROR for finding in findings)
     assert bool(errors(text)) == refused
 
@@ -159,7 +159,7 @@ def test_the_schema_and_the_rules_are_of_one_mind(node):
 )
 def test_what_has_no_node_where_one_must_be_is_refused_by_both(text):
     assert errors(text)
-    assert check(Forest.of(parse_yaml(text, "test.yaml")), default_registry())
+    assert check(Forest.from_file(parse_yaml(text, "test.yaml")), default_registry())
 
 
 def test_an_unknown_attribute_is_named():
@@ -170,7 +170,7 @@ def test_an_unknown_attribute_is_named():
 
 @given(ELEMENTS)
 def test_the_schema_refuses_nothing_that_the_rules_let_pass(element):
-    forest = Forest.of(parse_xml(document(written(element))))
+    forest = Forest.from_file(parse_xml(document(written(element))))
     if not [finding for rule in RULES for finding in rule(CheckContext(forest, default_registry()))]:
         assert errors(as_yaml(document(written(element)))) == []
         assert check(forest, default_registry()) == []

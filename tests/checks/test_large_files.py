@@ -192,7 +192,7 @@ def everything(text: str, *, yaml: bool) -> Callable[[], None]:
 
     def action() -> None:
         tree_file = read(written)
-        forest = Forest.of(tree_file)
+        forest = Forest.from_file(tree_file)
         findings = check(forest, default_registry())
         fixes(tree_file.source, tree_file, findings)
         write(tree_file)
@@ -232,8 +232,8 @@ def test_among_many_attributes_each_is_found_in_its_place(yaml):
 
 
 def codes(body: str) -> list[str]:
-    findings = check(Forest.of(parse_xml(document(body))), default_registry())
-    return [finding.code for finding in checks.first_of_each(findings)]
+    findings = check(Forest.from_file(parse_xml(document(body))), default_registry())
+    return [finding.code for finding in checks.limit_findings(findings)]
 
 
 def test_the_schema_is_silent_while_the_rules_have_more_errors_than_are_shown(monkeypatch):
@@ -253,7 +253,7 @@ def test_the_schema_is_asked_however_many_warnings_there_are(monkeypatch):
 def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 2)
     body = f'<Sequence>{"<Sucess/>" * 4}<Delay delay_msec="x"><AlwaysSuccess/></Delay></Sequence>'
-    findings = checks.first_of_each(check(Forest.of(parse_xml(document(body))), default_registry()))
+    findings = checks.limit_findings(check(Forest.from_file(parse_xml(document(body))), default_registry()))
     assert [(each.code, each.severity.value) for each in findings] == [
         ("unknown-node", "error"),
         ("unknown-node", "error"),
@@ -264,10 +264,10 @@ def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypat
 
 
 def test_of_many_names_a_message_lists_the_first():
-    assert values.join_words(["a", "b"]) == "a, b"
-    assert values.join_words(list("abcdefghij")) == "a, b, c, d, e, f, g, h, i, j"
-    assert values.join_words(list("abcdefghijkl")) == "a, b, c, d, e, f, g, h, i, j and 2 more"
-    assert values.join_words(list("abcdefghij"), 14) == "a, b, c, d, e, f, g, h, i, j and 4 more"
+    assert values.join_with_commas(["a", "b"]) == "a, b"
+    assert values.join_with_commas(list("abcdefghij")) == "a, b, c, d, e, f, g, h, i, j"
+    assert values.join_with_commas(list("abcdefghijkl")) == "a, b, c, d, e, f, g, h, i, j and 2 more"
+    assert values.join_with_commas(list("abcdefghij"), 14) == "a, b, c, d, e, f, g, h, i, j and 4 more"
 
 
 def test_guesses_end_when_too_many_words_have_been_compared(monkeypatch):
@@ -282,6 +282,6 @@ def test_guesses_end_when_too_many_words_have_been_compared(monkeypatch):
 def test_several_slips_in_one_element_are_mended_each_in_its_place():
     text = document('<Sequence Name="s" MEMORY="True "><AlwaysSuccess/></Sequence>')
     tree_file = parse_xml(text)
-    findings = check(Forest.of(tree_file), default_registry())
+    findings = check(Forest.from_file(tree_file), default_registry())
     mended = apply_fixes(text, fixes(tree_file.source, tree_file, findings))
     assert '<Sequence name="s" memory="True ">' in mended

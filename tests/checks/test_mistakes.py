@@ -373,4 +373,4 @@ def test_nothing_is_said_of_a_correct_file(text, registry):
 
 
 def test_the_shipped_tree_is_correct(registry):
-    assert check(Forest.of(read_tree_file("trees/search_and_rescue.xml")), registry) == []
+    assert check(Forest.from_file(read_tree_file("trees/search_and_rescue.xml")), registry) == []

@@ -166,7 +166,7 @@ IN_YAML = {
 def test_a_mistake_in_yaml_is_found_where_it_stands(name):
     text, expected = IN_YAML[name]
     try:
-        findings = check(Forest.of(parse_yaml(HEAD + text, "test.yaml")), default_registry())
+        findings = check(Forest.from_file(parse_yaml(HEAD + text, "test.yaml")), default_registry())
     except TreeError as error:
         findings = list(error.findings)
     assert places(findings) == [expected]

@@ -56,7 +56,7 @@ def test_a_schema_error_is_shown_where_the_rules_found_nothing():
     tree = parse_xml(document("<Sequence/>\n"), "test.xml")
     (alone,) = check_schema(tree, default_registry(), described=(), findings=[])
     assert (alone.code, alone.span.line, alone.span.column) == ("schema", 3, 1)
-    found = check(Forest.of(tree), default_registry())
+    found = check(Forest.from_file(tree), default_registry())
     assert [finding.code for finding in found] == ["empty-control"]
 
 
@@ -89,7 +89,11 @@ def written(element):
 @given(ELEMENTS)
 def test_the_rules_find_everything_that_the_schema_refuses(element):
     tree = parse_xml(document(written(element)))
-    found = [finding for rule in RULES for finding in rule(CheckContext(Forest.of(tree), default_registry()))]
+    found = [
+        finding
+        for rule in RULES
+        for finding in rule(CheckContext(Forest.from_file(tree), default_registry()))
+    ]
     if schema_errors(tree, default_registry()):
         assert found
     assert not list(check_schema(tree, default_registry(), (), found)) or found

@@ -102,7 +102,7 @@ def test_in_yaml_it_is_a_comment_of_yaml():
     )
 
     def of(before, beside):
-        return found(Forest.of(parse_yaml(text.format(before, beside), "test.yaml")))
+        return found(Forest.from_file(parse_yaml(text.format(before, beside), "test.yaml")))
 
     assert of("", "") == [("needless-node", 7, 13)]
     assert of("          # sar: allow needless-node: why\n", "") == []

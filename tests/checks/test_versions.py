@@ -158,7 +158,7 @@ def test_it_is_the_same_in_yaml(name):
     text, refusing, _ = CASES[name]
     yaml = convert(parse_xml(text), Form.YAML).text
     for version, known in VERSIONS.items():
-        findings = check(Forest.of(parse_yaml(yaml, "t.yaml")), default_registry(), (), known)
+        findings = check(Forest.from_file(parse_yaml(yaml, "t.yaml")), default_registry(), (), known)
         assert [f.code for f in _without_constants(findings)] == ["btcpp-version"] * (version in refusing)
 
 

@@ -5,7 +5,7 @@ import pytest
 from sar_compiler.checks import check
 from sar_compiler.nodes.binding.attributes import CONDITIONS, NOTES
 from sar_compiler.nodes.registry import default_registry
-from sar_compiler.nodes.values import join_words
+from sar_compiler.nodes.values import join_with_commas
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Form, Severity, TreeError
 from sar_compiler.tree.discovery import read_tree_file
@@ -251,7 +251,7 @@ def test_a_list_of_nodes_in_yaml_by_another_name_is_the_children(name):
         f"          {name}:\n          - LogNoDetection\n          - NavigateToBase\n"
     )
     with pytest.raises(TreeError) as caught:
-        check(Forest.of(parse_yaml(text, "test.yaml")), default_registry())
+        check(Forest.from_file(parse_yaml(text, "test.yaml")), default_registry())
     assert places(caught.value.findings) == [("wrong-shape", 6, 11, "children")]
 
 
@@ -269,7 +269,7 @@ def test_a_note_of_an_editor_is_taken_wherever_it_writes_it(note):
     assert found(NOTED.format(f'{note}="1"')) == []
     yaml = convert(parse_xml(NOTED.format(f'{note}="1"')), Form.YAML).text
     assert yaml.count(note) == 6
-    assert check(Forest.of(parse_yaml(yaml, "test.yaml")), default_registry()) == []
+    assert check(Forest.from_file(parse_yaml(yaml, "test.yaml")), default_registry()) == []
 
 
 @pytest.mark.parametrize(
@@ -281,7 +281,7 @@ def test_a_note_that_reads_as_a_condition_is_a_warning(node, name):
     [finding] = [each for each in check(forest_of(text), default_registry()) if each.code != "unused-tree"]
     assert (finding.code, finding.severity) == ("unknown-attribute", Severity.WARNING)
     assert (finding.span.line, finding.span.column) == (2, node.index("{") + 1)
-    assert finding.hint == f"the conditions are {join_words(CONDITIONS)}"
+    assert finding.hint == f"the conditions are {join_with_commas(CONDITIONS)}"
 
 
 LIKE_NOTES = {
@@ -289,10 +289,10 @@ LIKE_NOTES = {
     "_if": ("ready", 'write _skipIf="!(ready)"'),
     "_when": ("ready", 'write _skipIf="!(ready)"'),
     "_unless": ("ready", 'write _skipIf="ready"'),
-    "_precondition": ("ready", f"the conditions are {join_words(CONDITIONS)}"),
-    "_condition": ("ready", f"the conditions are {join_words(CONDITIONS)}"),
-    "_guard": ("ready == 1", f"the conditions are {join_words(CONDITIONS)}"),
-    "_needs": ("ready", f"the conditions are {join_words(CONDITIONS)}"),
+    "_precondition": ("ready", f"the conditions are {join_with_commas(CONDITIONS)}"),
+    "_condition": ("ready", f"the conditions are {join_with_commas(CONDITIONS)}"),
+    "_guard": ("ready == 1", f"the conditions are {join_with_commas(CONDITIONS)}"),
+    "_needs": ("ready", f"the conditions are {join_with_commas(CONDITIONS)}"),
     "_timeout": ("5", "put the node into a decorator: <Timeout>"),
     "_timeoutMs": ("5000", "put the node into a decorator: <Timeout>"),
     "_repeat": ("3", "put the node into a decorator: <Repeat>"),

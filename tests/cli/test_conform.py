@@ -9,7 +9,7 @@ import pytest
 from sar_compiler.budget import Budget
 from sar_compiler.compiler.outline import outline
 from sar_compiler.journal.journal_entries import Ending
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.loaded_tree import load
 from tests.cli.running import press_ctrl_c, run
 from tests.trees import document

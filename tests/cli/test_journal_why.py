@@ -9,7 +9,7 @@ import pytest
 from sar_compiler.budget import Budget
 from sar_compiler.cli.journal_command import main
 from sar_compiler.execution.run_journal import _node_options
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.project import CommandLineSettings
 from tests.cli.running import press_ctrl_c
 from tests.trees import document

@@ -12,13 +12,13 @@ from sar_compiler.cli import run, repeated_runs
 class Left:
     pass
 
-def run_in(arguments, ros, *, stepped):
+def run_with_ros(arguments, ros, *, stepped):
     print(sum(type(each) is Left for each in gc.get_objects()))
     left = Left()
     left.itself = left
     return 0
 
-run.run_in = run_in
+run.run_with_ros = run_with_ros
 repeated_runs.serve()
 """
 
@@ -34,11 +34,11 @@ _MISTAKEN = """
 import sys
 from sar_compiler.cli import run, repeated_runs
 
-def run_in(arguments, ros, *, stepped):
+def run_with_ros(arguments, ros, *, stepped):
     print("[INFO] [1.0] [node]: begins", *arguments, "second mistake", sep="\\n", file=sys.stderr)
     return int(arguments[0])
 
-run.run_in = run_in
+run.run_with_ros = run_with_ros
 repeated_runs.serve()
 """
 

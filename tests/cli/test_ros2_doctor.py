@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.missions.choosing import MissionError
+from sar_compiler.missions.mission_choice import MissionError
 from sar_compiler.runtime import kernel
 
 STAND_INS = Path(__file__).parents[1] / "stand_ins"

@@ -9,9 +9,9 @@ import pytest
 from py_trees.behaviours import Running
 from py_trees.common import Status
 
-from sar_compiler.cli.run_extensions import extensions_asked_for
+from sar_compiler.cli.run_extensions import requested_extensions
 from sar_compiler.errors import SarError
-from sar_compiler.execution.extensions import Extensions
+from sar_compiler.execution.extensions import RunExtensions
 from sar_compiler.execution.run_setup import RunSetup
 from sar_compiler.journal.journal import Journal
 from sar_compiler.missions.mission import MissionRun
@@ -39,10 +39,10 @@ class Stage:
             no, no, self.node, self.journal, MissionRun(), no, no, {}, (), self.output, no, []
         )
 
-    def extend(self, stack: ExitStack, *makes: Callable[[RunSetup], RunExtension]) -> Extensions:
+    def extend(self, stack: ExitStack, *makes: Callable[[RunSetup], RunExtension]) -> RunExtensions:
         """Extend the run beside its journal."""
         journal: Any = Noting(self, "journal", fails=False)
-        return Extensions(self.run, journal, makes, stack)
+        return RunExtensions(self.run, journal, makes, stack)
 
     def make(self, name: str, *, fails: bool = False) -> "Noting":
         """Return a extension that notes what it does under its name; it may fail."""
@@ -110,7 +110,7 @@ def test_one_without_a_use_for_the_journal_does_not_make_it_wanted(stage: Stage)
         pass
 
     with ExitStack() as stack:
-        Extensions(stage.run, cast("Any", Silent()), [lambda _: Silent(), lambda _: None], stack)
+        RunExtensions(stage.run, cast("Any", Silent()), [lambda _: Silent(), lambda _: None], stack)
         assert not stage.journal.is_wanted
 
 
@@ -151,9 +151,9 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
 ) -> None:
     from sar_compiler.commands import ROBOT_MAY_MOVE
     from sar_compiler.ros.forced_end import ForcedEnd
-    from sar_compiler.ros.leaves.goals import goals_under_way
+    from sar_compiler.ros.leaves.goals import active_goals_of
 
-    goals_under_way(stage.node).sending("01" * 16, "/drive")
+    active_goals_of(stage.node).sending("01" * 16, "/drive")
     leaf: Any = Running("drive")
     leaf.status = Status.RUNNING
     leaf.terminate = lambda _: stage.done.append("cancelled")
@@ -178,7 +178,7 @@ def test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is
         guardian=wanted, sim=world, ros=["--enclave", "/mission"], supervision=SimpleNamespace(signs=None),
     )  # fmt: skip
     run: Any = SimpleNamespace(options=options, journal=SimpleNamespace(is_kept=is_kept), node="the node")
-    for make in extensions_asked_for(options):
+    for make in requested_extensions(options):
         make(run)
     is_usual = is_kept and world is None
     expected = [("the node", ["--enclave", "/mission"], None)]

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
-from sar_compiler.compiler.outline import unicode_tree, with_tags
+from sar_compiler.compiler.outline import add_tags, unicode_tree
 from sar_compiler.testing import compiled
-from sar_compiler.views.findings import without_markdown
+from sar_compiler.views.findings import plain_text
 from tests.cli.running import run
 from tests.trees import document
 
@@ -349,7 +349,7 @@ def test_a_drawing_says_the_tag_of_a_leaf_or_a_decorator_that_is_called_otherwis
 def test_a_drawing_with_a_name_of_several_lines_is_left_as_it_is():
     tree = compiled("search_and_rescue")
     tree.root.name = "two\nlines"
-    assert with_tags(unicode_tree(tree.root), tree) == unicode_tree(tree.root)
+    assert add_tags(unicode_tree(tree.root), tree) == unicode_tree(tree.root)
 
 
 @pytest.mark.parametrize(
@@ -394,7 +394,7 @@ def test_a_tree_is_shown_in_a_file_as_on_standard_output(capsys, tmp_path, form)
 
 def test_a_page_is_explained_on_a_terminal_without_the_marks_of_markdown():
     page = '# `wrong-value`\n\n*error*\n\nAs [here](a.md#b) **it is**.\n\n```xml\n<A x="`"/>\n\n```\n'
-    said = without_markdown(page, lambda text, part: f"<{part} {text}>")
+    said = plain_text(page, lambda text, part: f"<{part} {text}>")
     assert said == '<place wrong-value>\n\nerror\n\nAs here it is.\n\n    <A x="`"/>\n\n'
 
 

@@ -231,7 +231,7 @@ def test_a_preview_needs_no_mission(registry):
 
 def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
     tree = preview_tree(
-        bind_main(Forest.of(read_tree_file("trees/search_and_rescue.xml")), default_registry())
+        bind_main(Forest.from_file(read_tree_file("trees/search_and_rescue.xml")), default_registry())
     )
     classes = [f"{type(node).__module__}.{type(node).__qualname__}" for node in tree.root.iterate()]
     stock = {name for name in classes if name.startswith("py_trees.")}
@@ -245,7 +245,7 @@ def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
 
 def test_all_leaves_of_a_tree_hold_the_same_zone_manager():
     zones = ZoneManager([{"id": "a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
-    binding = bind_main(Forest.of(read_tree_file("trees/search_and_rescue.xml")), default_registry())
+    binding = bind_main(Forest.from_file(read_tree_file("trees/search_and_rescue.xml")), default_registry())
     record = MissionRecord()
     context = {ZoneManager: zones, MissionRecord: record, Clock: ManualClock()}
     tree = compile_tree(binding, context, {})

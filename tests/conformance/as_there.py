@@ -153,7 +153,7 @@ def _skips_counted_on() -> Iterator[None]:
             ticker.cells[self.skips] = skips
             return answer
 
-    with _replaced(stock._InOrder, "node_class", CountedOn):
+    with _replaced(stock._OrderedComposite, "node_class", CountedOn):
         yield
 
 

@@ -139,7 +139,7 @@ def compile_case(xml: str, bb: Mapping[str, object], enums: Mapping[str, int], c
         enums: The names that stand for numbers.
         clock: The time.
     """
-    binding = bind_main(Forest.of(parse_xml(xml)), _registry(may_skip=_SKIPS.search(xml) is not None))
+    binding = bind_main(Forest.from_file(parse_xml(xml)), _registry(may_skip=_SKIPS.search(xml) is not None))
     events = Events()
     tree = compile_tree(binding, {Clock: clock, Enums: Enums(enums), Events: events}, bb)
     scopes = {each.scope.path or binding.main.name: each.scope for each in tree.instance.iterate()}
@@ -215,7 +215,7 @@ def _first_difference(case: Case, run: Run) -> Difference | None:
 
 def _findings_of(xml: str) -> str:
     """Return the codes of the findings about a case's tree."""
-    found = check(Forest.of(parse_xml(xml)), _registry(may_skip=_SKIPS.search(xml) is not None))
+    found = check(Forest.from_file(parse_xml(xml)), _registry(may_skip=_SKIPS.search(xml) is not None))
     return " ".join(dict.fromkeys(each.code for each in found))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.compiler.outline import unicode_tree, with_tags
+from sar_compiler.compiler.outline import add_tags, unicode_tree
 from sar_compiler.testing import compiled
 from sar_compiler.views.drawing import mermaid
 from tests.docs.markdown import PAGES, blocks
@@ -42,7 +42,7 @@ def test_the_page_shows_one_tree_in_every_language():
     tree = compiled("examples/decorators/retry.xml", nodes=["examples.decorators.leaves"])
     shown = [(block.language, block.text) for block in blocks(PAGE)][1:]
     assert shown == [
-        ("", with_tags(unicode_tree(tree.root), tree)),
+        ("", add_tags(unicode_tree(tree.root), tree)),
         ("mermaid", mermaid(tree)),
     ]
 

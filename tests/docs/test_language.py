@@ -118,7 +118,7 @@ def example(tmp_path, monkeypatch):
     spec.loader.exec_module(module)
     registry = Registry(default_registry().specs())
     registry.add_module(module)
-    return registry, Forest.of(parse_xml(named("ports.xml"), "ports.xml"))
+    return registry, Forest.from_file(parse_xml(named("ports.xml"), "ports.xml"))
 
 
 def test_the_example_of_ports_is_correct(example):

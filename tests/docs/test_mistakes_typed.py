@@ -221,7 +221,7 @@ def test_a_mistake_in_a_shell_is_answered_as_the_page_says(message, tmp_path):
 @pytest.mark.ros
 @pytest.mark.parametrize("message", BESIDE_A_JOURNAL)
 def test_a_start_beside_a_journal_is_refused_as_the_page_says(message, tmp_path):
-    from sar_compiler.journal.opening import open_journal
+    from sar_compiler.journal.journal_opening import open_journal
 
     (tmp_path / "plain.xml").write_text(FILES["plain.xml"], encoding="utf-8")
     place = tmp_path / "mission.journal"

@@ -37,7 +37,7 @@ class FlightPlan:
         The flight is not in the first paragraph.
         """
 
-    def _mended(self) -> None: ...
+    def _improve_locally(self) -> None: ...
 '''
 
 

@@ -185,5 +185,6 @@ def test_every_fragment_of_a_tree_is_correct(fragment):
     whole = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{fragment}</BehaviorTree></root>'
     text = fragment if fragment.startswith("<root") else whole
     assert [
-        finding.render() for finding in check(Forest.of(parse_xml(text, "fragment.xml")), load_registry())
+        finding.render()
+        for finding in check(Forest.from_file(parse_xml(text, "fragment.xml")), load_registry())
     ] == []

@@ -16,7 +16,7 @@ from sar_compiler.cli.sim import main as sim_command
 from sar_compiler.documents.located import UNIT
 from sar_compiler.documents.toml_files import read_toml
 from sar_compiler.documents.yaml_files import parse_yaml
-from sar_compiler.nodes.numbers import UNITS, find_oddity
+from sar_compiler.nodes.numbers import UNITS, find_implausible_number
 from sar_compiler.tree.diagnostic import TreeError
 from tests.checks.test_json_schema import target_of
 from tests.documents.test_schemas import NAMES, SCHEMAS, parts, types_of
@@ -154,7 +154,7 @@ def test_a_number_in_another_notation_or_unit_gets_the_one_that_is_to_be_written
     schema = next(each for at, each in properties(SCHEMAS[name], SCHEMAS[name]) if at == path)
     if not about:
         # The property takes a duration with its unit, or the number is an ordinary one.
-        assert "pattern" in schema or find_oddity(float(text), unit_at(name, path)) is None
+        assert "pattern" in schema or find_implausible_number(float(text), unit_at(name, path)) is None
         return
     [finding] = about
     lowest, highest = schema.get("minimum", -1e9), schema.get("maximum", 1e9)

@@ -11,8 +11,8 @@ import pytest
 from sar_compiler.cli.sim import main
 from sar_compiler.helper_process import helper_command
 from sar_compiler.sim import simulated_runs
-from search_and_rescue.hiding import Hiding
-from search_and_rescue.search_theory import Area
+from search_and_rescue.hiding import HiddenSurvivor
+from search_and_rescue.search_theory import SearchExpectation
 from search_and_rescue.zone_manager import MapPose
 from tests.processes import children_of
 from tests.waiting import News
@@ -91,9 +91,13 @@ def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
 def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
     arguments = ("search_areas", "--sim", "--speed", "1000", "--params", str(AREAS))
     only = ("-p", "zone_order:=[zone_c]", "-p", "hidden_survivor:=true")
-    area = {"zone_c": Area(0.5, 0.7)}
+    area = {"zone_c": SearchExpectation(0.5, 0.7)}
     seeds = [
-        next(seed for seed in range(99) if (Hiding(POSE, area, seed).look("zone_c") is not None) is is_found)
+        next(
+            seed
+            for seed in range(99)
+            if (HiddenSurvivor(POSE, area, seed).look("zone_c") is not None) is is_found
+        )
         for is_found in (True, False)
     ]
     with simulated_runs.in_threads(1):
@@ -120,7 +124,7 @@ def test_flights_go_on_with_an_rclpy_that_has_no_executor_of_events(monkeypatch)
 
 @pytest.mark.usefixtures("one_zone")
 def test_a_process_that_has_died_between_two_missions_is_replaced():
-    dead = simulated_runs.Pilot(PROGRAM)
+    dead = simulated_runs.RunProcessSlot(PROGRAM)
     dead.stop()
     dead._process.wait()
     simulated_runs._waiting.append(dead)

@@ -14,13 +14,13 @@ from py_trees.common import Status
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.execution.command_client import CommandClient
-from sar_compiler.execution.serve import ServedProcess, ended_run, holder
+from sar_compiler.execution.serve import ServedProcess, holder, run_result
 from sar_compiler.execution.served_runs import EndedRun, PayloadError, parameters_of
 from sar_compiler.helper_process import helper_command
 from sar_compiler.leaves import Kind, register
-from sar_compiler.missions.beginning import path_parameters
-from sar_compiler.missions.choosing import find_mission
 from sar_compiler.missions.mission import OperatorCommand
+from sar_compiler.missions.mission_choice import find_mission
+from sar_compiler.missions.mission_start import path_parameters
 from sar_compiler.missions.parameter_reader import RUN_PARAMETER_NAMES
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
@@ -49,14 +49,14 @@ STOPPED = "it was stopped before its end"
     ],
 )
 def test_how_a_run_has_ended_is_told_by_its_status_and_its_summary(status, last, ended):
-    assert ended_run(status, last, "line 3: unknown-node") == ended
+    assert run_result(status, last, "line 3: unknown-node") == ended
 
 
 def test_the_reason_stands_before_what_ros_has_logged():
     log = "[WARN] [1795868746.7] [rcl]: ROS_LOCALHOST_ONLY is deprecated"
     finding, verdict = "tree.xml:3:5: error[unknown-node]: there is no node 'X'", "sar-run: it cannot be run"
-    assert ended_run(2, "", f"{log}\n{finding}\n{verdict}").message == f"{verdict}\n{finding}"
-    assert ended_run(3, "", log).message == log
+    assert run_result(2, "", f"{log}\n{finding}\n{verdict}").message == f"{verdict}\n{finding}"
+    assert run_result(3, "", log).message == log
 
 
 def test_a_run_has_ended_although_what_it_has_begun_holds_its_output_open(tmp_path, monkeypatch):

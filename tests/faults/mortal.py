@@ -70,7 +70,7 @@ class Mortal:
     def wake_up(self):
         """Begin a life: take over what earlier ones have done, and cancel the goals that they have left."""
         from sar_compiler.compiler import compile_tree
-        from sar_compiler.journal.opening import open_journal
+        from sar_compiler.journal.journal_opening import open_journal
         from sar_compiler.loaded_tree import load
         from sar_compiler.missions.parameter_reader import ParameterReader
         from sar_compiler.ros.clock import mission_clock
@@ -94,11 +94,11 @@ class Mortal:
 
     def start(self):
         """Return the runner of the tree, once the goals of the last life have ended."""
-        from sar_compiler.ros.orphaned_goals import note_goals
+        from sar_compiler.ros.orphaned_goals import record_goals
         from sar_compiler.ros.runner import TreeRunner
 
         runner = TreeRunner(self._compiled)
-        note_goals(self.stage.node, self.journal)
+        record_goals(self.stage.node, self.journal)
         runner.setup(node=self.stage.node)
         return runner
 

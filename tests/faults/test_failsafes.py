@@ -30,11 +30,11 @@ from search_and_rescue.failsafes import (
     NotAborted,
     NotRecalled,
 )
-from search_and_rescue.operating import AwaitStandstill, NotHeld
-from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.operator_commands import OperatorCommands
+from search_and_rescue.operator_leaves import AwaitStandstill, NotHeld
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.search import Search
-from search_and_rescue.zone_manager import Fence, ZoneManager
+from search_and_rescue.zone_manager import Geofence, ZoneManager
 from tests.processes import in_order
 from tests.ros.conftest import Said
 from tests.ros.test_unasked_motion import Robot
@@ -336,7 +336,7 @@ class TestConditions:
         monkeypatch.setattr(leaf, "_now_sec", clock.now)
         publisher = ros.node("driver").create_publisher(BatteryState, "battery_state", 10)
         message = BatteryState(percentage=percentage)
-        ros.spin_until(lambda: (publisher.publish(message), leaf.why_unusable)[1], "the battery")
+        ros.spin_until(lambda: (publisher.publish(message), leaf.unusable_reason)[1], "the battery")
         assert leaf.update() is Status.SUCCESS
         clock.advance(31.0)
         assert leaf.update() is Status.FAILURE
@@ -429,7 +429,7 @@ class TestFence:
 
 def fenced(ros: Any, record: MissionRecord) -> InsideFence:
     """Return the condition on a fence of 2 m by 2 m, on a node."""
-    leaf = InsideFence("Inside?", Fence([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]), record=record)
+    leaf = InsideFence("Inside?", Geofence([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]), record=record)
     leaf.setup(node=ros.node("mission"))
     return leaf
 
@@ -439,8 +439,8 @@ class TestOrders:
     """The services on the mission's node, called as an operator would."""
 
     @pytest.fixture
-    def orders(self) -> OperatorOrders:
-        return OperatorOrders()
+    def orders(self) -> OperatorCommands:
+        return OperatorCommands()
 
     @pytest.fixture
     def zones(self) -> ZoneManager:
@@ -449,8 +449,8 @@ class TestOrders:
         )  # fmt: skip
 
     @pytest.fixture
-    def held(self, ros: Any, orders: OperatorOrders, zones: ZoneManager, record: MissionRecord) -> Any:
-        fence = Fence([(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)])
+    def held(self, ros: Any, orders: OperatorCommands, zones: ZoneManager, record: MissionRecord) -> Any:
+        fence = Geofence([(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)])
         Search(zones, record, orders=orders)
         leaf = NotHeld("NotHeld?", orders, zones, fence=fence, record=record)
         leaf.setup(node=ros.node("mission"))
@@ -545,7 +545,7 @@ class TestOrders:
         ],
     )
     def test_an_order_that_cuts_the_mission_short_ends_a_hold(
-        self, ros: Any, orders: OperatorOrders, record: MissionRecord, make: Any, verb: str, said: str
+        self, ros: Any, orders: OperatorCommands, record: MissionRecord, make: Any, verb: str, said: str
     ) -> None:
         leaf = make("Condition?", orders, record=record)
         leaf.setup(node=ros.node("mission"))

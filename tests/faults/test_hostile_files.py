@@ -26,17 +26,17 @@ from sar_compiler.cli.journal_command import main as journal_command
 from sar_compiler.cli.sim import main as sim_command
 from sar_compiler.errors import SarError
 from sar_compiler.importing.btlog import MAGIC
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.missions import ParameterReader
 from sar_compiler.nodes.installed import entry_points
 from sar_compiler.nodes.registry import RegistryError, load_registry
 from sar_compiler.opener import is_file
 from sar_compiler.project import CommandLineSettings
-from sar_compiler.project.trust import Content
+from sar_compiler.project.trust import ConfigurationCode
 from sar_compiler.resources import state_folder
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.sim.occupancy import read_map
-from sar_compiler.sim.placement import KeptPlaces
+from sar_compiler.sim.placement import PoseFile
 from sar_compiler.sim.world import load_world
 from search_and_rescue.plugin import MISSION
 from tests.trees import document
@@ -126,7 +126,10 @@ def approved(path: str) -> int:
 
 def trusted(path: str) -> int:
     """Trust a configuration beside whose modules lies the file."""
-    return under("gripper/inner.py", lambda: told(lambda: Content.of(Path("sar.toml"), ["gripper"])))(path)
+    return under(
+        "gripper/inner.py",
+        lambda: told(lambda: ConfigurationCode.from_configuration(Path("sar.toml"), ["gripper"])),
+    )(path)
 
 
 def package(path: str) -> int:
@@ -154,7 +157,7 @@ def edit(path: str, text: str) -> int:
     from pygls.workspace import Workspace
 
     from sar_compiler.lsp.features import tree_server
-    from sar_compiler.lsp.open_text import Placed
+    from sar_compiler.lsp.open_text import PlacedFinding
 
     shown: list[str] = []
 
@@ -167,7 +170,10 @@ def edit(path: str, text: str) -> int:
         uri = f"file://{quote(str(Path.cwd() / path))}"
         server.opened(uri, text, 1)
         if (file := await server.settled(uri)) is not None:
-            shown.extend(str(placed.finding) for placed in (*file.shown, *map(Placed.of, file.elsewhere)))
+            shown.extend(
+                str(placed.finding)
+                for placed in (*file.shown, *map(PlacedFinding.from_finding, file.elsewhere))
+            )
         server.closed(uri)
 
     asyncio.run(session())
@@ -259,7 +265,7 @@ SURFACES = {
         ("analysis/verify/properties.py:read_property_file",), command("verify", "tree.xml", "--properties", "{}")
     ),
     "properties that are approved": Surface(
-        ("analysis/approval.py:Fingerprint.of",), command("approve", "tree.xml", "--properties", "{}")
+        ("analysis/approval.py:Fingerprint.from_tree",), command("approve", "tree.xml", "--properties", "{}")
     ),
     "parameters": Surface((PARAMETERS,), command("simulate", "tree.xml", "--params", "{}")),
     "areas": Surface(
@@ -277,7 +283,7 @@ SURFACES = {
         named_by("map.yaml", f"image: {{}}\n{MAP}", lambda _: told(lambda: read_map(Path("map.yaml")))), "image", has_root=True,
     ),
     "the poses of robots": Surface(
-        ("sim/placement.py:KeptPlaces.read",), lambda path: told(KeptPlaces(Path(path), "world").read), "json"
+        ("sim/placement.py:PoseFile.read",), lambda path: told(PoseFile(Path(path), "world").read), "json"
     ),
     "a journal": Surface(
         ("journal/database.py:JournalFile.read",), lambda path: journal_command(["show", path]), "journal"
@@ -298,13 +304,13 @@ SURFACES = {
         under("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,
     ),
     "an approval": Surface(("analysis/approval.py:_read", "analysis/approval.py:_records"), approved, "json"),
-    "a module that is trusted": Surface(("project/trust.py:Content.of",), trusted, "python", is_sought=True),
+    "a module that is trusted": Surface(("project/trust.py:ConfigurationCode.from_configuration",), trusted, "python", is_sought=True),
     "a module of a package": Surface(("nodes/registry.py:_submodules_with_leaves",), package, "python", is_sought=True),
     "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
 }  # fmt: skip
 ELSEWHERE = {
     "tree/forest.py:_Loader._near": "tests/tree/test_forest.py: the files beside a missing one, which are only named",
-    "resources.py:require_there": "tests/cli/test_kept_results.py: of a file that is not there, which says why",
+    "resources.py:require_tree_file": "tests/cli/test_kept_results.py: of a file that is not there, which says why",
     "validation/check_cache.py:CheckCache._load": "tests/cli/test_kept_results.py: damaged results",
     "validation/check_cache.py:add_modules": "tests/cli/test_kept_results.py: modules that are imported already",
     "checks/leaf_classes.py:_module": "tests/checks/test_leaf_classes.py: a module that is exchanged after its import",

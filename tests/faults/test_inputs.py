@@ -28,7 +28,7 @@ from sar_compiler.ros.message_values import FARTHEST_M
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.world import load_world
 from sar_compiler.tree.diagnostic import TreeError
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 from search_and_rescue.actions.navigation import describe_end
 from search_and_rescue.actions.survivors import MapExtent
 from tests.processes import BIN
@@ -278,7 +278,7 @@ def test_any_answer_about_a_survivor_and_any_map_are_judged(x, y, resolution, or
 
 @given(st.integers(-128, 127), st.integers(0, 2**16 - 1), st.text(max_size=50))
 def test_any_end_of_a_drive_is_a_line(status, code, message):
-    said = in_one_line(describe_end(status, SimpleNamespace(error_code=code, error_msg=message)))
+    said = escape_to_one_line(describe_end(status, SimpleNamespace(error_code=code, error_msg=message)))
     assert "Cc" not in map(unicodedata.category, said.replace("\t", ""))
     assert not TURNING & set(map(unicodedata.bidirectional, said))
 

@@ -20,7 +20,7 @@ def left(ros):
     from nav2_msgs.action import NavigateToPose
 
     from sar_compiler.ros.leaves.goals import GoalEvent
-    from sar_compiler.ros.orphaned_goals import LeftGoal
+    from sar_compiler.ros.orphaned_goals import OrphanedGoal
     from tests.missions.mission_stage import Host
 
     hosts = []
@@ -36,7 +36,7 @@ def left(ros):
             host.node.create_service(kind, full, answer, callback_group=host.group)
         node = ros.node("mission", namespace="/left")
         ends: list[int] = []
-        goal = LeftGoal(node, GoalEvent(GOAL, "/left/navigate_to_pose"), on_end=ends.append)
+        goal = OrphanedGoal(node, GoalEvent(GOAL, "/left/navigate_to_pose"), on_end=ends.append)
         return host, goal, ends
 
     yield make

@@ -16,11 +16,11 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import load_forest
 from search_and_rescue.actions.report_queue import Backoff
-from search_and_rescue.operating import NotHeld
+from search_and_rescue.operator_leaves import NotHeld
 from search_and_rescue.record import (
     DetectionVerdict,
-    KeptReports,
     MissionRecord,
+    StoredReports,
     SurvivorReport,
 )
 from search_and_rescue.search import Search
@@ -96,17 +96,17 @@ def test_a_mission_that_is_halted_names_and_keeps_each_find_once(mission: Simula
 def test_pauses_grow_to_a_limit_and_end_with_a_success() -> None:
     clock = ManualClock()
     backoff = Backoff(clock, 5.0, 60.0)
-    assert backoff.left_sec <= 0.0
+    assert backoff.remaining_sec <= 0.0
     lengths = []
     for _ in range(6):
         backoff.failed()
-        lengths.append(backoff.left_sec)
-        clock.advance(backoff.left_sec)
-        assert backoff.left_sec <= 0.0
+        lengths.append(backoff.remaining_sec)
+        clock.advance(backoff.remaining_sec)
+        assert backoff.remaining_sec <= 0.0
     assert lengths == [5.0, 10.0, 20.0, 40.0, 60.0, 60.0]
     backoff.reset()
     backoff.failed()
-    assert backoff.left_sec == 5.0
+    assert backoff.remaining_sec == 5.0
 
 
 def test_a_clock_that_jumps_back_ends_a_pause() -> None:
@@ -114,13 +114,13 @@ def test_a_clock_that_jumps_back_ends_a_pause() -> None:
     backoff = Backoff(clock, 5.0, 60.0)
     backoff.failed()
     clock.advance(-900.0)
-    assert backoff.left_sec <= 0.0
+    assert backoff.remaining_sec <= 0.0
 
 
 def test_no_pause_is_no_pause() -> None:
     backoff = Backoff(ManualClock(), 0.0, 60.0)
     backoff.failed()
-    assert backoff.left_sec <= 0.0
+    assert backoff.remaining_sec <= 0.0
 
 
 class TestFindsThatMayBeTheSame:
@@ -139,8 +139,8 @@ class TestFindsThatMayBeTheSame:
     def test_both_must_be_acknowledged(self, record: MissionRecord) -> None:
         zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
         record.base_reached()
-        record.survivor_acknowledged("survivor_1")
-        record.survivor_acknowledged("survivor_3")
+        record.record_acknowledgement("survivor_1")
+        record.record_acknowledgement("survivor_3")
         assert record.shortfalls(zones) == [
             "The base station did not acknowledge survivor_2 in zone_b at (2.90, 0.00), possibly survivor_1."
         ]
@@ -151,8 +151,8 @@ class TestFindsThatMayBeTheSame:
     ) -> None:
         zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
         record.base_reached()
-        record.survivor_acknowledged("survivor_1")
-        record.survivor_acknowledged("survivor_3")
+        record.record_acknowledgement("survivor_1")
+        record.record_acknowledgement("survivor_3")
         record.survivor_judged("survivor_2", standing)
         assert record.shortfalls(zones) == []
 
@@ -181,7 +181,7 @@ class TestJudging:
         return search
 
     @pytest.fixture
-    def kept(self, search: Search) -> KeptReports:
+    def kept(self, search: Search) -> StoredReports:
         return search.kept
 
     @pytest.fixture
@@ -202,7 +202,7 @@ class TestJudging:
         return answer.result().success, answer.result().message
 
     def test_a_find_is_a_candidate_until_it_is_confirmed(
-        self, ros: Any, record: MissionRecord, kept: KeptReports
+        self, ros: Any, record: MissionRecord, kept: StoredReports
     ) -> None:
         standings = [record.survivors[0].standing]
         assert self.judge(ros, "survivor_1", 1) == (True, "done")
@@ -211,7 +211,7 @@ class TestJudging:
         assert len(kept) == 2
 
     def test_a_find_that_is_rejected_is_reported_no_more(
-        self, ros: Any, record: MissionRecord, kept: KeptReports
+        self, ros: Any, record: MissionRecord, kept: StoredReports
     ) -> None:
         assert self.judge(ros, "survivor_2", 2) == (True, "done")
         assert record.survivors[1].standing is DetectionVerdict.REJECTED

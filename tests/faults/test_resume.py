@@ -124,7 +124,7 @@ def test_a_goal_whose_server_does_not_cancel_it_is_waited_for(mortal):
     mission.stage.until(lambda: runner.tick() or mission.nav.goals, "the first goal")
     mission.die()
 
-    from sar_compiler.journal.opening import open_journal
+    from sar_compiler.journal.journal_opening import open_journal
     from sar_compiler.ros.orphaned_goals import OrphanedGoals
 
     journal = open_journal(mission.place, resume=True)

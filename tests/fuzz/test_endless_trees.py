@@ -8,7 +8,7 @@ import pytest
 
 from sar_compiler.cli.compile import main as sar_compile
 from sar_compiler.cli.journal_command import main as sar_journal
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import bound

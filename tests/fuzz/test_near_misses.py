@@ -47,7 +47,7 @@ def written(spec, attributes):
 
 def assert_sound(text):
     """What is found has a place in the text; where no error is found, the tree can be looked at."""
-    forest = Forest.of(parse_xml(text))
+    forest = Forest.from_file(parse_xml(text))
     findings = check(forest, REGISTRY)
     for finding in findings:
         assert finding.code != "internal-error", finding.message

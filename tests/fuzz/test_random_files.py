@@ -75,7 +75,7 @@ def answer(suffix, data):
     """Read, check and preview a file; return the codes of what is wrong."""
     try:
         with at_most(CALLS):
-            forest = Forest.of(PARSERS[suffix](data, f"random{suffix}"))
+            forest = Forest.from_file(PARSERS[suffix](data, f"random{suffix}"))
             findings = check(forest, default_registry())
             if not findings:
                 preview_tree(bind_main(forest, default_registry()))

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.analysis.simulate.running import ScenarioPlayer, failures
-from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, understand
+from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, failures
 from sar_compiler.analysis.trace_view import trace
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
@@ -29,8 +29,8 @@ PIECES = [
 
 
 @pytest.fixture(scope="module")
-def stage() -> Stage:
-    return Stage(load_forest(Path("trees/search_and_rescue.xml"), read_tree_file), default_registry())
+def stage() -> ScenarioStage:
+    return ScenarioStage(load_forest(Path("trees/search_and_rescue.xml"), read_tree_file), default_registry())
 
 
 @st.composite
@@ -44,7 +44,7 @@ def changed(draw: st.DrawFn) -> str:
     return text
 
 
-def understood(text: str, stage: Stage) -> tuple[Play | None, tuple[Diagnostic, ...]]:
+def understood(text: str, stage: ScenarioStage) -> tuple[ScenarioSimulation | None, tuple[Diagnostic, ...]]:
     """Return what a scenario means, or what is wrong with it."""
     try:
         return understand(parse_yaml(text, "scenario.yaml", "write something"), stage), ()

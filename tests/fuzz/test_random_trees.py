@@ -33,7 +33,7 @@ def tried(make):
 @settings(max_examples=rounds(75))
 @given(tree_texts())
 def test_checking_gives_findings_in_order_each_once_at_a_place_in_the_text(text):
-    findings = check(Forest.of(parse_xml(text)), REGISTRY)
+    findings = check(Forest.from_file(parse_xml(text)), REGISTRY)
     assert all(place_is_in_the_text(finding) and finding.message for finding in findings)
     assert "internal-error" not in {finding.code for finding in findings}
     assert len(set(findings)) == len(findings)
@@ -43,7 +43,7 @@ def test_checking_gives_findings_in_order_each_once_at_a_place_in_the_text(text)
 @settings(max_examples=rounds(75))
 @given(tree_texts())
 def test_what_the_check_passes_can_be_looked_at(text):
-    forest = Forest.of(parse_xml(text))
+    forest = Forest.from_file(parse_xml(text))
     if check(forest, REGISTRY):
         return
     tree = preview_tree(bind_main(forest, REGISTRY))
@@ -53,7 +53,7 @@ def test_what_the_check_passes_can_be_looked_at(text):
 @settings(max_examples=rounds(75))
 @given(tree_texts())
 def test_compiling_for_a_mission_raises_nothing_but_what_is_said_in_words(text):
-    forest = Forest.of(parse_xml(text))
+    forest = Forest.from_file(parse_xml(text))
 
     def flown():
         binding = bind_main(forest, REGISTRY)

@@ -57,14 +57,14 @@ def trees_of(tag):
 
 @pytest.mark.parametrize("tag", sorted({spec.tag for spec in PARENTS}))
 def test_no_rule_fails_where_some_of_the_children_are_unknown_or_none_are_there(tag):
-    findings = check(Forest.of(parse_xml(trees_of(tag))), REGISTRY)
+    findings = check(Forest.from_file(parse_xml(trees_of(tag))), REGISTRY)
     assert [each.message for each in findings if each.code == "internal-error"] == []
 
 
 @settings(max_examples=rounds(75))
 @given(wrong_tree_texts())
 def test_no_rule_fails_on_a_tree_that_is_wrong(text):
-    findings = check(Forest.of(parse_xml(text)), REGISTRY)
+    findings = check(Forest.from_file(parse_xml(text)), REGISTRY)
     assert [each.message for each in findings if each.code == "internal-error"] == []
     assert all(each.render() for each in findings)
 

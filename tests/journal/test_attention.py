@@ -2,10 +2,10 @@
 
 import pytest
 
-from sar_compiler.journal.attention import open_tasks, severity
 from sar_compiler.journal.display import Alarm, Gauge, Landmark, LandmarkKind, Level, MissionPhase
 from sar_compiler.journal.journal_entries import GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
+from sar_compiler.journal.open_tasks import find_open_tasks, severity
 
 KINDS = (
     LandmarkKind("zone", "zones", remedy="Send people to search"),
@@ -37,7 +37,7 @@ def mission(*landmarks, phase=None, alarms=(), gauges=(), end=None, goal=False):
 
 
 def texts(state):
-    return [task.text for task in open_tasks(state)]
+    return [task.text for task in find_open_tasks(state)]
 
 
 def test_a_robot_that_drives_and_has_found_nobody_leaves_nothing_to_do_and_is_green():
@@ -46,11 +46,11 @@ def test_a_robot_that_drives_and_has_found_nobody_leaves_nothing_to_do_and_is_gr
 
 
 def test_a_mission_that_has_not_begun_asks_for_nothing():
-    assert open_tasks(MissionState()) == ()
+    assert find_open_tasks(MissionState()) == ()
 
 
 def test_a_detection_is_reviewed_by_the_command_of_its_kind():
-    (task,) = open_tasks(mission(FOUND))
+    (task,) = find_open_tasks(mission(FOUND))
     assert task == (
         "warning",
         "Review survivor_1: is it a survivor?",
@@ -76,7 +76,7 @@ def test_a_detection_whose_report_is_not_finished_at_the_end_is_passed_on_by_a_p
 
 def test_a_task_of_the_mission_about_a_landmark_is_told_once_also_after_the_end():
     refused = FOUND._replace(is_certain=True, task="Report survivor_1 yourself: no answer")
-    assert [(task.level, task.text) for task in open_tasks(mission(AT_HOME, refused))] == [
+    assert [(task.level, task.text) for task in find_open_tasks(mission(AT_HOME, refused))] == [
         ("error", refused.task)
     ]
     assert texts(mission(AT_HOME, refused, end=1)) == [refused.task]
@@ -96,7 +96,7 @@ def test_places_of_one_state_are_one_task_with_at_most_five_names():
         Landmark("gap", f"gap {number}", 0.0, 0.0, level=Level.GIVEN_UP, corners=SQUARE)
         for number in range(6)
     ]
-    (task,) = open_tasks(mission(*gaps))
+    (task,) = find_open_tasks(mission(*gaps))
     assert task.text == "Send people to search gap 0, gap 1, gap 2, gap 3, gap 4 and 1 more: not done"
     assert (task.kind, task.name) == ("", "")
 
@@ -114,7 +114,9 @@ def test_a_complete_mission_with_a_gap_is_not_green():
 
 def test_an_alarm_counts_with_its_level_until_it_is_over():
     low, broken = Alarm("low", level=30), Alarm("broken")
-    assert [(task.level, task.text, task.is_alarm) for task in open_tasks(mission(alarms=(low, broken)))] == [
+    assert [
+        (task.level, task.text, task.is_alarm) for task in find_open_tasks(mission(alarms=(low, broken)))
+    ] == [
         ("error", "broken", True),
         ("warning", "low", True),
     ]
@@ -129,7 +131,7 @@ def test_a_battery_below_its_limit_calls_the_robot_home_while_the_run_lasts():
 
 
 def test_a_pause_is_ended_by_the_command_of_that_role():
-    (task,) = open_tasks(mission(phase=MissionPhase("held", "by the operator")))
+    (task,) = find_open_tasks(mission(phase=MissionPhase("held", "by the operator")))
     assert (task.level, task.text, task.command) == (
         "warning",
         "Resume the mission, or call the robot back",
@@ -154,7 +156,7 @@ def test_a_robot_that_may_be_driving_alone_is_stopped_at_its_button(process):
     state = mission(goal=True)
     state.take(JournalEntry(4, 1, 3.0, 3.0, "progress", {"target": "a", "distance": 1.0, "time_left": 2.0}))
     state.process = process
-    first = open_tasks(state)[0]
+    first = find_open_tasks(state)[0]
     assert (first.level, first.text) == (
         "error",
         "Press the stop button on the robot: it may still be driving",
@@ -169,7 +171,7 @@ def test_a_crash_without_a_goal_asks_for_a_person_and_not_for_the_button():
 
 def test_errors_come_before_warnings():
     given_up = Landmark("zone", "zone_b", 0.0, 0.0, "abandoned", Level.GIVEN_UP)
-    assert [task.level for task in open_tasks(mission(given_up, alarms=(Alarm("broken"),)))] == [
+    assert [task.level for task in find_open_tasks(mission(given_up, alarms=(Alarm("broken"),)))] == [
         "error",
         "warning",
     ]

@@ -15,7 +15,7 @@ from sar_compiler.cli.journal_command import main
 from sar_compiler.journal import chain
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import Ending, Row
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.spill_file import RunEnd
 from sar_compiler.reports.checked_journal import CheckedJournal
 from tests.chance import rounds
@@ -52,7 +52,7 @@ def place(flown, tmp_path):
 
 
 def verdict(place, head=None):
-    return CheckedJournal.of(place, head)
+    return CheckedJournal.check(place, head)
 
 
 def change(place, *statements):
@@ -284,7 +284,7 @@ def test_several_journals_are_told_each_and_the_worst_counts(place, tmp_path, ca
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 journal = open_journal(Path(sys.argv[1]))
 journal.begin({}, {})
 for number in range(100):

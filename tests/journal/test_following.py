@@ -7,9 +7,9 @@ import pytest
 
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.following import _TRIES, JournalFollower
 from sar_compiler.journal.journal_entries import Ending
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_follower import _TRIES, JournalFollower
+from sar_compiler.journal.journal_opening import open_journal
 
 
 @pytest.fixture

@@ -47,7 +47,9 @@ def written(place):
 def read(place):
     file = JournalFile.read(place)
     try:
-        return json.loads("\n".join(journal_json(file, MissionState.of(file.stream()), with_watched=True)))
+        return json.loads(
+            "\n".join(journal_json(file, MissionState.from_stream(file.stream()), with_watched=True))
+        )
     finally:
         file.close()
 

@@ -42,7 +42,7 @@ def after(*told, began=BEGAN):
         JournalEntry(number, 1, 1000.0 + number, 100.0 + number, kind, data)
         for number, (kind, data) in enumerate([began, *told])
     ]
-    return MissionState.of(entries)
+    return MissionState.from_stream(entries)
 
 
 POINT = {"kind": "point", "name": "a", "x": 1.0, "y": 2.0, "state": "open"}

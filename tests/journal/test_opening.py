@@ -8,7 +8,12 @@ import pytest
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending, JournalEntry
-from sar_compiler.journal.opening import default_place, forget_simulated, open_journal, simulated_place
+from sar_compiler.journal.journal_opening import (
+    default_place,
+    delete_old_simulated,
+    open_journal,
+    simulated_place,
+)
 from sar_compiler.runtime.clock import ManualClock
 
 
@@ -35,7 +40,7 @@ def test_a_new_mission_begins_without_facts(place):
     journal = open_journal(place)
     assert not journal.is_resumed
     assert journal.facts() == []
-    assert journal.goals_left() == []
+    assert journal.active_goals() == []
     journal.close()
 
 
@@ -151,7 +156,7 @@ def test_goals_whose_end_was_not_seen_are_left(place):
     journal.watch(GOAL_ENDED, goal=f"{2:032x}", status=4)
     journal.close()
     again = open_journal(place, resume=True)
-    assert [(goal.action, int(goal.goal_id, 16)) for goal in again.goals_left()] == [
+    assert [(goal.action, int(goal.goal_id, 16)) for goal in again.active_goals()] == [
         ("/navigate_to_pose", 1),
         ("/navigate_to_pose", 3),
     ]
@@ -175,7 +180,7 @@ def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
     journal.close()
     again = open_journal(place, resume=True)
     with pytest.raises(JournalError, match=r"fact 1 of the journal, goal_sent .* is not a goal of an action"):
-        again.goals_left()
+        again.active_goals()
     again.close()
 
 
@@ -282,7 +287,7 @@ def test_the_last_ten_simulated_runs_are_kept_with_the_one_that_begins(simulated
         leave(place)
         place.with_name(f"{place.name}-reserve").touch()
         os.utime(place, (number, number))
-    forget_simulated(simulated())
+    delete_old_simulated(simulated())
     left = sorted(path.name for path in places[0].parent.iterdir())
     assert left == sorted(name for place in places[3:] for name in (place.name, f"{place.name}-reserve"))
 
@@ -293,6 +298,6 @@ def test_a_simulated_run_that_still_writes_keeps_its_journal(simulated):
     for number in range(1, 12):
         leave(simulated(f"/robot{number}"))
     os.utime(oldest, (0, 0))
-    forget_simulated(simulated())
+    delete_old_simulated(simulated())
     assert oldest.exists()
     writing.close()

@@ -13,7 +13,7 @@ from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.journal.status_watch import StatusWatch
-from sar_compiler.runtime.events import HALTED, RESET, STARTED, TICKED, Event, with_end
+from sar_compiler.runtime.events import HALTED, RESET, STARTED, TICKED, Event, append_end
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
 from tests.analysis.verify.stage import simulated_tree
@@ -85,7 +85,7 @@ def test_what_is_read_has_happened_and_nothing_is_left_out_but_answers_as_in_the
         for number in range(1, TICKS + 1):
             simulated.events.clear()
             root = flight.tick()
-            happened += with_end(simulated.events, simulated.root.name, root, number)
+            happened += append_end(simulated.events, simulated.root.name, root, number)
     read = in_ticks(
         event._replace(path=paths.get(event.number, event.path))
         for event in recorded_events(flight.stream)

@@ -16,10 +16,10 @@ from sar_compiler.journal import journal as journals
 from sar_compiler.journal import spill_file as reserves
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.following import JournalFollower
 from sar_compiler.journal.journal_entries import FACTS_LOST, Ending, Row
+from sar_compiler.journal.journal_follower import JournalFollower
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.spill_file import SpilledEntries, SpillFile, read_reserve
 from sar_compiler.reports.journals import journal_json
 from tests.full_disk import full_disk
@@ -181,7 +181,7 @@ def test_who_follows_a_journal_is_told_of_each_fact_once_and_while_it_cannot_be_
 
 def test_of_more_facts_than_there_is_room_for_the_next_run_knows_how_many_and_the_numbers_given(place):
     mission = Mission(place)
-    mission.journal.keep_number("survivor", 7)
+    mission.journal.store_highest_number("survivor", 7)
     mission.full = True
     for _ in range(50):
         mission.journal.note("much", text="x" * 5_000)

@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.cli.journal_command import main
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal_entries import Ending
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
 
 TREE = {

@@ -22,13 +22,13 @@ from sar_compiler.journal.display import (
     RasterLayer,
     beginning,
     changes,
-    fact_words,
+    default_sentence,
     with_author,
 )
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CHANGED, CommandAuthor, Ending, JournalEntry
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.json_values import json_text, json_value
 from sar_compiler.missions.mission import MissionRun
 
@@ -73,7 +73,7 @@ SHOWN = st.builds(
     st.builds(MissionPhase, WORDS, WORDS, WORDS),
     st.lists(
         st.builds(
-            RasterLayer.of,
+            RasterLayer.from_shares,
             WORDS,
             WORDS,
             NUMBERS,
@@ -149,7 +149,9 @@ def test_a_figure_or_gauge_that_is_no_number_is_refused(wrong: dict[str, Any]) -
 
 
 def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted() -> None:
-    layer = RasterLayer.of("lawn", "mown", 1.0, 2.0, 0.25, [[0.0, 0.01, 0.1, 0.11], [0.9, 0.91, 1.0, 1.0]])
+    layer = RasterLayer.from_shares(
+        "lawn", "mown", 1.0, 2.0, 0.25, [[0.0, 0.01, 0.1, 0.11], [0.9, 0.91, 1.0, 1.0]]
+    )
     assert layer == RasterLayer("lawn", "mown", 1.0, 2.0, 0.25, 4, "-2abi3j")
 
 
@@ -176,8 +178,8 @@ def test_cells_that_are_no_raster_are_refused(wrong: dict[str, Any]) -> None:
 
 
 def test_a_fact_that_nobody_has_put_into_a_sentence_has_words_too() -> None:
-    assert fact_words("photo_taken", {"photo": "photo_1", "by": None}) == "photo taken: photo: photo_1"
-    assert fact_words("point_left", {}) == "point left"
+    assert default_sentence("photo_taken", {"photo": "photo_1", "by": None}) == "photo taken: photo: photo_1"
+    assert default_sentence("point_left", {}) == "point left"
 
 
 class Count:

@@ -11,7 +11,7 @@ from sar_compiler.analysis.sweep import wilson
 from sar_compiler.cli.journal_command import main
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.journal.journal_entries import RUN_BEGAN, Ending, JournalEntry
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json, statistics_as_yaml
 from sar_compiler.runtime.clock import ManualClock
 from tests.chance import rounds

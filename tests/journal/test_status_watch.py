@@ -7,7 +7,7 @@ from py_trees.common import Status
 from py_trees.composites import Selector, Sequence
 from py_trees.trees import BehaviourTree
 
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.kernel.live import LiveTree, show_visits

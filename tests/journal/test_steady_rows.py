@@ -116,8 +116,8 @@ def random_rows(chance):
 def computed(path, **options):
     """Return all that is computed of a journal."""
     with JournalFile.reading(path) as file:
-        state = MissionState.of(file.every_run(**options))
-        inquiry = FailureAnalysis.of(file.last_run(without=OF_ROBOT, **options))
+        state = MissionState.from_stream(file.every_run(**options))
+        inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, **options))
         found = RunStatistics()
         found.add(file.every_run(without=OF_ROBOT, **options))
         return (
@@ -143,8 +143,8 @@ def test_one_reading_for_state_and_cause_gives_the_same_as_two(seed, tmp_path):
     rows = [*random_rows(random.Random(seed)), ("photo_taken", {"photo": 1}), status(9, 99)]  # noqa: S311
     with JournalFile.reading(written(tmp_path / "j", rows)) as file:
         inquiry, state = FailureAnalysis.with_state(file.every_run())
-        alone = MissionState.of(file.every_run())
-        assert inquiry.why() == FailureAnalysis.of(file.last_run()).why()
+        alone = MissionState.from_stream(file.every_run())
+        assert inquiry.why() == FailureAnalysis.from_stream(file.last_run()).why()
     assert vars(state) == {**vars(alone), "situation": state.situation}
 
 

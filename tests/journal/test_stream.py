@@ -11,8 +11,8 @@ import pytest
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry, Row
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.opening import open_journal
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.reports.explanation import Explanation
 from sar_compiler.reports.journals import journal_json, journal_lines
@@ -139,10 +139,10 @@ def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_p
 
     with closing(long(500)) as short, closing(long(10_000)) as file:
         for read in (
-            lambda file: MissionState.of(file.stream()),
+            lambda file: MissionState.from_stream(file.stream()),
             lambda file: deque(journal_lines(file, MissionState(), with_watched=True), 0),
             lambda file: deque(journal_json(file, MissionState(), with_watched=True), 0),
-            lambda file: Explanation.of(file).data(),
+            lambda file: Explanation.explain(file).data(),
             lambda file: deque(recorded_events(file.stream()), 0),
         ):
             read(short)  # what is imported and cached is no part of it

@@ -41,7 +41,7 @@ def test_zones_are_counted_as_the_real_leaves_count_them():
     ],
 )
 def test_what_the_search_finds_decides_what_follows(found, expected):
-    run = simulate(TREE, DetectSurvivor=found).until_end()
+    run = simulate(TREE, DetectSurvivor=found).run_to_end()
     run.expect(order=expected)
 
 

@@ -10,7 +10,7 @@ import pytest
 from sar_compiler import load
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.missions import ParameterError, ParameterReader
-from sar_compiler.missions.beginning import begin_run
+from sar_compiler.missions.mission_start import begin_run
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.search import Search
 
@@ -80,7 +80,9 @@ def test_a_path_is_relative_to_the_file_with_the_parameter(tmp_path: Path) -> No
         encoding="utf-8",
     )
     flat = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
-    reader = ParameterReader.of_files({**flat, "areas_file": "areas.geojson"}, [params], "/search_and_rescue")
+    reader = ParameterReader.from_files(
+        {**flat, "areas_file": "areas.geojson"}, [params], "/search_and_rescue"
+    )
     assert [zone["id"] for zone in MISSION.begin(reader).zones.remaining_zones()] == ["north"]
     assert reader.problems == []
 
@@ -94,7 +96,7 @@ def problems_of(folder: Path, value: str) -> list[str]:
         encoding="utf-8",
     )
     flat = {f"georeference.{key}": each for key, each in PLACE._asdict().items()}
-    reader = ParameterReader.of_files({**flat, "areas_file": value}, [params], "/search_and_rescue")
+    reader = ParameterReader.from_files({**flat, "areas_file": value}, [params], "/search_and_rescue")
     with pytest.raises(ParameterError):
         MISSION.begin(reader)
     return [problem.text for problem in reader.problems]
@@ -128,7 +130,7 @@ def test_a_parameter_file_that_is_a_link_may_name_what_lies_beside_the_link_and_
         (tmp_path / "installed" / name).symlink_to(tmp_path / "sources" / name)
     flat = {f"georeference.{key}": value for key, value in PLACE._asdict().items()}
     given = {**flat, "areas_file": "areas.geojson"}
-    reader = ParameterReader.of_files(given, [tmp_path / "installed" / "params.yaml"], "/search_and_rescue")
+    reader = ParameterReader.from_files(given, [tmp_path / "installed" / "params.yaml"], "/search_and_rescue")
     assert [zone["id"] for zone in MISSION.begin(reader).zones.remaining_zones()] == ["north"]
     assert reader.files["areas_file"].real_path == tmp_path / "sources" / "areas.geojson"
 

@@ -7,15 +7,15 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.ros.leaves.arrivals import Arrival, goal_destination
-from sar_compiler.ros.leaves.by_attributes import RosAction
+from sar_compiler.ros.leaves.attribute_leaves import RosAction
 from sar_compiler.ros.nav2_parameters import nav2_parameters
 from sar_compiler.ros.robot_estimate import robot_estimate
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.ports import Input
-from search_and_rescue.actions.coming_home import NavigateToCharge
 from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
-from search_and_rescue.actions.sweeping import NavigateThroughPieces, NavigateToPiece
-from search_and_rescue.homing import Homing
+from search_and_rescue.actions.return_checks import NavigateToCharge
+from search_and_rescue.actions.sweep_leaves import NavigateThroughPieces, NavigateToPiece
+from search_and_rescue.homing_estimates import HomingEstimator
 from tests.missions.test_charging_places import home_of
 from tests.missions.test_charging_places import searching as on_a_line
 from tests.missions.test_sweeping import PIECES, planned, searching
@@ -56,7 +56,7 @@ def to_piece(stage: "Stage") -> Any:
 
 def through_pieces(stage: "Stage") -> Any:
     search = planned(searching())
-    ports = {"homing": search.context[Homing], "clock": ManualClock(), "record": stage.record}
+    ports = {"homing": search.context[HomingEstimator], "clock": ManualClock(), "record": stage.record}
     return NavigateThroughPieces("Drive", search.zones, sweeps=search.sweeps, **ports)
 
 

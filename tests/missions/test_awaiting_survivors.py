@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from search_and_rescue.actions.survivors import AwaitSurvivor, DetectSurvivor
 from search_and_rescue.record import DetectionVerdict
 from search_and_rescue.search import Search

@@ -10,13 +10,13 @@ from sar_compiler.missions import MissionPhase, ParameterError, ParameterReader
 from sar_compiler.missions.parameter_reader import RunParameters
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.sim.occupancy import read_map
-from search_and_rescue.actions.coming_home import (
+from search_and_rescue.actions.return_checks import (
     AwaitCharge,
     NavigateToCharge,
     ReturnInReach,
 )
-from search_and_rescue.energy import EnergyModel, Rates
-from search_and_rescue.homing import Homing
+from search_and_rescue.energy import ConsumptionRates, EnergyModel
+from search_and_rescue.homing_estimates import HomingEstimator
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import MapPose, ZoneManager
@@ -47,15 +47,15 @@ def searching(share: float, here: float, zone: float = 10.0, **docks: float) -> 
         pose(0.0),
         charging={name: pose(x) for name, x in docks.items()},
     )
-    homing = Homing(plan, EnergyModel(Rates(0.01, 1e-9), wrong_by=0.0))
+    homing = HomingEstimator(plan, EnergyModel(ConsumptionRates(0.01, 1e-9), wrong_by=0.0))
     homing.energy.read(0.0, share)
     homing.place = pose(here)
     return Search(plan, homing=homing)
 
 
-def home_of(search: Search) -> Homing:
-    found = search.context[Homing]
-    assert isinstance(found, Homing)
+def home_of(search: Search) -> HomingEstimator:
+    found = search.context[HomingEstimator]
+    assert isinstance(found, HomingEstimator)
     return found
 
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from sar_compiler.compiler import bind_main
-from sar_compiler.missions.choosing import MissionError, choose_mission, find_mission, load_missions
+from sar_compiler.missions.mission_choice import MissionError, choose_mission, find_mission, load_missions
 from sar_compiler.missions.parameter_reader import ParameterReader
 from sar_compiler.nodes.registry import load_registry
 from sar_compiler.tree.diagnostic import TreeError

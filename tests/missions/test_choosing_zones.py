@@ -10,25 +10,29 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.missions import ParameterError, ParameterReader
 from sar_compiler.ros.clock import Deadline
-from sar_compiler.ros.leaves.goals import goals_under_way
+from sar_compiler.ros.leaves.goals import active_goals_of
 from search_and_rescue.actions.zones import ChooseZone
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.record import DetectionVerdict
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area, Ground, PoaMap
+from search_and_rescue.search_theory import Ground, PoaMap, SearchExpectation
 from search_and_rescue.zone_manager import MOST_PLANNED, MapPose, ZoneManager
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Host, Stage
 
 BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
-AREAS = {"a": Area(0.1, 0.5, 5.0), "b": Area(0.2, 0.5, 5.0), "c": Area(0.6, 0.5, 5.0)}
+AREAS = {
+    "a": SearchExpectation(0.1, 0.5, 5.0),
+    "b": SearchExpectation(0.2, 0.5, 5.0),
+    "c": SearchExpectation(0.6, 0.5, 5.0),
+}
 
 
-def searching(areas: dict[str, Area] | None = None) -> Search:
+def searching(areas: dict[str, SearchExpectation] | None = None) -> Search:
     """Return a search of three zones, 1, 2 and 3 m from the base station in this order."""
     plan = [{"id": name, "x": float(x), "y": 0.0, "yaw": 0.0} for x, name in enumerate("abc", 1)]
     return Search(ZoneManager(plan, BASE, areas=AREAS if areas is None else areas, speed_mps=0.5))
@@ -68,7 +72,10 @@ def begun(parameters: dict[str, object]) -> ZoneManager:
 
 
 def test_the_parameters_say_what_is_expected_of_a_look() -> None:
-    assert begun(probabilities(b__look_sec=30)).areas == {"a": Area(0.5, 0.8, 0.0), "b": Area(0.5, 0.8, 30.0)}
+    assert begun(probabilities(b__look_sec=30)).areas == {
+        "a": SearchExpectation(0.5, 0.8, 0.0),
+        "b": SearchExpectation(0.5, 0.8, 30.0),
+    }
 
 
 def test_without_probabilities_there_is_no_map() -> None:
@@ -176,7 +183,7 @@ def test_what_is_shown_computes_once_where_somebody_may_be(monkeypatch: pytest.M
 
 
 def test_other_probabilities_make_another_mission() -> None:
-    assert searching().identity() != searching({**AREAS, "a": Area(0.0, 0.5, 5.0)}).identity()
+    assert searching().identity() != searching({**AREAS, "a": SearchExpectation(0.0, 0.5, 5.0)}).identity()
 
 
 def test_the_plan_is_told_before_the_flight_with_its_times_and_chances() -> None:
@@ -191,15 +198,22 @@ def test_the_plan_is_told_before_the_flight_with_its_times_and_chances() -> None
 
 def test_a_way_that_nobody_has_planned_is_the_straight_line_with_detours() -> None:
     zones = searching().zones
-    assert zones.way_m(zones.base_pose(), {"x": 3.0, "y": -4.0, "yaw": 1.0}) == 7.5
+    assert zones.path_length_m(zones.base_pose(), {"x": 3.0, "y": -4.0, "yaw": 1.0}) == 7.5
 
 
 def test_a_way_that_is_planned_is_as_long_in_both_directions() -> None:
     zones = searching().zones
     a, b, c = zones.remaining_zones()
-    zones.learn_way(a, c, 9.0)
-    assert (zones.way_m(a, c), zones.way_m(c, {"x": a["x"], "y": a["y"], "yaw": 1.0})) == (9.0, 9.0)
-    assert (zones.way_m(a, b), zones.knows_way(a, b), zones.knows_way(c, a)) == (1.5, False, True)
+    zones.store_path_length(a, c, 9.0)
+    assert (zones.path_length_m(a, c), zones.path_length_m(c, {"x": a["x"], "y": a["y"], "yaw": 1.0})) == (
+        9.0,
+        9.0,
+    )
+    assert (zones.path_length_m(a, b), zones.has_path_length(a, b), zones.has_path_length(c, a)) == (
+        1.5,
+        False,
+        True,
+    )
     tour = zones.tour([a, c])
     assert tour.from_start == [3.0, 9.0]
     assert np.array_equal(tour.between, [[0.0, 18.0], [18.0, 0.0]])
@@ -214,9 +228,9 @@ def test_the_times_between_zones_are_those_of_their_ways_planned_or_not() -> Non
     places = [manager.base_pose(), *manager.remaining_zones()]
     for one, other in itertools.combinations(places, 2):
         if chance.random() < 0.5:
-            manager.learn_way(one, other, chance.uniform(1.0, 90.0))
+            manager.store_path_length(one, other, chance.uniform(1.0, 90.0))
     tour = manager.tour(manager.remaining_zones())
-    expected = [[manager.way_m(one, other) / 0.4 for other in places[1:]] for one in places[1:]]
+    expected = [[manager.path_length_m(one, other) / 0.4 for other in places[1:]] for one in places[1:]]
     assert np.allclose(tour.between, expected)
 
 
@@ -225,7 +239,7 @@ def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_mos
     # The last ones are likely, and the one before them is where the robot is.
     poa = {zone["id"]: 0.001 for zone in zones} | {zone["id"]: 0.02 for zone in zones[-10:]}
     zones[-11] |= {"x": BASE["x"], "y": BASE["y"]}
-    areas = {name: Area(each, 0.9, 5.0) for name, each in poa.items()}
+    areas = {name: SearchExpectation(each, 0.9, 5.0) for name, each in poa.items()}
     manager = ZoneManager(zones, BASE, areas=areas)
     chosen = manager.most_rewarding(manager.remaining_zones())
     assert len(chosen) == MOST_PLANNED
@@ -243,7 +257,7 @@ def test_of_many_zones_the_planner_is_asked_for_those_that_reward_their_time_mos
 
 def test_the_plan_of_many_zones_says_how_they_are_ordered_in_twenty_lines() -> None:
     zones = many_zones(60, np.random.default_rng(6))
-    areas = {zone["id"]: Area(0.01, 0.9, 5.0) for zone in zones}
+    areas = {zone["id"]: SearchExpectation(0.01, 0.9, 5.0) for zone in zones}
     head, *lines = Search(ZoneManager(zones, BASE, areas=areas)).greeting()[2:]
     assert head.endswith("; 60 zones are ordered by probability per second):")
     assert len(lines) == 20
@@ -269,11 +283,11 @@ def test_each_way_is_needed_once_and_none_from_a_place_to_itself() -> None:
 def test_a_drive_that_has_failed_may_have_changed_every_way() -> None:
     zones = searching().zones
     a, b, _ = zones.remaining_zones()
-    zones.learn_way(a, b, 9.0)
+    zones.store_path_length(a, b, 9.0)
     zones.advance()
-    assert zones.way_m(a, b) == 9.0
+    assert zones.path_length_m(a, b) == 9.0
     zones.postpone()
-    assert zones.way_m(a, b) == 1.5
+    assert zones.path_length_m(a, b) == 1.5
 
 
 def test_ways_begin_where_it_was_looked_last() -> None:
@@ -471,7 +485,7 @@ class TestChooseZone:
 
     def test_that_many_zones_are_not_in_the_best_order_is_logged_once(self, stage: "Stage") -> None:
         zones = many_zones(60, np.random.default_rng(1))
-        areas = {zone["id"]: Area(0.01, 0.5, 5.0) for zone in zones}
+        areas = {zone["id"]: SearchExpectation(0.01, 0.5, 5.0) for zone in zones}
         leaf = self.take(stage, Search(ZoneManager(zones, BASE, areas=areas)), order="expected_find")
         for _ in range(2):
             assert stage.run(leaf) is Status.SUCCESS
@@ -494,7 +508,9 @@ class TestChooseZone:
         assert status(leaf) is Status.SUCCESS
 
     def test_after_each_look_it_is_chosen_anew(self, stage: "Stage") -> None:
-        search = searching({**AREAS, "a": Area(0.15, 1.0, 5.0), "c": Area(0.6, 0.95, 5.0)})
+        search = searching(
+            {**AREAS, "a": SearchExpectation(0.15, 1.0, 5.0), "c": SearchExpectation(0.6, 0.95, 5.0)}
+        )
         leaf, visited = self.take(stage, search, order="expected_find"), []
         while search.zones.has_remaining():
             assert stage.run(leaf) is Status.SUCCESS
@@ -603,7 +619,7 @@ class TestAskingThePlanner:
     def to_c(self, zones: ZoneManager) -> float:
         """Return how long the way from the base station to zone c is taken to be, metres."""
         (zone,) = [zone for zone in zones.remaining_zones() if zone["id"] == "c"]
-        return zones.way_m(zones.base_pose(), zone)
+        return zones.path_length_m(zones.base_pose(), zone)
 
     def test_the_ways_are_those_of_the_planner_and_each_is_asked_for_once(self, stage: "Stage") -> None:
         server, search = PlanningServer(stage.host()), searching()
@@ -619,7 +635,7 @@ class TestAskingThePlanner:
         assert stage.run(leaf) is Status.SUCCESS
         assert order(search.zones) == "bc"
         assert tuple(server.asked) == self.NEEDED
-        assert (stage.warnings, len(goals_under_way(stage.node))) == ([], 0)
+        assert (stage.warnings, len(active_goals_of(stage.node))) == ([], 0)
 
     def test_for_the_nearest_only_the_ways_from_here_are_asked_for(self, stage: "Stage") -> None:
         server, search = PlanningServer(stage.host()), searching()

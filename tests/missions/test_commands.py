@@ -11,7 +11,7 @@ from py_trees.common import Status
 from sar_compiler import load
 from sar_compiler.analysis.runtime_monitor import RuntimeMonitor
 from sar_compiler.analysis.tree_analysis import stage_of
-from sar_compiler.execution.order_record import OrderRecord
+from sar_compiler.execution.command_authors import CommandAuthors
 from sar_compiler.journal.command_objects import OBJECT, RUN, run_identity
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor
@@ -20,15 +20,15 @@ from sar_compiler.journal.status_line import condition
 from sar_compiler.runtime.answers import DeclaredAnswers
 from search_and_rescue import SPECS
 from search_and_rescue.actions.survivors import map_extent_of
-from search_and_rescue.actions.sweeping import PlanSweep
+from search_and_rescue.actions.sweep_leaves import PlanSweep
 from search_and_rescue.actions.zones import ChooseZone
 from search_and_rescue.failsafes import NotAborted, NotRecalled
-from search_and_rescue.operating import NotHeld
-from search_and_rescue.orders import COMMANDS, VERBS, CommandSpec
+from search_and_rescue.operator_commands import COMMANDS, VERBS, CommandSpec
+from search_and_rescue.operator_leaves import NotHeld
 from search_and_rescue.record import DetectionVerdict
 from search_and_rescue.search import _SENTENCES, Search
 from search_and_rescue.search_events import COMMAND_GIVEN
-from search_and_rescue.search_theory import Area, Ground
+from search_and_rescue.search_theory import Ground, SearchExpectation
 from search_and_rescue.zone_manager import Zone, ZoneManager
 from tests.chance import rounds
 
@@ -63,7 +63,7 @@ class CommandedMission:
 
     def __init__(self, ros: Any) -> None:
         zones = [Zone(id=name, x=1.0, y=1.0, yaw=0.0) for name in ("zone_a", "zone_b")]
-        areas = {zone["id"]: Area(0.3, 0.8, 60.0) for zone in zones}
+        areas = {zone["id"]: SearchExpectation(0.3, 0.8, 60.0) for zone in zones}
         manager = ZoneManager(zones, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas)
         self.search = search = Search(manager)
         self.state, self.journal = MissionState(), Journal()
@@ -71,7 +71,7 @@ class CommandedMission:
         search.keep_in(self.journal)
         self.journal.begin({}, {})
         self.node = ros.node("mission", allow_undeclared_parameters=True)
-        self.record = OrderRecord(self.node, VERBS, self.journal)
+        self.record = CommandAuthors(self.node, VERBS, self.journal)
         search.sweeps.grounds["zone_a"] = Ground(SQUARE, 1.0, 1.0)
         self.leaves: dict[str, Any] = {
             "NotHeld": NotHeld("NotHeld?", search.orders, manager, record=search.record),

@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from search_and_rescue.coverage import ObstacleMap, Points, Raster
+from search_and_rescue.coverage import CoverageRaster, ObstacleMap, Points
 from search_and_rescue.search_theory import Ground
 from search_and_rescue.sweeps import sweep
 from search_and_rescue.zone_manager import MapPose
@@ -30,7 +30,7 @@ def room(*walls: tuple[float, float, float, float]) -> ObstacleMap:
 
 
 def test_the_effort_of_a_drive_is_sweep_width_times_its_length() -> None:
-    raster = Raster(field())
+    raster = CoverageRaster(field())
     inside = raster.drive([(10.0, 15.0), (30.0, 15.0), (30.0, 10.0)])
     assert inside == pytest.approx(25.0)
     assert raster.area_m2() == pytest.approx(1200.0, rel=0.01)
@@ -38,7 +38,7 @@ def test_the_effort_of_a_drive_is_sweep_width_times_its_length() -> None:
 
 
 def test_ground_that_is_covered_evenly_has_the_pod_of_a_random_search() -> None:
-    raster = Raster(Ground(((10.0, 10.0), (30.0, 10.0), (30.0, 20.0), (10.0, 20.0)), 3.2, 2.0))
+    raster = CoverageRaster(Ground(((10.0, 10.0), (30.0, 10.0), (30.0, 20.0), (10.0, 20.0)), 3.2, 2.0))
     for y in np.arange(6.0, 24.0, 0.5):
         raster.drive([(5.0, y), (35.0, y)])
     coverage = 3.2 / 0.5
@@ -47,7 +47,7 @@ def test_ground_that_is_covered_evenly_has_the_pod_of_a_random_search() -> None:
 
 
 def test_repeated_passes_add_up() -> None:
-    once, twice = Raster(field()), Raster(field())
+    once, twice = CoverageRaster(field()), CoverageRaster(field())
     way = [(10.0, 15.0), (30.0, 15.0)]
     once.drive(way)
     for _ in range(2):
@@ -58,14 +58,14 @@ def test_repeated_passes_add_up() -> None:
 
 
 def test_outside_of_the_ground_it_is_seen_and_no_length_is_counted() -> None:
-    raster = Raster(field())
+    raster = CoverageRaster(field())
     assert raster.drive([(-1.0, 10.0), (-1.0, 20.0)]) == 0.0
     assert 0.0 < raster.seen() < 0.05
 
 
 def test_nothing_is_seen_through_a_wall_and_a_wall_is_nothing_to_search() -> None:
     wall = room((4.9, 0.0, 5.1, 10.0))
-    raster = Raster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 20.0), wall)
+    raster = CoverageRaster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 20.0), wall)
     raster.drive([(2.0, 2.0), (2.0, 8.0)])
     seen = raster.coverage > 0.0
     assert seen[raster.centres[:, 0] < 4.8].all()
@@ -75,7 +75,7 @@ def test_nothing_is_seen_through_a_wall_and_a_wall_is_nothing_to_search() -> Non
 
 
 def test_what_is_beyond_the_map_can_be_searched_by_nobody() -> None:
-    raster = Raster(Ground(((5.0, 0.0), (15.0, 0.0), (15.0, 10.0), (5.0, 10.0)), 4.0, 3.0), room())
+    raster = CoverageRaster(Ground(((5.0, 0.0), (15.0, 0.0), (15.0, 10.0), (5.0, 10.0)), 4.0, 3.0), room())
     assert raster.area_m2() == pytest.approx(50.0, rel=0.03)
 
 
@@ -98,7 +98,7 @@ def test_as_much_is_seen_as_sight_lines_between_the_walls_allow(
     obstacles = room(*boxes)
     if obstacles.at(np.array([[x, y]])).any():
         return
-    raster = Raster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 4.0), obstacles)
+    raster = CoverageRaster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 4.0), obstacles)
     mine = np.zeros(len(raster.centres), bool)
     mine[raster.seen_from(x, y, 4.0)] = True
     solid = shapely.union_all([shapely.box(*box) for box in boxes])
@@ -114,7 +114,7 @@ def test_far_sight_past_a_pillar_leaves_its_shadow_and_nothing_else(yaw: float) 
     corners = np.array([[0.0, 0.0], [25.0, 0.0], [25.0, 25.0], [0.0, 25.0]]) @ turned
     blocked = np.zeros((500, 500), bool)
     blocked[240:260, 140:160] = True
-    raster = Raster(
+    raster = CoverageRaster(
         Ground(tuple(map(tuple, corners)), 40.0, 25.0), ObstacleMap(blocked, 0.05, (0.0, 0.0, yaw))
     )
     seen = np.zeros(len(raster.centres), bool)
@@ -135,7 +135,7 @@ def test_however_far_one_sees_each_cell_is_looked_up_once(monkeypatch: pytest.Mo
         return at(self, points)
 
     monkeypatch.setattr(ObstacleMap, "at", counted)
-    raster = Raster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 32.0, 20.0), room())
+    raster = CoverageRaster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 32.0, 20.0), room())
     raster.seen_from(5.0, 5.0, 20.0)
     assert sum(looked_up) <= len(raster.centres) + 1
 
@@ -145,7 +145,7 @@ def test_the_coverage_of_a_drive_among_walls_is_within_two_percent_of_that_by_ot
     boxes = [(4.0, 0.0, 4.2, 3.0), (4.0, 5.0, 4.2, 8.0), (7.0, 2.0, 10.0, 2.2)]
     ground = Ground(((0.5, 0.5), (9.5, 0.5), (9.5, 8.5), (6.0, 9.5), (0.5, 8.5)), 4.0, 2.5)
     drive = [(1.0, 1.0), (3.0, 4.0), (6.0, 4.0), (6.0, 7.0), (9.0, 7.0), (9.0, 4.0)]
-    raster = Raster(ground, room(*boxes))
+    raster = CoverageRaster(ground, room(*boxes))
     raster.drive(drive)
     solid, way = shapely.union_all([shapely.box(*box) for box in boxes]), shapely.LineString(drive)
     searchable = shapely.Polygon(ground.polygon).difference(solid)
@@ -164,9 +164,9 @@ def test_the_coverage_of_a_drive_among_walls_is_within_two_percent_of_that_by_ot
 
 
 def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
-    raster = Raster(field())
+    raster = CoverageRaster(field())
     raster.drive([(10.0, 15.0), (30.0, 12.0)])
-    again = Raster(field(), cells=raster.text())
+    again = CoverageRaster(field(), cells=raster.text())
     assert again.coverage == pytest.approx(raster.coverage, abs=0.0005)
     assert again.text() == raster.text()
 
@@ -174,17 +174,17 @@ def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
 @pytest.mark.parametrize("cells", ["no base64!", "AAAA"])
 def test_a_text_that_is_no_raster_is_refused(cells: str) -> None:
     with pytest.raises(ValueError, match="the cells are not a raster"):
-        Raster(field(), cells=cells)
+        CoverageRaster(field(), cells=cells)
 
 
 def test_the_raster_of_other_ground_is_refused() -> None:
-    cells = Raster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).text()
+    cells = CoverageRaster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).text()
     with pytest.raises(ValueError, match="the raster has other ground"):
-        Raster(field(), cells=cells)
+        CoverageRaster(field(), cells=cells)
 
 
 def test_the_gaps_are_what_was_looked_at_too_little_in_polygons_without_holes() -> None:
-    raster = Raster(field(reach=3.0, width=6.0))
+    raster = CoverageRaster(field(reach=3.0, width=6.0))
     for y in np.arange(8.0, 23.0, 2.0):
         raster.drive([(8.0, y), (32.0, y)])
     gaps = [shapely.Polygon(corners) for corners in raster.gaps(0.5)]
@@ -198,7 +198,7 @@ def test_the_gaps_are_what_was_looked_at_too_little_in_polygons_without_holes() 
 
 @given(seen=st.lists(st.booleans(), min_size=64, max_size=64))
 def test_gaps_of_any_shape_are_sound_and_can_be_swept(seen: list[bool]) -> None:
-    raster = Raster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
+    raster = CoverageRaster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
     raster.coverage = np.where(seen, 9.0, 0.0)
     gaps = raster.gaps(0.8)
     assert all(shapely.Polygon(corners).is_valid for corners in gaps)
@@ -209,12 +209,12 @@ def test_gaps_of_any_shape_are_sound_and_can_be_swept(seen: list[bool]) -> None:
 @given(x=st.floats(-50.0, 50.0), y=st.floats(-50.0, 50.0))
 def test_ground_that_nobody_looked_at_is_one_gap_wherever_it_lies(x: float, y: float) -> None:
     corners = ((x, y), (x + 4.0, y), (x + 4.0, y + 3.0), (x, y + 3.0))
-    [gap] = Raster(Ground(corners, 4.0, 3.0)).gaps(0.5)
+    [gap] = CoverageRaster(Ground(corners, 4.0, 3.0)).gaps(0.5)
     assert len(gap) == 4
 
 
 def test_ground_that_was_looked_at_well_has_no_gaps() -> None:
-    raster = Raster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
+    raster = CoverageRaster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
     for _ in range(20):
         raster.drive([(0.0, 1.0), (2.0, 1.0)])
     assert raster.gaps(0.8) == []

@@ -9,7 +9,7 @@ import pytest
 
 from sar_compiler.journal.journal_entries import JournalEntry
 from sar_compiler.missions.parameter_reader import ParameterReader
-from search_and_rescue.actions.sweeping import PlanSweep
+from search_and_rescue.actions.sweep_leaves import PlanSweep
 from search_and_rescue.drawn_areas import DrawingError, DrawnAreas
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.search import Search

@@ -3,7 +3,7 @@
 import pytest
 from py_trees.common import Status
 
-from sar_compiler.execution.ending import EndCondition, default_summary
+from sar_compiler.execution.end_condition import EndCondition, default_summary
 from sar_compiler.execution.until import Until
 from sar_compiler.journal.display import Display, Figure
 from sar_compiler.missions.mission import MissionRun

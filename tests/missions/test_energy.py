@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from search_and_rescue.energy import EnergyModel, Rates, Trip
+from search_and_rescue.energy import ConsumptionRates, EnergyModel, TripEstimate
 from tests.chance import rounds
 
-PRIOR = Rates(per_m=0.0005, per_sec=0.0001)
-TRIP = Trip(100.0, 250.0)
+PRIOR = ConsumptionRates(per_m=0.0005, per_sec=0.0001)
+TRIP = TripEstimate(100.0, 250.0)
 
 
 class Robot:
@@ -25,7 +25,7 @@ class Robot:
         self, model: EnergyModel, times: tuple[float, float] = (1.0, 1.0), grain: float = 0.01
     ) -> None:
         self.model, self._grain = model, grain
-        self.rates = Rates(PRIOR.per_m * times[0], PRIOR.per_sec * times[1])
+        self.rates = ConsumptionRates(PRIOR.per_m * times[0], PRIOR.per_sec * times[1])
         self.now, self.x, self.share = 100.0, 0.0, 1.0
 
     def go(self, seconds: int, speed: float = 0.4) -> "Robot":
@@ -36,7 +36,7 @@ class Robot:
             self.model.read(self.now, round(self.share / self._grain) * self._grain)
         return self
 
-    def used(self, trip: Trip) -> float:
+    def used(self, trip: TripEstimate) -> float:
         return trip.metres * self.rates.per_m + trip.seconds * self.rates.per_sec
 
 
@@ -77,11 +77,11 @@ def test_a_prior_that_is_quite_wrong_is_left(times: tuple[float, float]) -> None
 
 def test_no_rate_becomes_negative_where_less_is_used_than_rates_can_explain() -> None:
     heated = Robot(EnergyModel(PRIOR), (0.0, 10.0)).go(300, speed=0.0)
-    heated.rates = Rates(0.0, 0.0)
+    heated.rates = ConsumptionRates(0.0, 0.0)
     told = heated.go(200, speed=1.0).model.rates
     assert (told.per_m, told.per_sec > 2 * PRIOR.per_sec) == (0.0, True)
     fast = Robot(EnergyModel(PRIOR), (10.0, 0.0)).go(100, speed=1.0)
-    fast.rates = Rates(0.0, 0.0)
+    fast.rates = ConsumptionRates(0.0, 0.0)
     told = fast.go(900, speed=0.1).model.rates
     assert (told.per_m > 2 * PRIOR.per_m, told.per_sec) == (True, 0.0)
 
@@ -97,7 +97,7 @@ def test_with_no_more_error_than_said_a_need_is_never_too_low() -> None:
         times = chance.uniform(0.75, 1.25), chance.uniform(0.75, 1.25)
         robot = Robot(EnergyModel(PRIOR, wrong_by=0.25), times, grain=1e-6)
         while robot.share > 0.2:
-            trip = Trip(chance.uniform(0.0, 200.0), chance.uniform(0.0, 900.0))
+            trip = TripEstimate(chance.uniform(0.0, 200.0), chance.uniform(0.0, 900.0))
             # The median of three readings is a second late.
             assert robot.model.need(trip) >= robot.used(trip) * 0.99, seed
             robot.go(int(chance.integers(10, 300)), float(chance.choice([0.0, 0.2, 0.4])))
@@ -110,14 +110,14 @@ def test_a_swapped_battery_is_noticed_and_teaches_nothing() -> None:
     robot.go(3)
     assert (robot.model.charges, robot.model.rates) == (1, known)
     assert robot.model.share == pytest.approx(0.95, abs=0.01)
-    robot.rates = Rates(3 * PRIOR.per_m, 3 * PRIOR.per_sec)
+    robot.rates = ConsumptionRates(3 * PRIOR.per_m, 3 * PRIOR.per_sec)
     assert robot.go(300).model.rates.per_m > 1.5 * PRIOR.per_m
 
 
 def test_a_battery_that_is_charged_slowly_is_noticed_and_teaches_nothing() -> None:
     robot = Robot(EnergyModel(PRIOR), grain=0.001).go(1000)
     known, begun = robot.model.rates, robot.share
-    robot.rates = Rates(0.0, -0.0001)
+    robot.rates = ConsumptionRates(0.0, -0.0001)
     while robot.share < begun + 0.1:
         robot.go(60, speed=0.0)
     assert robot.model.charges == 3

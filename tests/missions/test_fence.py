@@ -3,9 +3,9 @@
 import pytest
 
 from sar_compiler.missions.parameter_reader import ParameterError, ParameterReader
-from search_and_rescue.zone_manager import Fence, read_fence
+from search_and_rescue.zone_manager import Geofence, read_fence
 
-ELL = Fence([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0)])
+ELL = Geofence([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0)])
 
 
 @pytest.mark.parametrize("corners", [ELL.corners, ELL.corners[::-1]], ids=["one way round", "the other"])
@@ -14,12 +14,12 @@ ELL = Fence([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4
     [(1.0, 1.0, True), (3.0, 1.0, True), (1.0, 3.0, True), (3.0, 3.0, False), (-1.0, 1.0, False), (5.0, 2.0, False)],
 )  # fmt: skip
 def test_a_fence_contains_what_is_inside_its_corners(corners, x, y, inside):
-    assert Fence(corners).contains(x, y) is inside
+    assert Geofence(corners).contains(x, y) is inside
 
 
 def test_without_a_fence_every_place_is_allowed():
-    assert not Fence()
-    assert Fence().contains(1e9, -1e9)
+    assert not Geofence()
+    assert Geofence().contains(1e9, -1e9)
 
 
 def test_the_parameter_lists_the_corners():

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from search_and_rescue.energy import EnergyModel, Rates
-from search_and_rescue.homing import Homing
+from search_and_rescue.energy import ConsumptionRates, EnergyModel
+from search_and_rescue.homing_estimates import HomingEstimator
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area, Ground
-from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.search_theory import Ground, SearchExpectation
+from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
 from tests.chance import rounds
 
 # Many flights, of code that other tests reach.
 pytestmark = pytest.mark.unmeasured
 
-PRIOR = Rates(per_m=0.0015, per_sec=0.0003)
+PRIOR = ConsumptionRates(per_m=0.0015, per_sec=0.0003)
 SPEED_MPS, RESERVE = 0.4, 0.15
 STEP_SEC = 1.0
 
@@ -33,7 +33,7 @@ class World:
         detour: How many times as long as the straight line its ways are, at most and at least.
     """
 
-    rates: Rates
+    rates: ConsumptionRates
     speed_mps: float
     detour: tuple[float, float]
 
@@ -63,16 +63,18 @@ class Flight:
         count = int(chance.integers(4, 13))
         places = [(chance.uniform(-80, 80), chance.uniform(-80, 80)) for _ in range(count)]
         zones = [{"id": f"zone_{i}", "x": x, "y": y, "yaw": 0.0} for i, (x, y) in enumerate(places)]
-        areas = {f"zone_{i}": Area(0.05, 0.8, chance.uniform(5, 90)) for i in range(count)}
+        areas = {f"zone_{i}": SearchExpectation(0.05, 0.8, chance.uniform(5, 90)) for i in range(count)}
         docks = {
             f"dock_{i}": MapPose(x=chance.uniform(-80, 80), y=chance.uniform(-80, 80), yaw=0.0)
             for i in range(charging)
         }
         self.zones = ZoneManager(zones, base, areas=areas, speed_mps=SPEED_MPS, charging=docks)
         ground = Ground(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), 1.0, 1.0)
-        self.sweeps = Sweeps({zone["id"]: ground for zone in self.zones.remaining_zones()})
+        self.sweeps = SweepStates({zone["id"]: ground for zone in self.zones.remaining_zones()})
         energy = EnergyModel(PRIOR, wrong_by)
-        self.homing = Homing(self.zones, energy, sweeps=self.sweeps, reserve=RESERVE, speed_mps=SPEED_MPS)
+        self.homing = HomingEstimator(
+            self.zones, energy, sweeps=self.sweeps, reserve=RESERVE, speed_mps=SPEED_MPS
+        )
         self.search = Search(self.zones, homing=self.homing, sweeps=self.sweeps)
         self.share = self.lowest = 1.0
         self.at_home: list[float] = []
@@ -166,7 +168,7 @@ class Flight:
 def unlike(chance: np.random.Generator, wrong_by: float = 0.25) -> World:
     """Return a world within the bounds that docs/how-to/search-by-probability.md names."""
     rates = (rate * chance.uniform(1 - wrong_by, 1 + wrong_by) for rate in PRIOR)
-    return World(Rates(*rates), SPEED_MPS * chance.uniform(0.9, 1.0), (1.0, DETOUR))
+    return World(ConsumptionRates(*rates), SPEED_MPS * chance.uniform(0.9, 1.0), (1.0, DETOUR))
 
 
 def test_in_flights_by_chance_half_of_the_reserve_is_always_left() -> None:
@@ -204,7 +206,7 @@ def test_in_sweeps_half_of_the_reserve_is_always_left_too(charging: int) -> None
 
 
 def test_in_the_worst_world_sweeps_do_not_cost_the_reserve_either() -> None:
-    worst = World(Rates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    worst = World(ConsumptionRates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [
         Flight(np.random.default_rng(seed), worst, pieces=12).fly().lowest for seed in range(rounds(30))
     ]
@@ -212,7 +214,7 @@ def test_in_the_worst_world_sweeps_do_not_cost_the_reserve_either() -> None:
 
 
 def test_in_the_worst_world_charging_places_do_not_cost_the_reserve_either() -> None:
-    worst = World(Rates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    worst = World(ConsumptionRates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [
         Flight(np.random.default_rng(seed), worst, charging=3).fly().lowest for seed in range(rounds(50))
     ]
@@ -220,13 +222,13 @@ def test_in_the_worst_world_charging_places_do_not_cost_the_reserve_either() -> 
 
 
 def test_in_the_worst_world_of_the_page_half_of_the_reserve_is_always_left() -> None:
-    worst = World(Rates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    worst = World(ConsumptionRates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [Flight(np.random.default_rng(seed), worst).fly().lowest for seed in range(rounds(50))]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 
 
 def test_whoever_takes_a_prior_that_is_half_wrong_for_right_uses_the_reserve_up() -> None:
-    worst = World(Rates(*(1.5 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
+    worst = World(ConsumptionRates(*(1.5 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [Flight(np.random.default_rng(seed), worst, wrong_by=0.0).fly().lowest for seed in range(50)]
     assert min(lowest) < RESERVE / 2
 
@@ -246,5 +248,5 @@ def test_the_battery_is_used_and_not_only_spared() -> None:
 def test_a_zone_is_given_up_only_where_no_battery_suffices(seed: int) -> None:
     flight = Flight(np.random.default_rng(seed), unlike(np.random.default_rng(seed))).fly()
     for zone in flight.zones.abandoned_zones():
-        there_and_back = 2 * flight.zones.way_m(flight.zones.base_pose(), zone)
+        there_and_back = 2 * flight.zones.path_length_m(flight.zones.base_pose(), zone)
         assert there_and_back * (PRIOR.per_m + PRIOR.per_sec / SPEED_MPS) > 0.5

@@ -12,8 +12,8 @@ import yaml
 from sar_compiler.cli.compile import main
 from sar_compiler.missions import ParameterReader
 from sar_compiler.missions.parameter_reader import ParameterError
-from search_and_rescue.hiding import Hiding, read_hiding
-from search_and_rescue.search_theory import Area, Ground, Tour
+from search_and_rescue.hiding import HiddenSurvivor, read_hidden_survivor
+from search_and_rescue.search_theory import Ground, SearchExpectation, TourInputs
 from search_and_rescue.zone_manager import MapPose
 from search_and_rescue.zone_order import ordered
 from tests.chance import rounds
@@ -22,11 +22,15 @@ from tests.missions.test_offices import begun
 SIGMAS = 4
 TREE = "trees/search_areas.xml"
 FOUND = "found_by_DetectSurvivor = true; named_by_DetectSurvivor = false; somebody = true"
-AREAS = {"hall": Area(0.5, 0.8), "attic": Area(0.3, 0.5), "yard": Area(0.0, 1.0)}
+AREAS = {
+    "hall": SearchExpectation(0.5, 0.8),
+    "attic": SearchExpectation(0.3, 0.5),
+    "yard": SearchExpectation(0.0, 1.0),
+}
 POSES = {name: MapPose(x=float(at), y=2.0, yaw=math.pi / 2) for at, name in enumerate(AREAS)}
 
 
-def told() -> tuple[list[str], list[float], list[float], Tour, list[int]]:
+def told() -> tuple[list[str], list[float], list[float], TourInputs, list[int]]:
     """Return the areas of the offices in the order that finds soonest, when each is searched, what it brings, and the tour."""
     zones = begun()[0].zones
     tour = zones.tour(zones.remaining_zones())
@@ -37,7 +41,7 @@ def told() -> tuple[list[str], list[float], list[float], Tour, list[int]]:
 
 def test_somebody_is_in_each_area_and_elsewhere_as_often_as_is_said() -> None:
     count = rounds(10_000)
-    where = Counter(Hiding(POSES, AREAS, seed).area for seed in range(count))
+    where = Counter(HiddenSurvivor(POSES, AREAS, seed).area for seed in range(count))
     for area, share in (("hall", 0.5), ("attic", 0.3), ("yard", 0.0), (None, 0.2)):
         assert abs(where[area] / count - share) <= SIGMAS * math.sqrt(share * (1 - share) / count), area
 
@@ -49,7 +53,7 @@ def test_searches_in_the_offices_find_as_soon_and_as_often_as_was_told() -> None
     poses = {zone["id"]: zone for zone in search.zones.remaining_zones()}
     times, count = [], rounds(10_000)
     for seed in range(count):
-        hiding = Hiding(poses, search.zones.areas, seed)
+        hiding = HiddenSurvivor(poses, search.zones.areas, seed)
         times += [end for name, end in zip(names, ends, strict=True) if hiding.look(name)]
     mean, pos = sum(times) / len(times), sum(finds)
     error = math.sqrt(sum((time - mean) ** 2 for time in times) / len(times) / len(times))
@@ -121,14 +125,14 @@ def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
 
 
 def test_who_is_found_stands_a_metre_ahead_of_the_robot() -> None:
-    seed = next(seed for seed in range(99) if Hiding(POSES, AREAS, seed).look("attic"))
-    assert Hiding(POSES, AREAS, seed).look("attic") == pytest.approx((1.0, 3.0))
+    seed = next(seed for seed in range(99) if HiddenSurvivor(POSES, AREAS, seed).look("attic"))
+    assert HiddenSurvivor(POSES, AREAS, seed).look("attic") == pytest.approx((1.0, 3.0))
 
 
 def test_neither_the_order_of_the_areas_nor_looks_elsewhere_change_what_a_seed_makes() -> None:
     turned = dict(reversed(AREAS.items()))
     for seed in range(50):
-        one, other = Hiding(POSES, AREAS, seed), Hiding(POSES, turned, seed)
+        one, other = HiddenSurvivor(POSES, AREAS, seed), HiddenSurvivor(POSES, turned, seed)
         looks = [one.look("attic") for _ in range(3)]
         others = []
         for _ in range(3):
@@ -137,10 +141,10 @@ def test_neither_the_order_of_the_areas_nor_looks_elsewhere_change_what_a_seed_m
         assert (one.area, looks) == (other.area, others)
 
 
-def in_the_hall(seed: int, pod: float = 1.0, reach: float = 99.0) -> Hiding:
+def in_the_hall(seed: int, pod: float = 1.0, reach: float = 99.0) -> HiddenSurvivor:
     """Return somebody who hides in the outline of the hall for sure: a triangle with two sides of 8 m."""
     ground = Ground(((0.0, 0.0), (8.0, 0.0), (8.0, 8.0)), sweep_width=4.0, detection_range=reach)
-    return Hiding(POSES, {"hall": Area(1.0, pod)}, seed, {"hall": ground})
+    return HiddenSurvivor(POSES, {"hall": SearchExpectation(1.0, pod)}, seed, {"hall": ground})
 
 
 def place_of(seed: int) -> tuple[float, float]:
@@ -182,7 +186,7 @@ def test_looks_from_too_far_away_do_not_change_which_look_finds() -> None:
 
 def read(**parameters: object) -> bool:
     reader = ParameterReader(parameters)
-    hides = read_hiding(reader, AREAS if "zones.hall.poa" in parameters else {})
+    hides = read_hidden_survivor(reader, AREAS if "zones.hall.poa" in parameters else {})
     reader.complain()
     return hides
 

@@ -9,18 +9,18 @@ import pytest
 import yaml
 from py_trees.common import Status
 
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.missions import MissionPhase
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.testing import simulate
-from search_and_rescue.actions.coming_home import (
+from search_and_rescue.actions.return_checks import (
     AwaitCharge,
     FullBatterySuffices,
     ReturnInReach,
 )
-from search_and_rescue.energy import EnergyModel, Rates
+from search_and_rescue.energy import ConsumptionRates, EnergyModel
 from search_and_rescue.failsafes import BatterySuffices
-from search_and_rescue.homing import Homing
+from search_and_rescue.homing_estimates import HomingEstimator
 from search_and_rescue.search import BASE as BASE_NAME
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
@@ -48,7 +48,7 @@ class Robot:
         self._stage, self._message = stage, BatteryState
         self.clock = ManualClock(100.0)
         plan = ZoneManager([{"id": "zone_a", "x": 10.0, "y": 0.0, "yaw": 0.0}], BASE)
-        self.homing = Homing(plan, EnergyModel(Rates(0.01, 1e-9), wrong_by=0.0))
+        self.homing = HomingEstimator(plan, EnergyModel(ConsumptionRates(0.01, 1e-9), wrong_by=0.0))
         self.search = Search(plan, homing=self.homing)
         shared: Any = {"homing": self.homing, "clock": self.clock, "record": self.search.record}
         self._publisher = stage.host().node.create_publisher(BatteryState, "battery_state", 10)
@@ -396,7 +396,7 @@ ONE_PASS: Any = {
 
 def test_a_sweep_goes_on_with_the_same_piece_after_a_charge() -> None:
     run = simulate(SWEEPS, **ONE_PASS, ReturnInReach=["in reach", "out of reach", "in reach"])
-    run.until_end().expect(
+    run.run_to_end().expect(
         order=[
             "AdvanceFromNobody advanced",
             "ReturnInReach out of reach",
@@ -410,7 +410,7 @@ def test_a_sweep_goes_on_with_the_same_piece_after_a_charge() -> None:
 
 
 def test_a_piece_for_which_no_battery_suffices_is_left_out_without_a_drive() -> None:
-    run = simulate(SWEEPS, **ONE_PASS, FullBatterySuffices=["too far", "suffices"]).until_end()
+    run = simulate(SWEEPS, **ONE_PASS, FullBatterySuffices=["too far", "suffices"]).run_to_end()
     run.expect(
         order=["SkipPiece skipped", "NavigateToPiece starts"],
         count={"SkipPiece skipped": 1, "NavigateToCharge starts": 0},
@@ -418,7 +418,7 @@ def test_a_piece_for_which_no_battery_suffices_is_left_out_without_a_drive() -> 
 
 
 def test_where_no_battery_comes_a_sweep_ends_at_home() -> None:
-    run = simulate(SWEEPS, ReturnInReach="out of reach", AwaitCharge="not charged").until_end()
+    run = simulate(SWEEPS, ReturnInReach="out of reach", AwaitCharge="not charged").run_to_end()
     run.expect(
         order=["AwaitCharge not charged", "AbandonZones abandoned", "NavigateToBase arrived"],
         count={"NavigateToPiece starts": 0, "SkipPiece skipped": 0, "PostponeZone postponed": 0},
@@ -428,7 +428,7 @@ def test_where_no_battery_comes_a_sweep_ends_at_home() -> None:
 
 def test_where_no_battery_comes_the_zones_that_are_left_are_given_up_and_the_mission_ends_at_home() -> None:
     run = simulate(TREE, ReturnInReach="out of reach", AwaitCharge="not charged")
-    run.until_end().expect(
+    run.run_to_end().expect(
         order=[
             "NavigateToCharge arrived",
             "AwaitCharge not charged",
@@ -441,7 +441,7 @@ def test_where_no_battery_comes_the_zones_that_are_left_are_given_up_and_the_mis
 
 
 def test_a_zone_for_which_no_battery_suffices_is_come_back_to_and_abandoned_without_a_drive() -> None:
-    run = simulate(TREE, FullBatterySuffices="too far").until_end()
+    run = simulate(TREE, FullBatterySuffices="too far").run_to_end()
     run.expect(count={"PostponeZone postponed": 6, "AbandonZone abandoned": 3, "NavigateToZone starts": 0})
 
 

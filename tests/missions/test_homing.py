@@ -5,12 +5,12 @@ from typing import Any
 import pytest
 
 from sar_compiler.missions import ParameterError, ParameterReader
-from search_and_rescue.energy import EnergyModel, Rates, Trip
-from search_and_rescue.homing import PRIOR, RESERVE, Homing
+from search_and_rescue.energy import ConsumptionRates, EnergyModel, TripEstimate
+from search_and_rescue.homing_estimates import PRIOR, RESERVE, HomingEstimator
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area, Ground
-from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.search_theory import Ground, SearchExpectation
+from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import MapPose, ZoneManager
 
 BASE = MapPose(x=0.0, y=0.0, yaw=0.0)
@@ -20,30 +20,34 @@ def pose(x: float) -> MapPose:
     return MapPose(x=x, y=0.0, yaw=0.0)
 
 
-def homing(share: float | None = 0.5, **options: Any) -> Homing:
+def homing(share: float | None = 0.5, **options: Any) -> HomingEstimator:
     """Return what coming home takes with zones 10 and 20 m away, where a metre takes 1 % and the time nothing to speak of."""
     zones = [{"id": "a", **pose(10.0)}, {"id": "b", **pose(20.0)}]
-    areas = {"a": Area(0.5, 0.5, 8.0), "b": Area(0.5, 0.5, 0.0)}
-    energy = EnergyModel(Rates(0.01, 1e-9), wrong_by=0.0)
-    made = Homing(ZoneManager(zones, BASE, areas=areas), energy, speed_mps=0.5, **options)
+    areas = {"a": SearchExpectation(0.5, 0.5, 8.0), "b": SearchExpectation(0.5, 0.5, 0.0)}
+    energy = EnergyModel(ConsumptionRates(0.01, 1e-9), wrong_by=0.0)
+    made = HomingEstimator(ZoneManager(zones, BASE, areas=areas), energy, speed_mps=0.5, **options)
     if share is not None:
         energy.read(0.0, share)
     return made
 
 
-def begun(**energy: object) -> Homing:
+def begun(**energy: object) -> HomingEstimator:
     given = {"zone_order": ["a"], "zones.a.x": 1.0, "zones.a.y": 0.0, "zones.a.yaw": 0.0}
     reader = ParameterReader({**given, **{f"energy.{name}": value for name, value in energy.items()}})
     search = MISSION.begin(reader)
     reader.complain()
-    found = search.context[Homing]
-    assert isinstance(found, Homing)
+    found = search.context[HomingEstimator]
+    assert isinstance(found, HomingEstimator)
     return found
 
 
 def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
     made = begun(per_m=0.002, per_sec=0.001, wrong_by=0.5, reserve=0.3)
-    assert (made.energy.prior, made.energy.wrong_by, made.reserve) == (Rates(0.002, 0.001), 0.5, 0.3)
+    assert (made.energy.prior, made.energy.wrong_by, made.reserve) == (
+        ConsumptionRates(0.002, 0.001),
+        0.5,
+        0.3,
+    )
     plain = begun()
     assert (plain.energy.prior, plain.energy.wrong_by, plain.reserve) == (PRIOR, 0.25, RESERVE)
 
@@ -72,15 +76,15 @@ def test_each_mistake_in_them_is_named_before_the_flight(given: dict[str, Any], 
 def test_a_leg_is_the_way_out_the_look_and_the_way_home() -> None:
     made = homing()
     # Ways are straight lines times 1.5.
-    assert made.leg() == Trip(30.0, 30.0 / 0.5 + 8.0)
+    assert made.leg() == TripEstimate(30.0, 30.0 / 0.5 + 8.0)
     made.place = pose(-10.0)
-    assert made.leg() == Trip(45.0, 45.0 / 0.5 + 8.0)
-    assert made.home() == Trip(15.0, 30.0)
+    assert made.leg() == TripEstimate(45.0, 45.0 / 0.5 + 8.0)
+    assert made.home() == TripEstimate(15.0, 30.0)
 
 
-def sweeping(**options: Any) -> tuple[Homing, Sweeps]:
+def sweeping(**options: Any) -> tuple[HomingEstimator, SweepStates]:
     """Return what coming home takes in a sweep of zone a: of four pieces, 5 to 8 m away."""
-    sweeps = Sweeps({"a": Ground(((5.0, 0.0), (9.0, 0.0), (9.0, 1.0)), 1.0, 1.0)})
+    sweeps = SweepStates({"a": Ground(((5.0, 0.0), (9.0, 0.0), (9.0, 1.0)), 1.0, 1.0)})
     made = homing(sweeps=sweeps, **options)
     Search(made.zones, homing=made, sweeps=sweeps)
     sweeps.plan("a", "parallel", 1.0, [pose(5.0 + piece) for piece in range(4)])
@@ -89,7 +93,7 @@ def sweeping(**options: Any) -> tuple[Homing, Sweeps]:
 
 def test_in_a_sweep_a_leg_goes_to_the_open_piece_and_a_look_is_a_piece_s_share_of_the_zone_s() -> None:
     made, sweeps = sweeping()
-    assert made.leg() == Trip(15.0, 15.0 / 0.5 + 2.0)
+    assert made.leg() == TripEstimate(15.0, 15.0 / 0.5 + 2.0)
     sweeps.advance("a", None, 0.5)
     assert made.leg().metres == pytest.approx(1.5 * (1.0 + 6.0))
     assert made.home().metres == 7.5
@@ -111,10 +115,10 @@ def test_the_ways_of_a_leg_are_those_to_its_piece_and_forgotten_when_one_was_not
     made, sweeps = sweeping()
     ways = made.ways()
     assert [(start["x"], end["x"]) for start, end in ways] == [(0.0, 5.0)]
-    made.zones.learn_way(*ways[0], 40.0)
+    made.zones.store_path_length(*ways[0], 40.0)
     assert made.leg().metres == 80.0
     sweeps.skip("a", "it was not reached")
-    assert not made.zones.knows_way(*ways[0])
+    assert not made.zones.has_path_length(*ways[0])
 
 
 def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
@@ -133,8 +137,8 @@ def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
 
 def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last() -> None:
     search = Search(ZoneManager([{"id": "a", **pose(10.0)}], BASE))
-    found = search.context[Homing]
-    assert isinstance(found, Homing)
+    found = search.context[HomingEstimator]
+    assert isinstance(found, HomingEstimator)
     assert found.home().metres == 0.0
     search.record.zone_searched("a", None)
     assert found.home().metres == 15.0
@@ -145,7 +149,7 @@ def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last
 def test_near_where_it_has_looked_a_planner_s_ways_count() -> None:
     made = homing()
     zones = made.zones
-    zones.learn_way(BASE, zones.current_zone(), 40.0)
+    zones.store_path_length(BASE, zones.current_zone(), 40.0)
     assert made.leg().metres == 80.0
     made.place = pose(0.5)
     assert made.leg().metres == 80.75
@@ -186,7 +190,7 @@ def test_the_point_of_no_return_is_where_the_robot_only_just_comes_home() -> Non
 
 def test_a_search_shows_it_where_it_is_asked() -> None:
     plan = ZoneManager([{"id": "a", **pose(10.0)}], BASE)
-    made = Homing(plan)
+    made = HomingEstimator(plan)
     search = Search(plan, homing=made)
     made.energy.read(0.0, 1.0)
     before = [each.name for each in search.display().figures]

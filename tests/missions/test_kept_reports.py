@@ -5,8 +5,8 @@ import pytest
 from sar_compiler.runtime.context import is_mission_context, preview_of
 from search_and_rescue.record import (
     DetectionVerdict,
-    KeptReports,
     MissionRecord,
+    StoredReports,
     SurvivorReport,
 )
 from search_and_rescue.search import Search
@@ -26,27 +26,29 @@ def record(search: Search) -> MissionRecord:
 
 
 @pytest.fixture
-def kept(search: Search) -> KeptReports:
+def kept(search: Search) -> StoredReports:
     return search.kept
 
 
-def test_reports_come_in_the_order_in_which_they_were_kept(record: MissionRecord, kept: KeptReports) -> None:
+def test_reports_come_in_the_order_in_which_they_were_kept(
+    record: MissionRecord, kept: StoredReports
+) -> None:
     record.report_kept(SECOND)
     record.report_kept(FIRST)
     assert list(kept) == [SECOND, FIRST]
 
 
-def test_there_is_one_report_for_each_survivor(record: MissionRecord, kept: KeptReports) -> None:
+def test_there_is_one_report_for_each_survivor(record: MissionRecord, kept: StoredReports) -> None:
     record.report_kept(FIRST)
     record.report_kept(FIRST)
     assert len(kept) == 1
 
 
-def test_a_report_that_is_acknowledged_is_kept_no_more(record: MissionRecord, kept: KeptReports) -> None:
+def test_a_report_that_is_acknowledged_is_kept_no_more(record: MissionRecord, kept: StoredReports) -> None:
     record.report_kept(FIRST)
     record.report_kept(SECOND)
-    record.survivor_acknowledged("survivor_1")
-    record.survivor_acknowledged("survivor_9")
+    record.record_acknowledgement("survivor_1")
+    record.record_acknowledgement("survivor_9")
     assert list(kept) == [SECOND]
 
 
@@ -55,7 +57,7 @@ def test_a_report_that_is_acknowledged_is_kept_no_more(record: MissionRecord, ke
     [(DetectionVerdict.CONFIRMED, [FIRST]), (DetectionVerdict.REJECTED, []), (DetectionVerdict.MERGED, [])],
 )
 def test_the_report_of_who_is_nobody_new_is_kept_no_more(
-    record: MissionRecord, kept: KeptReports, standing: DetectionVerdict, left: list[SurvivorReport]
+    record: MissionRecord, kept: StoredReports, standing: DetectionVerdict, left: list[SurvivorReport]
 ) -> None:
     record.report_kept(FIRST)
     record.survivor_judged("survivor_1", standing)
@@ -63,15 +65,15 @@ def test_the_report_of_who_is_nobody_new_is_kept_no_more(
 
 
 def test_reports_can_be_acknowledged_while_they_are_gone_through(
-    record: MissionRecord, kept: KeptReports
+    record: MissionRecord, kept: StoredReports
 ) -> None:
     record.report_kept(FIRST)
     record.report_kept(SECOND)
     for report in kept:
-        record.survivor_acknowledged(report.survivor_id)
+        record.record_acknowledgement(report.survivor_id)
     assert not kept
 
 
 def test_a_tree_can_be_looked_at_without_a_mission() -> None:
-    assert is_mission_context(KeptReports)
-    assert isinstance(preview_of(KeptReports), KeptReports)
+    assert is_mission_context(StoredReports)
+    assert isinstance(preview_of(StoredReports), StoredReports)

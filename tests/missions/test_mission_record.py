@@ -12,8 +12,8 @@ from search_and_rescue.record import (
     SurvivorReport,
 )
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area, Ground
-from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.search_theory import Ground, SearchExpectation
+from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import MapPose, ZoneManager
 
 
@@ -44,7 +44,7 @@ def test_a_mission_with_everything_done_is_complete(record: MissionRecord, zones
     visit_everything(record, zones)
     record.zone_searched("zone_b", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
-    record.survivor_acknowledged("survivor_1")
+    record.record_acknowledgement("survivor_1")
     record.base_reached()
     assert record.shortfalls(zones) == []
     assert record.zones_visited == ("zone_a", "zone_b")
@@ -93,7 +93,7 @@ def test_a_report_is_kept_until_it_is_acknowledged(record: MissionRecord) -> Non
     record.survivor_named("survivor_1", 1.0, 2.0)
     record.report_kept(SurvivorReport("survivor_1", 1.0, 2.0))
     assert [known.kept for known in record.survivors] == [True]
-    record.survivor_acknowledged("survivor_1")
+    record.record_acknowledgement("survivor_1")
     assert [known.kept for known in record.survivors] == [False]
     assert record.survivors[0].acknowledged
 
@@ -109,7 +109,7 @@ def test_a_survivor_found_again_at_the_same_place_is_the_same(record: MissionRec
     record.survivor_named("survivor_1", 1.0, 2.0)
     record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_named("survivor_2", 1.0, 2.0)
-    record.survivor_acknowledged("survivor_2")
+    record.record_acknowledgement("survivor_2")
     assert record.survivors == (FoundSurvivor("zone_a", 1.0, 2.0, "survivor_2", acknowledged=True),)
 
 
@@ -127,7 +127,7 @@ def test_a_survivor_who_is_named_but_was_not_seen_found_counts(record: MissionRe
 
 def test_an_acknowledgement_of_somebody_unknown_changes_nothing(record: MissionRecord) -> None:
     record.zone_searched("zone_a", (1.0, 2.0))
-    record.survivor_acknowledged("survivor_9")
+    record.record_acknowledgement("survivor_9")
     assert not record.survivors[0].acknowledged
 
 
@@ -146,17 +146,17 @@ def found_after(journal: Journal, search: Search, seconds: float) -> None:
 
 
 def test_the_first_find_is_counted_from_the_beginning_of_the_mission(search: Search) -> None:
-    assert search.record.first_find_sec is None
+    assert search.record.first_detection_sec is None
     found_after(Journal(), search, 12.5)
     search.record.zone_searched("zone_b", (3.0, 4.0))
-    assert search.record.first_find_sec == 12.5
+    assert search.record.first_detection_sec == 12.5
 
 
 def test_who_was_no_survivor_was_no_first_find(search: Search) -> None:
     found_after(Journal(), search, 12.5)
     search.record.survivor_named("survivor_1", 1.0, 2.0)
     search.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
-    assert search.record.first_find_sec is None
+    assert search.record.first_detection_sec is None
 
 
 def test_a_find_of_a_later_run_is_counted_by_the_clock_of_the_wall(search: Search) -> None:
@@ -167,12 +167,12 @@ def test_a_find_of_a_later_run_is_counted_by_the_clock_of_the_wall(search: Searc
         (4, "zone_searched", 2, 1100.0, {"zone": "zone_a", "survivor": (1.0, 2.0)}),
     ):
         search.apply(JournalEntry(number, run, wall, 5.0, kind, data))
-    assert search.record.first_find_sec == 100.0
+    assert search.record.first_detection_sec == 100.0
 
 
 def test_only_a_search_with_probabilities_shows_when_somebody_was_found_first() -> None:
     shown = {}
-    for name, areas in (("without", {}), ("with", {"zone_a": Area(0.5, 0.8)})):
+    for name, areas in (("without", {}), ("with", {"zone_a": SearchExpectation(0.5, 0.8)})):
         plan = [{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}]
         search = Search(ZoneManager(plan, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas))
         found_after(Journal(), search, 12.5)
@@ -183,7 +183,7 @@ def test_only_a_search_with_probabilities_shows_when_somebody_was_found_first() 
 def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept_and_what_it_has_seen() -> None:
     plan = [{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}]
     ground = Ground(((0.0, 0.0), (8.0, 0.0), (8.0, 8.0)), sweep_width=4.0, detection_range=2.5)
-    sweeps = Sweeps({"zone_a": ground})
+    sweeps = SweepStates({"zone_a": ground})
     sweeps.plan("zone_a", "parallel", 4.0, [MapPose(x=6.0, y=2.0, yaw=0.0)])
     sweeps.drive("zone_a", [(3.0, 1.0), (6.0, 1.0)], None)
     sweeps.advance("zone_a", None, 0.6)
@@ -209,5 +209,5 @@ def test_a_report_that_had_to_be_sent_again_is_a_task_of_a_person_until_it_is_ac
     assert task() == ""
     search.record.report_sent("survivor_1")
     assert task() == "Report survivor_1 yourself: the base station does not acknowledge it"
-    search.record.survivor_acknowledged("survivor_1")
+    search.record.record_acknowledgement("survivor_1")
     assert task() == ""

@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from sar_compiler.errors import SarError
 from sar_compiler.ros.leaves.leaf import MissingNodeError
-from sar_compiler.runtime.leaf_protocol import Settling
+from sar_compiler.runtime.leaf_protocol import SettlingLeaf
 from search_and_rescue.actions.navigation import NavigateToBase, NavigateToZone
 from search_and_rescue.actions.report_queue import DeliverReports, KeepReport
 from search_and_rescue.actions.survivors import (
@@ -86,7 +86,7 @@ class TestWithoutANode:
 
 
 def test_the_drives_can_be_waited_for() -> None:
-    assert isinstance(NavigateToZone("NavigateToZone", one_zone()), Settling)
+    assert isinstance(NavigateToZone("NavigateToZone", one_zone()), SettlingLeaf)
     assert NavigateToBase("NavigateToBase", one_zone()).settled()
 
 

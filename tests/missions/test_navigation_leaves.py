@@ -192,7 +192,7 @@ class TestTheLog:
         assert stage.lines[-1] == incomplete
         stage.run(leaf)
         assert stage.lines.count(incomplete) == 1
-        stage.record.survivor_acknowledged("survivor_1")
+        stage.record.record_acknowledgement("survivor_1")
         stage.run(leaf)
         assert stage.lines[-1] == "Mission complete."
 

@@ -4,13 +4,13 @@ from typing import Any
 
 import pytest
 
+from sar_compiler.execution.command_authors import CommandAuthors, RemoteCommandAuthor
 from sar_compiler.execution.command_client import CommandClient
-from sar_compiler.execution.order_record import OrderRecord, RemoteSignature
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CommandAuthor, Ending, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.status_line import condition
-from search_and_rescue.orders import VERBS
+from search_and_rescue.operator_commands import VERBS
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
 
@@ -36,7 +36,7 @@ class Robot:
         self.ros, self.journal = ros, journal
         self.notes, self.refusal = True, ""
         self.node = ros.node("mission", allow_undeclared_parameters=True)
-        self.record = OrderRecord(self.node, VERBS, journal)
+        self.record = CommandAuthors(self.node, VERBS, journal)
         for name, order in (("pause", "pause"), ("resume", "resume"), ("abort", "abort")):
             self.node.create_service(Trigger, f"~/{name}", self.answer(order))
         self.record.begin()
@@ -121,7 +121,7 @@ def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_e
 
 def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, monkeypatch):
     robot.sign("pause", "Ada")
-    monkeypatch.setattr("sar_compiler.execution.order_record._SIGNED_SEC", 0.0)
+    monkeypatch.setattr("sar_compiler.execution.command_authors._SIGNED_SEC", 0.0)
     robot.call("pause")
     assert robot.orders == [f"{A_CALL}: pause"]
 
@@ -207,7 +207,10 @@ def signing(ros, of):
     from rcl_interfaces.srv import SetParameters
 
     asker = ros.node("asker")
-    signature, client = RemoteSignature(asker, of), asker.create_client(SetParameters, f"{of}/set_parameters")
+    signature, client = (
+        RemoteCommandAuthor(asker, of),
+        asker.create_client(SetParameters, f"{of}/set_parameters"),
+    )
     ros.spin_until(client.service_is_ready, f"the parameters of {of}")
     return signature
 

@@ -15,15 +15,15 @@ from sar_compiler.journal.display import DisplayState, Landmark
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import CHANGED, JournalEntry
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.json_values import json_text, json_value
 from sar_compiler.missions.parameter_reader import ParameterReader
-from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.operator_commands import OperatorCommands
 from search_and_rescue.plugin import MISSION
 from search_and_rescue.record import (
     DetectionVerdict,
-    KeptReports,
     MissionRecord,
+    StoredReports,
     SurvivorReport,
 )
 from search_and_rescue.search import Search
@@ -55,8 +55,8 @@ class Life:
         self.journal.begin({"mission": MISSION.name}, {})
         self.zones: ZoneManager = self.part(ZoneManager)
         self.record: MissionRecord = self.part(MissionRecord)
-        self.kept: KeptReports = self.part(KeptReports)
-        self.orders: OperatorOrders = self.part(OperatorOrders)
+        self.kept: StoredReports = self.part(StoredReports)
+        self.orders: OperatorCommands = self.part(OperatorCommands)
 
     def take(self, entry: JournalEntry) -> None:
         if entry.kind == CHANGED:
@@ -132,7 +132,7 @@ class Dying(RuleBasedStateMachine):
             if survivor.survivor_id is not None and not survivor.acknowledged:
                 self.life.record.report_sent(survivor.survivor_id)
                 if acknowledged:
-                    self.life.record.survivor_acknowledged(survivor.survivor_id)
+                    self.life.record.record_acknowledgement(survivor.survivor_id)
                 else:
                     report = SurvivorReport(survivor.survivor_id, survivor.x, survivor.y)
                     self.life.record.report_kept(report)
@@ -212,7 +212,7 @@ def test_a_search_of_the_zone_that_was_not_left_is_answered_once(live: Callable[
     life.die()
     before = live(resume=True).record.before
     assert before.has_searched("zone_a")
-    assert before.take_search("zone_a") == (1.0, 2.0)
+    assert before.pop_search("zone_a") == (1.0, 2.0)
     assert not before.has_searched("zone_a")
 
 
@@ -231,9 +231,9 @@ def test_the_way_home_is_done_only_while_no_zone_was_set_out_for(live: Callable[
     life = live(resume=True)
     assert life.record.home
     life.record.zone_started("zone_a")
-    assert not life.record.before.take_home()
+    assert not life.record.before.pop_home()
     life.die()
-    assert not live(resume=True).record.before.take_home()
+    assert not live(resume=True).record.before.pop_home()
 
 
 def test_names_of_somebody_elses_do_not_disturb_the_numbering(live: Callable[..., Life]) -> None:

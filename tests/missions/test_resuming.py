@@ -8,10 +8,10 @@ import pytest
 
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.compiler.outline import outline
-from sar_compiler.execution.resuming import require_same_identity, require_same_tree
+from sar_compiler.execution.resume_checks import require_same_identity, require_same_tree
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.json_values import json_data
 from sar_compiler.loaded_tree import load
 from sar_compiler.missions.parameter_reader import ParameterError

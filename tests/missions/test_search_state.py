@@ -8,12 +8,12 @@ import pytest
 from sar_compiler.journal.display import Level
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal_entries import OF_EVERY_MISSION, JournalEntry
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from search_and_rescue import search_events
 from search_and_rescue.record import DetectionVerdict, MissionRecord, SurvivorReport
 from search_and_rescue.search import Search
-from search_and_rescue.sweep_record import Sweeps
-from search_and_rescue.zone_manager import Fence, ZoneManager
+from search_and_rescue.sweep_record import SweepStates
+from search_and_rescue.zone_manager import Geofence, ZoneManager
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def shown(search: Search, kind: str) -> list[tuple[Any, ...]]:
 def test_every_fact_of_a_search_reads_as_a_sentence() -> None:
     from search_and_rescue.search import _SENTENCES
 
-    handled = {*MissionRecord._HANDLERS, *Sweeps._HANDLERS, *ZoneManager._HANDLERS}
+    handled = {*MissionRecord._HANDLERS, *SweepStates._HANDLERS, *ZoneManager._HANDLERS}
     # These are told by who keeps the journal.
     assert handled - {*OF_EVERY_MISSION} == set(_SENTENCES) - {search_events.COMMAND_GIVEN}
     declared = {value for name, value in vars(search_events).items() if name.isupper()}
@@ -105,7 +105,7 @@ def test_survivors_have_theirs(search: Search) -> None:
     for x, name in ((1.0, "survivor_1"), (20.0, "survivor_2"), (40.0, "survivor_3")):
         record.zone_searched("a", (x, 1.0))
         record.survivor_named(name, x, 1.0)
-    record.survivor_acknowledged("survivor_1")
+    record.record_acknowledgement("survivor_1")
     record.survivor_judged("survivor_2", DetectionVerdict.REJECTED)
     record.report_kept(SurvivorReport("survivor_3", 40.0, 1.0))
     record.zone_searched("a", (60.0, 1.0))
@@ -134,7 +134,7 @@ def test_the_base_station_is_done_while_the_robot_is_there(search: Search) -> No
 
 def test_the_geofence_is_an_outline() -> None:
     corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0)]
-    search = Search(ZoneManager([], {"x": 0.0, "y": 0.0, "yaw": 0.0}), fence=Fence(corners))
+    search = Search(ZoneManager([], {"x": 0.0, "y": 0.0, "yaw": 0.0}), fence=Geofence(corners))
     assert [tuple(each.corners) for each in search.display().landmarks if each.kind == "geofence"] == [
         tuple(corners)
     ]

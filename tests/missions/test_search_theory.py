@@ -9,19 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from search_and_rescue.search_theory import (
-    Area,
     PoaMap,
-    Tour,
-    pod_at_random,
-    pod_of_parallel_sweep,
+    SearchExpectation,
+    TourInputs,
+    parallel_sweep_pod,
+    random_search_pod,
 )
 from search_and_rescue.zone_order import (
     BEAM_UP_TO,
     EXACT_UP_TO,
     approximation,
     beam,
-    by_index,
     exact,
+    greedy_index_order,
     ordered,
 )
 from tests.chance import rounds
@@ -31,7 +31,7 @@ AREAS = 8
 _ALL_ORDERS = np.array(list(itertools.permutations(range(AREAS))))
 
 
-def mission(seed: int, count: int) -> tuple[Tour, PoaMap]:
+def mission(seed: int, count: int) -> tuple[TourInputs, PoaMap]:
     """Return areas in 40 m by chance: Pareto POA, POD 0.5 to 0.95, ways at 0.5 m/s and looks of 5 to 60 s."""
     chance = np.random.default_rng(seed)
     places = [(chance.uniform(0, 40), chance.uniform(0, 40)) for _ in range(count + 1)]
@@ -40,10 +40,10 @@ def mission(seed: int, count: int) -> tuple[Tour, PoaMap]:
     poa = {str(area): 0.9 * share / sum(shares) for area, share in enumerate(shares)}
     pod = {area: chance.uniform(0.5, 0.95) for area in poa}
     looks = [chance.uniform(5, 60) for _ in poa]
-    return Tour(ways[0], ways[1:], looks, [poa[area] * pod[area] for area in poa]), PoaMap(poa, pod, {})
+    return TourInputs(ways[0], ways[1:], looks, [poa[area] * pod[area] for area in poa]), PoaMap(poa, pod, {})
 
 
-def least_of_all_orders(tour: Tour) -> float:
+def least_of_all_orders(tour: TourInputs) -> float:
     steps = np.column_stack(
         [
             np.array(tour.from_start)[_ALL_ORDERS[:, 0]],
@@ -86,7 +86,7 @@ def test_a_beam_that_keeps_one_beginning_is_mended_to_an_order_of_all_areas() ->
 def test_by_the_index_rule_eight_areas_are_ordered_at_most_a_tenth_worse_than_by_the_best_order() -> None:
     for seed in range(rounds(20)):
         tour, _ = mission(seed, AREAS)
-        chosen = by_index(tour)
+        chosen = greedy_index_order(tour)
         assert sorted(chosen) == list(range(AREAS))
         assert tour.expected_find(chosen) <= 1.1 * least_of_all_orders(tour), seed
 
@@ -94,7 +94,7 @@ def test_by_the_index_rule_eight_areas_are_ordered_at_most_a_tenth_worse_than_by
 def test_by_the_index_rule_no_area_stands_better_elsewhere() -> None:
     for seed in range(rounds(5)):
         tour, _ = mission(seed, 20)
-        chosen = by_index(tour)
+        chosen = greedy_index_order(tour)
         least = tour.expected_find(chosen) * (1 - 1e-6)
         for area, at in itertools.product(chosen, range(len(chosen))):
             moved = [each for each in chosen if each != area]
@@ -103,7 +103,7 @@ def test_by_the_index_rule_no_area_stands_better_elsewhere() -> None:
 
 
 def test_more_areas_than_a_beam_can_search_are_ordered_by_the_index_rule() -> None:
-    sizes = {EXACT_UP_TO: exact, EXACT_UP_TO + 1: beam, BEAM_UP_TO + 1: by_index}
+    sizes = {EXACT_UP_TO: exact, EXACT_UP_TO + 1: beam, BEAM_UP_TO + 1: greedy_index_order}
     for count, method in sizes.items():
         tour, _ = mission(count, count)
         assert ordered("expected_find", tour) == method(tour), count
@@ -114,9 +114,9 @@ def test_more_areas_than_a_beam_can_search_are_ordered_by_the_index_rule() -> No
 
 
 def test_the_index_rule_orders_areas_without_a_way_and_a_single_one() -> None:
-    assert by_index(Tour([0.0], [[0.0]], [0.0], [0.5])) == [0]
-    no_ways = Tour([0.0] * 3, [[0.0] * 3] * 3, [0.0] * 3, [0.1, 0.3, 0.2])
-    assert sorted(by_index(no_ways)) == [0, 1, 2]
+    assert greedy_index_order(TourInputs([0.0], [[0.0]], [0.0], [0.5])) == [0]
+    no_ways = TourInputs([0.0] * 3, [[0.0] * 3] * 3, [0.0] * 3, [0.1, 0.3, 0.2])
+    assert sorted(greedy_index_order(no_ways)) == [0, 1, 2]
 
 
 def test_forty_areas_are_ordered_better_than_by_the_nearest() -> None:
@@ -125,23 +125,25 @@ def test_forty_areas_are_ordered_better_than_by_the_nearest() -> None:
 
 
 def test_the_listed_order_is_kept_and_the_nearest_is_the_nearest_of_what_is_left() -> None:
-    tour = Tour([3.0, 1.0, 2.0], [[0.0, 9.0, 1.0], [5.0, 0.0, 6.0], [1.0, 9.0, 0.0]], [0.0] * 3, [0.3] * 3)
+    tour = TourInputs(
+        [3.0, 1.0, 2.0], [[0.0, 9.0, 1.0], [5.0, 0.0, 6.0], [1.0, 9.0, 0.0]], [0.0] * 3, [0.3] * 3
+    )
     assert ordered("listed", tour) == [0, 1, 2]
     assert ordered("nearest", tour) == [1, 0, 2]
 
 
 @pytest.mark.parametrize("order", ["listed", "nearest", "expected_find"])
 def test_no_area_and_one_area_have_one_order(order: str) -> None:
-    assert ordered(order, Tour([], [], [], [])) == []  # type: ignore[arg-type]
-    assert ordered(order, Tour([1.0], [[0.0]], [1.0], [0.5])) == [0]  # type: ignore[arg-type]
+    assert ordered(order, TourInputs([], [], [], [])) == []  # type: ignore[arg-type]
+    assert ordered(order, TourInputs([1.0], [[0.0]], [1.0], [0.5])) == [0]  # type: ignore[arg-type]
 
 
 def test_where_nobody_can_be_it_is_looked_last_and_on_the_shorter_way() -> None:
     ways = [[abs(a - b) for b in (1.0, 2.0, 3.0, 9.0)] for a in (1.0, 2.0, 3.0, 9.0)]
-    tour = Tour([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0, 0.0, 0.0, 0.5])
+    tour = TourInputs([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0, 0.0, 0.0, 0.5])
     assert ordered("expected_find", tour) == [3, 2, 1, 0]
     assert tour.expected_find([3, 2, 1, 0]) == 10.0
-    nobody = Tour([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0] * 4)
+    nobody = TourInputs([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0] * 4)
     assert ordered("expected_find", nobody) == [0, 1, 2, 3]
     assert nobody.expected_find([0, 1, 2, 3]) == 0.0
 
@@ -235,8 +237,8 @@ def test_tenths_that_sum_to_one_are_not_refused_for_their_rounding() -> None:
 )
 def test_a_hint_changes_the_map_by_bayes(poa: list[float], ratio: float, elsewhere: float) -> None:
     total = sum(poa) + elsewhere
-    areas = {str(at): Area(each / total, 0.5) for at, each in enumerate(poa)}
-    hinted = PoaMap.of(areas, {}, hints={"0": ratio}).now()
+    areas = {str(at): SearchExpectation(each / total, 0.5) for at, each in enumerate(poa)}
+    hinted = PoaMap.from_areas(areas, {}, hints={"0": ratio}).now()
     # How likely the hint is: the ratio where somebody is, 1 anywhere else.
     evidence = ratio * areas["0"].poa + 1.0 - areas["0"].poa
     for name, area in areas.items():
@@ -245,10 +247,10 @@ def test_a_hint_changes_the_map_by_bayes(poa: list[float], ratio: float, elsewhe
 
 
 def test_a_look_and_a_hint_count_the_same_in_either_order() -> None:
-    areas = {"a": Area(0.5, 0.8), "b": Area(0.3, 0.5)}
-    both = PoaMap.of(areas, {"a": 1}, hints={"a": 4.0}).now()
+    areas = {"a": SearchExpectation(0.5, 0.8), "b": SearchExpectation(0.3, 0.5)}
+    both = PoaMap.from_areas(areas, {"a": 1}, hints={"a": 4.0}).now()
     # By Bayes twice: first the look, then the hint.
-    looked = PoaMap.of(areas, {"a": 1}).now()
+    looked = PoaMap.from_areas(areas, {"a": 1}).now()
     evidence = 4.0 * looked["a"] + 1.0 - looked["a"]
     assert both["a"] == pytest.approx(4.0 * looked["a"] / evidence)
 
@@ -257,5 +259,5 @@ def test_a_look_and_a_hint_count_the_same_in_either_order() -> None:
 def test_the_pod_of_a_coverage_is_that_of_the_tables(
     coverage: float, at_random: float, in_parallel: float
 ) -> None:
-    assert pod_at_random(coverage) == pytest.approx(at_random, abs=0.001)
-    assert pod_of_parallel_sweep(coverage) == pytest.approx(in_parallel, abs=0.001)
+    assert random_search_pod(coverage) == pytest.approx(at_random, abs=0.001)
+    assert parallel_sweep_pod(coverage) == pytest.approx(in_parallel, abs=0.001)

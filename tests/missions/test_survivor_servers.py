@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from search_and_rescue.hiding import Hiding
+from search_and_rescue.hiding import HiddenSurvivor
 from search_and_rescue.plugin import MISSION
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import SearchExpectation
 from search_and_rescue.server_commands import detect, report
 from search_and_rescue.zone_manager import MapPose
 from tests.processes import Command
@@ -124,7 +124,9 @@ class TestDetecting:
         from search_and_rescue.servers import DetectSurvivorServer
 
         poses = {name: MapPose(x=1.0, y=2.0, yaw=0.0) for name in ("cave", "zone_a")}
-        hiding = Hiding(poses, {"cave": Area(1.0, 1.0), "zone_a": Area(0.0, 1.0)}, 0)
+        hiding = HiddenSurvivor(
+            poses, {"cave": SearchExpectation(1.0, 1.0), "zone_a": SearchExpectation(0.0, 1.0)}, 0
+        )
         ros.add(DetectSurvivorServer(None, hiding, context=ros.context))
         caller = Caller(ros)
         answers = [caller.detect(name) for name in ("zone_a", "cave")]

@@ -9,15 +9,15 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.missions import Level
 from sar_compiler.runtime.clock import ManualClock
-from search_and_rescue.actions import sweeping
+from search_and_rescue.actions import sweep_leaves
 from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
-from search_and_rescue.homing import Homing
+from search_and_rescue.homing_estimates import HomingEstimator
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area, Ground
-from search_and_rescue.sweep_record import Sweeps
+from search_and_rescue.search_theory import Ground, SearchExpectation
+from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import MapPose, ZoneManager
 
 if TYPE_CHECKING:
@@ -29,10 +29,10 @@ SEEN = {"area_m2": 16.0, "coverage": 0.0, "pod": 0.0, "seen": 0.0}
 PIECES = [(1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0)]
 
 
-def searching(**areas: Area) -> Search:
+def searching(**areas: SearchExpectation) -> Search:
     """Return a search of the zone `a` with ground, and of `b` without."""
     plan = [{"id": name, "x": 2.0 * x, "y": 0.0, "yaw": 0.0} for x, name in enumerate("ab")]
-    return Search(ZoneManager(plan, BASE, areas=areas), sweeps=Sweeps({"a": GROUND}))
+    return Search(ZoneManager(plan, BASE, areas=areas), sweeps=SweepStates({"a": GROUND}))
 
 
 def planned(search: Search, count: int = 4) -> Search:
@@ -52,7 +52,7 @@ def status(leaf: Any) -> Status:
 
 
 def test_a_look_in_a_sweep_counts_as_what_was_seen_and_not_as_a_look_at_the_zones_pose() -> None:
-    search = planned(searching(a=Area(0.5, 0.9), b=Area(0.3, 0.5)))
+    search = planned(searching(a=SearchExpectation(0.5, 0.9), b=SearchExpectation(0.3, 0.5)))
     for _ in range(3):
         search.record.zone_searched("a", None)
     assert search.zones.poa_map().pos() == 0.0
@@ -81,7 +81,7 @@ def test_a_piece_that_is_swept_has_what_was_driven_since_the_last_one() -> None:
 
 def test_what_was_driven_in_one_zone_counts_in_no_other() -> None:
     zones = [{"id": name, "x": 0.0, "y": 0.0, "yaw": 0.0} for name in "ab"]
-    search = Search(ZoneManager(zones, BASE), sweeps=Sweeps({"a": GROUND, "b": GROUND}))
+    search = Search(ZoneManager(zones, BASE), sweeps=SweepStates({"a": GROUND, "b": GROUND}))
     for zone in "ab":
         search.sweeps.plan(zone, "parallel", 2.0, [MapPose(x=1.0, y=1.0, yaw=0.0)])
     search.sweeps.drive("a", [(0.0, 2.0), (3.0, 2.0)], None)
@@ -100,7 +100,7 @@ def test_gaps_are_looked_for_at_the_end_of_a_pass_alone() -> None:
 
 
 def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_left() -> None:
-    search = planned(searching(a=Area(0.5, 0.9), b=Area(0.3, 0.5)), count=1)
+    search = planned(searching(a=SearchExpectation(0.5, 0.9), b=SearchExpectation(0.3, 0.5)), count=1)
     search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
     search.sweeps.advance("a", None, 0.9)
     area, *gaps = [each for each in search.display().landmarks if each.corners]
@@ -163,7 +163,7 @@ def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
 
 
 def test_an_outline_is_shaded_by_its_probability_now() -> None:
-    search = searching(a=Area(0.5, 0.9), b=Area(0.3, 0.5))
+    search = searching(a=SearchExpectation(0.5, 0.9), b=SearchExpectation(0.3, 0.5))
     search.record.zone_searched("b", None)
     [area] = [each for each in search.display().landmarks if each.kind == "area"]
     assert area.shade == pytest.approx(0.5 / (1 - 0.3 * 0.5), abs=0.0001)
@@ -239,7 +239,7 @@ class TestIsFindNew:
     def answered(self, search: Search, place: tuple[float, float] | None) -> Status:
         detect = DetectSurvivor("DetectSurvivor", search.zones, record=search.record)
         detect.survivor_pose = lambda: place  # type: ignore[method-assign]
-        leaf = sweeping.IsFindNew("IsFindNew", detect, search.record, same_within=1.0)
+        leaf = sweep_leaves.IsFindNew("IsFindNew", detect, search.record, same_within=1.0)
         leaf.tick_once()
         return leaf.status
 
@@ -281,7 +281,7 @@ class TestIsFindNew:
 @pytest.mark.ros
 class TestLeaves:
     def take(self, stage: "Stage", search: Search, name: str, **ports: Any) -> Any:
-        return stage.take(getattr(sweeping, name)(name, search.zones, sweeps=search.sweeps, **ports))
+        return stage.take(getattr(sweep_leaves, name)(name, search.zones, sweeps=search.sweeps, **ports))
 
     def walled(self, stage: "Stage", left: float, cells: int = 2500) -> Any:
         """Publish a map of 5 x 5 m that is blocked from x = left on."""
@@ -411,7 +411,7 @@ class TestLeaves:
         assert search.sweeps.of("a").metres == 0.0
 
     def through(self, stage: "Stage", search: Search) -> Any:
-        ports = {"record": search.record, "homing": search.context[Homing], "clock": ManualClock()}
+        ports = {"record": search.record, "homing": search.context[HomingEstimator], "clock": ManualClock()}
         return self.take(stage, search, "NavigateThroughPieces", until_pod=0.5, **ports)
 
     def test_the_open_pieces_are_driven_through_as_one_goal(self, stage: "Stage") -> None:
@@ -464,7 +464,7 @@ class TestLeaves:
         search = planned(searching())
         leaf = self.through(stage, search)
         leaf._robot.place = lambda: (1.0, 1.0, 0.0)
-        homing = search.context[Homing]
+        homing = search.context[HomingEstimator]
         homing.is_asked = True
         homing.energy.read(0.0, share)
         stage.until(leaf._port.statuses.servers, "the server")

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from sar_compiler.execution.command_client import CommandClient
-from sar_compiler.missions.mission import OperatorCommand, VerbError
+from sar_compiler.missions.mission import CommandError, OperatorCommand
 
 pytestmark = pytest.mark.ros
 
@@ -70,14 +70,14 @@ def test_what_cannot_be_sent_is_said_and_ends_nothing(stage, monkeypatch):
     with monkeypatch.context() as broken:
         broken.setattr(client, "call_async", refuse)
         order = stage.answer(stage.calls.give("pause", {}))
-    with pytest.raises(VerbError, match=r"the command cannot be sent: .* surrogates not allowed"):
+    with pytest.raises(CommandError, match=r"the command cannot be sent: .* surrogates not allowed"):
         order.result()
     assert stage.answer(stage.calls.give("pause", {})).result()[1] == "it stands still already"
 
 
 def test_an_order_that_nobody_has_a_service_for_is_refused(ros):
     stage = Stage(ros, PAUSE, OperatorCommand("dance", "Dance", "Dances.")).ready()
-    with pytest.raises(VerbError, match="no node of this tree executes 'dance'"):
+    with pytest.raises(CommandError, match="no node of this tree executes 'dance'"):
         stage.calls.give("dance", {})
-    with pytest.raises(VerbError, match=r"unknown command 'swim\\n'"):
+    with pytest.raises(CommandError, match=r"unknown command 'swim\\n'"):
         stage.calls.give("swim\n", {})

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from sar_compiler.missions.mission import CommandField, OperatorCommand, VerbError
-from search_and_rescue.orders import VERBS
+from sar_compiler.missions.mission import CommandError, CommandField, OperatorCommand
+from search_and_rescue.operator_commands import VERBS
 
 GO = OperatorCommand(
     "go",
@@ -46,7 +46,7 @@ def test_the_values_of_a_complete_order_are_taken():
     ],
 )
 def test_what_is_wrong_with_an_order_is_said(values, words):
-    with pytest.raises(VerbError) as error:
+    with pytest.raises(CommandError) as error:
         GO.check({**RIGHT, **values})
     assert words in str(error.value)
 
@@ -61,7 +61,7 @@ def test_what_is_optional_may_be_left_empty(kind, values):
 
 
 def test_a_value_that_is_missing_is_named():
-    with pytest.raises(VerbError, match="go: x is None, and must be a number"):
+    with pytest.raises(CommandError, match="go: x is None, and must be a number"):
         GO.check({"name": "there", "how": "FAST", "whom": ""})
 
 
@@ -124,6 +124,6 @@ def test_an_area_is_drawn_with_what_is_known_of_it():
 def test_an_outline_that_is_none_is_refused(corners):
     verb = {each.name: each for each in VERBS}["add_area"]
     with pytest.raises(
-        VerbError, match=r"add_area: corners is .*, and must be 3 to 100 corners, each \[x, y\] in metres"
+        CommandError, match=r"add_area: corners is .*, and must be 3 to 100 corners, each \[x, y\] in metres"
     ):
         verb.check({"zone": "yard", "corners": corners, "poa": None, "detection_range": None})

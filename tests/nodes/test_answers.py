@@ -5,7 +5,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.leaves import Answer, Kind, register
-from sar_compiler.nodes.answers import Identifiers, fill_answer, mistake_in, number_text
+from sar_compiler.nodes.answers import Identifiers, fill_outcome, find_script_error, number_text
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK, RegistrationError
 from sar_compiler.runtime.answers import nominal
@@ -134,13 +134,13 @@ def test_a_number_below_zero_stands_in_parentheses():
 
 def test_identifiers_take_the_place_of_placeholders():
     answer = Answer("SUCCESS", "found", when="left_{self} > 0", then="by_{say} = true")
-    assert fill_answer(answer, {"self": "Look", "say": "Tell"}) == Answer(
+    assert fill_outcome(answer, {"self": "Look", "say": "Tell"}) == Answer(
         "SUCCESS", "found", when="left_Look > 0", then="by_Tell = true"
     )
 
 
 def test_the_place_of_a_mistake_is_that_in_the_text_with_its_placeholders():
-    mistake = mistake_in(Answer("SUCCESS", then="by_{self} = = 1"), ["self"])
+    mistake = find_script_error(Answer("SUCCESS", then="by_{self} = = 1"), ["self"])
     assert mistake is not None
     part, text, error = mistake
     assert (part, text[error.start : error.end]) == ("then", "=")

@@ -318,7 +318,7 @@ def test_the_name_of_a_node_that_behaviortree_cpp_refuses_is_told():
 def test_a_decorator_that_is_called_like_a_kind_of_node_is_written_in_the_explicit_form():
     text, _ = converted(f'<Condition status="SUCCESS">{LEAF}</Condition>')
     assert text == f'<Decorator ID="Condition" status="SUCCESS">{LEAF}</Decorator>'
-    assert errors(Forest.of(parse_xml(document(text))), REGISTRY) == []
+    assert errors(Forest.from_file(parse_xml(document(text))), REGISTRY) == []
 
 
 def test_a_node_in_the_explicit_form_is_compact_where_behaviortree_cpp_would_not_find_it():
@@ -419,8 +419,8 @@ def test_a_tree_in_yaml_gives_the_same():
     tree = document('<Selector memory="false"><Answer statuses="S" oneshot="ON_COMPLETION"/></Selector>')
     in_yaml = parse_yaml(write_yaml(parse_xml(tree)))
     assert (
-        convert_to_btcpp(Forest.of(in_yaml), REGISTRY).text
-        == convert_to_btcpp(Forest.of(parse_xml(tree)), REGISTRY).text
+        convert_to_btcpp(Forest.from_file(in_yaml), REGISTRY).text
+        == convert_to_btcpp(Forest.from_file(parse_xml(tree)), REGISTRY).text
     )
 
 
@@ -446,14 +446,14 @@ def plainly(node):
 
 
 def shipped_outline(tree_file):
-    forest = Forest.of(tree_file)
+    forest = Forest.from_file(tree_file)
     assert errors(forest, REGISTRY) == []
     return plainly(outline(preview_tree(bind_main(forest, REGISTRY))))
 
 
 def test_the_mission_is_the_same_when_it_is_read_again():
     tree_file = read_tree_file(SHIPPED)
-    result = convert_to_btcpp(Forest.of(tree_file), REGISTRY)
+    result = convert_to_btcpp(Forest.from_file(tree_file), REGISTRY)
     assert {note.severity for note in result.losses} == {Severity.INFO}
     assert shipped_outline(parse_xml(result.text)) == shipped_outline(tree_file)
     assert convert_to_btcpp(forest_of(result.text), REGISTRY).text == result.text
@@ -516,7 +516,7 @@ def named(body):
 
 def run(tree_file):
     """Tick a tree some times and return what its leaves and its root answered."""
-    forest = Forest.of(tree_file)
+    forest = Forest.from_file(tree_file)
     assert errors(forest, REGISTRY) == []
     tree = compile_tree(bind_main(forest, REGISTRY), {Clock: ManualClock()}, {})
     trace = []
@@ -531,7 +531,7 @@ def run(tree_file):
 @given(BODIES.map(named))
 def test_a_tree_does_the_same_when_it_is_read_again(body):
     tree_file = parse_xml(document(body))
-    assert run(parse_xml(convert_to_btcpp(Forest.of(tree_file), REGISTRY).text)) == run(tree_file)
+    assert run(parse_xml(convert_to_btcpp(Forest.from_file(tree_file), REGISTRY).text)) == run(tree_file)
 
 
 def test_a_node_is_left_to_behaviortree_cpp_if_it_has_one_of_that_name_and_no_other():

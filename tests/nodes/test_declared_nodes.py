@@ -20,7 +20,7 @@ from sar_compiler.nodes.nav2 import VERSIONS, specs
 from sar_compiler.nodes.register import register
 from sar_compiler.nodes.registry import Registry, RegistryError, load_registry, registered_leaves
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, ParameterRole, Signature, Use, load
-from sar_compiler.nodes.values import Seconds, at_least, sensible, without_none
+from sar_compiler.nodes.values import Seconds, at_least, sensible, strip_none
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.blackboard import Scope
 from sar_compiler.runtime.clock import Clock, ManualClock
@@ -33,7 +33,7 @@ from tests.trees import class_of
 
 MISSION = "search_and_rescue"
 LANGUAGE = [*SPECS, *(spec for version in VERSIONS for spec in specs(version) if spec.is_by_path)]
-DECLARED = {f"{spec.tag} of {spec.maker_path}": spec for spec in LANGUAGE}
+DECLARED = {f"{spec.tag} of {spec.factory_path}": spec for spec in LANGUAGE}
 VARIADIC = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 GIVEN = (ParameterRole.ATTRIBUTE, ParameterRole.CONTEXT)
 PORTS = {Direction.INPUT: Input, Direction.OUTPUT: Output, Direction.INOUT: InOut}
@@ -62,7 +62,7 @@ def is_stock(spec):
 
 def taken_by(spec):
     """Return what makes a node takes, by its parameters' names, with their annotations."""
-    maker = spec.cls if is_stock(spec) else load(spec.maker_path)
+    maker = spec.cls if is_stock(spec) else load(spec.factory_path)
     hints = typing.get_type_hints(maker.__init__ if isinstance(maker, type) else maker)  # type: ignore[misc]
     plain = [
         each
@@ -70,7 +70,7 @@ def taken_by(spec):
         if each.kind not in VARIADIC and each.annotation is not NodeSpec
     ]
     return {each.name: each for each in plain}, {
-        each.name: without_none(hints.get(each.name)) for each in plain
+        each.name: strip_none(hints.get(each.name)) for each in plain
     }
 
 

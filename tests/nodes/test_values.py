@@ -15,7 +15,7 @@ from sar_compiler.nodes.values import (
     Milliseconds,
     Seconds,
     blackboard_key,
-    type_of,
+    require_value_type,
     value_type_of,
 )
 from sar_compiler.tree.guessing import nearest
@@ -170,7 +170,7 @@ def test_where_no_replacement_is_sure_to_mean_the_same_there_is_a_hint(annotatio
     [(Seconds, "500ms", 0.5), (Seconds, 3, 3.0), (Milliseconds, "1.5s", 1500), (Milliseconds, 7.0, 7)],
 )
 def test_a_duration_on_the_blackboard_is_read_as_in_a_file(annotation, value, fitted):
-    assert type_of(annotation).fit(value) == fitted
+    assert require_value_type(annotation).fit(value) == fitted
 
 
 def test_a_list_may_be_of_members_of_an_enumeration():

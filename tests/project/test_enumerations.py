@@ -8,7 +8,7 @@ from sar_compiler import load
 from sar_compiler.analysis.simulated import play_scenario
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.models import read_models
-from sar_compiler.nodes.models.from_use import UseOfNodes
+from sar_compiler.nodes.models.from_use import UndescribedNodes
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.project.project import Project
 from sar_compiler.tree.diagnostic import Severity, TreeError
@@ -71,7 +71,7 @@ def test_a_run_knows_the_numbers_of_declared_enumerations(tree: Path, declare) -
 @DECLARED
 def test_a_simulation_chooses_the_branch_of_a_switch_by_their_numbers(tree: Path, declare) -> None:
     declare(tree.parent)
-    assert load(tree).simulate().until_end().root == "SUCCESS"
+    assert load(tree).simulate().run_to_end().root == "SUCCESS"
 
 
 @DECLARED
@@ -96,7 +96,7 @@ def test_a_palette_around_a_file_declares_names_in_lower_case(tree: Path, case: 
         text = path.read_text(encoding="utf-8").replace("RED", case).replace("BLUE", "blue")
         path.write_text(text, encoding="utf-8")
     assert load(tree).check() == []
-    assert load(tree).simulate().until_end().root == "SUCCESS"
+    assert load(tree).simulate().run_to_end().root == "SUCCESS"
 
 
 def test_names_of_keys_let_no_palette_around_a_file_be_read(tree: Path, monkeypatch) -> None:
@@ -200,7 +200,7 @@ def test_a_palette_from_use_lists_the_names_that_scripts_read_in_capitals_and_no
     <ScriptCondition code="color == BLUE &amp;&amp; LEVEL &lt; MAX_LEVEL" _skipIf="Mixed"/>
     <SubTree ID="Inner" GIVEN="3"/>
     </Sequence>"""
-    uses = UseOfNodes()
+    uses = UndescribedNodes()
     uses.add(parse_xml(document(body)), (), default_registry())
     names = [each.attributes["ID"] for each in uses.models().children if each.tag == "Enum"]
     assert names == ["BLUE", "MAX_LEVEL", "RED"]

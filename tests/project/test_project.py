@@ -137,8 +137,8 @@ class TestProjects:
     def test_a_note_is_said_once(self, folder):
         said: list[str] = []
         workspace = Workspace(note=said.append)
-        workspace.note_once("once")
-        workspace.note_once("once")
+        workspace.report_once("once")
+        workspace.report_once("once")
         assert said == ["once"]
 
     @pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")

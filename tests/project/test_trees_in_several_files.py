@@ -66,7 +66,7 @@ def test_every_command_has_the_subtrees_of_the_other_files(folder, command):
 
 def test_it_can_be_simulated_and_verified_in_a_program(folder):
     write(folder, "sar.toml", TREES)
-    run = simulate("main.xml", NavigateToZone="arrived").until_end()
+    run = simulate("main.xml", NavigateToZone="arrived").run_to_end()
     run.expect(root="SUCCESS")
     assert load("main.xml").verify().proved
 

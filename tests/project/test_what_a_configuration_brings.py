@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.checks.configuration import configuration_for
-from sar_compiler.project.trust import Content
+from sar_compiler.project.trust import ConfigurationCode
 from tests.trees import document
 
 VALID = "tree.xml: no findings\n"
@@ -283,7 +283,7 @@ class TestTrust:
         monkeypatch.setattr(sys, "meta_path", [*sys.meta_path])
         (tmp_path / "exchanged_gripper.py").write_text("VALUE = 'trusted'\n", encoding="utf-8")
         (tmp_path / "sar.toml").write_text("", encoding="utf-8")
-        content = Content.of(tmp_path / "sar.toml", ["exchanged_gripper"])
+        content = ConfigurationCode.from_configuration(tmp_path / "sar.toml", ["exchanged_gripper"])
         content.make_importable()
         evil = "raise SystemExit('it has run')\n"
         if is_link:

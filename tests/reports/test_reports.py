@@ -18,7 +18,7 @@ from cap_tools.models import Alert, Category, Certainty, ResponseType, Scope, Se
 from lxml import etree
 from xsdata.formats.dataclass.parsers import XmlParser
 
-from sar_compiler.journal.display import Display, beginning, changes_by
+from sar_compiler.journal.display import Display, beginning, changes_of_event
 from sar_compiler.journal.georeference import Georeference
 from sar_compiler.journal.journal_entries import CHANGED, OF_EVERY_MISSION, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
@@ -53,7 +53,9 @@ def with_display(stream):
         elif entry.kind in {*_SENTENCES, *OF_EVERY_MISSION}:
             search.apply(entry)
             before, shown = shown, search.display()
-            yield entry._replace(kind=CHANGED, data=changes_by(entry, search.sentence(entry), before, shown))
+            yield entry._replace(
+                kind=CHANGED, data=changes_of_event(entry, search.sentence(entry), before, shown)
+            )
 
 
 def mission(*told, simulated=False, parameters=VIENNA, ended=True, name=None, wall=1_700_000_000.0):
@@ -97,7 +99,7 @@ def mission(*told, simulated=False, parameters=VIENNA, ended=True, name=None, wa
         JournalEntry(at, 1, wall + at, float(at), kind, data) for at, (kind, data) in enumerate(entries)
     )
     renamed = {"mission": name or "search_and_rescue"}
-    return MissionState.of(
+    return MissionState.from_stream(
         entry._replace(data={**entry.data, **renamed}) if entry.kind == "run_began" else entry
         for entry in stream
     )
@@ -122,7 +124,7 @@ def alarm(text, **more):
 
 def mission_of(told):
     """Return a mission by the run, the time of the system's clock, the kind and the data of each entry."""
-    return MissionState.of(
+    return MissionState.from_stream(
         JournalEntry(number, run, wall, wall, kind, data)
         for number, (run, wall, kind, data) in enumerate(told)
     )
@@ -729,7 +731,7 @@ class TestThePage:
 
     def test_a_mission_at_the_end_of_the_numbers_has_no_map(self):
         far = {"landmarks": [{"kind": "place", "name": "far", "x": 1e17, "y": 0.0}], "kinds": [PLACE]}
-        state = MissionState.of([JournalEntry(1, 1, 0.0, 0.0, "changed", far)])
+        state = MissionState.from_stream([JournalEntry(1, 1, 0.0, 0.0, "changed", far)])
         assert state.situation.landmarks
         assert report_map(state) == ""
 
@@ -737,7 +739,9 @@ class TestThePage:
         page = texts(html_report(mission(simulated=True)))
         assert "\nSIMULATED. Do not act on it: no real people were involved.\n" in page
         assert "Go to survivor_1" not in page
-        patrol = MissionState.of([JournalEntry(1, 1, 0.0, 0.0, "run_began", {"simulated": True, "run": {}})])
+        patrol = MissionState.from_stream(
+            [JournalEntry(1, 1, 0.0, 0.0, "run_began", {"simulated": True, "run": {}})]
+        )
         assert "\nSIMULATED. Do not act on it.\n" in texts(html_report(patrol))
 
     @pytest.mark.parametrize(

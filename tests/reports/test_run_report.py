@@ -9,8 +9,8 @@ import pytest
 
 from sar_compiler.cli.journal_command import main
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.journal.opening import open_journal
-from sar_compiler.reports.report_forms import FORMS, forms_in_words
+from sar_compiler.journal.journal_opening import open_journal
+from sar_compiler.reports.report_forms import FORMS, describe_forms
 from sar_compiler.reports.run_report import RunReport
 
 BEGAN = JournalEntry(1, 1, 1.7e9, 0.0, "run_began", {"mission": "patrol", "identity": {}, "run": {}})
@@ -161,7 +161,7 @@ def test_what_is_no_place_on_the_earth_is_wrong_usage(text, words, capsys):
 
 
 def test_the_help_names_every_form_of_a_report():
-    assert re.findall(r"\.\w+", forms_in_words()) == [*FORMS]
+    assert re.findall(r"\.\w+", describe_forms()) == [*FORMS]
 
 
 @pytest.mark.parametrize("is_of_journal", [True, False])

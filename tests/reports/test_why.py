@@ -13,7 +13,7 @@ from sar_compiler.cli.journal_command import main
 from sar_compiler.journal.database import JournalFile
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.status_watch import StatusWatch
 from sar_compiler.reports.why import FailureAnalysis, difference_text, first_difference, why_text
 from sar_compiler.runtime.walking import pre_order
@@ -24,7 +24,7 @@ S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING
 
 
 def why(stream):
-    return FailureAnalysis.of(stream).why()
+    return FailureAnalysis.from_stream(stream).why()
 
 
 def leaf(name, *statuses):
@@ -213,7 +213,7 @@ def test_a_failure_that_the_root_has_got_over_is_no_cause():
 
 
 def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on():
-    inquiry = FailureAnalysis.of(flown(leaf("one", F, R, F, S), 4))
+    inquiry = FailureAnalysis.from_stream(flown(leaf("one", F, R, F, S), 4))
     inquiry.why()
     assert inquiry.failed_tick == 3
 

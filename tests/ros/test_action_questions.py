@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sar_compiler.leaves import ActionQuestions, LeafDefinitionError
-from sar_compiler.ros.leaves.goals import ABORTED, SUCCEEDED, UNKNOWN, goals_under_way
+from sar_compiler.leaves import ActionQueries, LeafDefinitionError
+from sar_compiler.ros.leaves.goals import ABORTED, SUCCEEDED, UNKNOWN, active_goals_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +31,7 @@ class Asked:
     """Questions to the stage's server, and its answers; the action stands for one that moves nothing."""
 
     def __init__(self, stage: "Stage") -> None:
-        self.questions = ActionQuestions(stage.node, TYPE, "navigate_to_pose")
+        self.questions = ActionQueries(stage.node, TYPE, "navigate_to_pose")
         self.answers: list[tuple[int, Any]] = []
 
     def ask(self, x: float) -> None:
@@ -102,7 +102,7 @@ def test_the_next_question_gives_up_the_one_before(stage: "Stage") -> None:
 
 def test_a_question_is_no_goal_under_way(stage: "Stage") -> None:
     who, server = asked(stage)
-    goals, news = goals_under_way(stage.node), list[Any]()
+    goals, news = active_goals_of(stage.node), list[Any]()
     goals.listen(news.append)
     who.ask(1.5)
     stage.until(lambda: server.goals, "the goal")
@@ -144,4 +144,4 @@ def test_it_can_be_released_after_the_end_of_its_node(stage: "Stage") -> None:
 
 def test_a_type_that_is_not_installed_is_named(stage: "Stage") -> None:
     with pytest.raises(LeafDefinitionError, match="there is no nav2_msgs/action/NavigateToPost"):
-        ActionQuestions(stage.node, "nav2_msgs/action/NavigateToPost", "navigate_to_pose")
+        ActionQueries(stage.node, "nav2_msgs/action/NavigateToPost", "navigate_to_pose")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import pytest
 
 from sar_compiler.nodes.spec import Use
-from sar_compiler.ros.graph_queries import Endpoint, RosGraph, explain_endpoint, names_in_words, ros_graph
+from sar_compiler.ros.graph_queries import Endpoint, RosGraph, explain_endpoint, join_names, ros_graph
 from sar_compiler.runtime.ports import Input
 from tests.ros.conftest import Ros
 
@@ -337,7 +337,7 @@ class TestNamespaces:
         robots.send_transforms(robots.node("/tb2/ekf"), ("odom", "base_link"), topic="/tb2/tf")
         graph = robots.graph()
         robots.until(lambda: graph.publishers("/tf") and graph.publishers("/tb2/tf"), "both robots")
-        assert (graph.transforms(), graph.missing_transforms()) == ("", "")
+        assert (graph.transforms(), graph.explain_missing_transforms()) == ("", "")
 
     def test_of_two_robots_both_namespaces_are_named(self, robots: Robots) -> None:
         for space in ("/tb1", "/tb2"):
@@ -384,7 +384,7 @@ class TestNamespaces:
         arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         graph = robots.graph("/tb1/mission", cli_args=arguments)
         robots.until(lambda: graph.publishers("/tf") and graph.publishers("/tb2/tf"), "both robots")
-        assert (graph.transforms(), graph.foreign_localisation()) == ("", "")
+        assert (graph.transforms(), graph.foreign_localisation_problem()) == ("", "")
 
     def test_two_robots_on_one_topic_of_transforms_are_named_and_no_pose_is_told_or_advised(
         self, robots: Robots
@@ -484,7 +484,7 @@ class TestNamespaces:
         for space in ("/tb1", "/tb2"):
             robots.publish(robots.node(f"{space}/amcl"), topic, type_name)
         graph = robots.graph()
-        robots.until(lambda: graph.foreign_localisation() == said, said)
+        robots.until(lambda: graph.foreign_localisation_problem() == said, said)
 
 
 BOTH = (
@@ -578,7 +578,7 @@ class TestQualityOfService:
 
     def test_a_check_of_a_tree_does_not_pass_over_it(self, robots: Robots) -> None:
         from sar_compiler.ros.graph_queries import declared_endpoints
-        from sar_compiler.ros.leaves.by_attributes import RosTopic
+        from sar_compiler.ros.leaves.attribute_leaves import RosTopic
         from sar_compiler.ros.readiness import Readiness
 
         leaf = RosTopic("Battery", Input("battery_state"), BATTERY, qos="reliable")
@@ -613,7 +613,7 @@ class TestSources:
         graph = robots.graph()
         robots.until(lambda: len(graph.publishers(topic)) == 2, "both publishers")
         said = f"topic {topic}: published by /one and /two. Stop all but one"
-        assert graph.several_publishers(topic) == (said if is_told else "")
+        assert graph.publisher_conflict(topic) == (said if is_told else "")
 
     def test_a_run_is_warned_of_them_and_of_odometry_under_another_name(
         self, robots: Robots, said: Said
@@ -703,7 +703,7 @@ class TestClock:
         self.clock(robots, "/gazebo", seconds=5)
         graph = robots.graph(**self.simulated())
         robots.until(lambda: graph.publishers("/clock") and graph.clock() == "", "the time")
-        assert (graph.unused_clock(), graph.is_clock_contested) == ("", False)
+        assert (graph.unused_clock_problem(), graph.is_clock_contested) == ("", False)
 
     def test_a_clock_that_the_mission_does_not_use_is_told(self, robots: Robots, said: Said) -> None:
         from sar_compiler.ros.readiness import Readiness
@@ -816,9 +816,9 @@ class TestFrames:
     def test_publishers_that_take_turns_are_told_from_one_by_the_numbers_of_their_messages(
         self, numbers: tuple[int, ...], now: float, contested: list[str]
     ) -> None:
-        from sar_compiler.ros.frame_sources import TurnsOfPublishers
+        from sar_compiler.ros.frame_sources import PublisherAlternation
 
-        turns = TurnsOfPublishers()
+        turns = PublisherAlternation()
         for at, number in enumerate(numbers):
             turns.add(["odom", f"wheel_{at}"], number, at / 2)
         assert turns.contested(now) == contested
@@ -943,7 +943,7 @@ class TestWatch:
 
 class TestLeaves:
     def test_a_latched_message_does_not_grow_old(self) -> None:
-        from sar_compiler.ros.leaves.by_attributes import RosTopic
+        from sar_compiler.ros.leaves.attribute_leaves import RosTopic
 
         ages = [
             RosTopic("Map", Input("map"), "nav_msgs/msg/OccupancyGrid", qos=qos, max_age_sec=age).max_age_sec
@@ -952,7 +952,7 @@ class TestLeaves:
         assert ages == [None, 2.0, 5.0, 7.0]
 
     def test_a_leaf_without_a_message_says_what_the_graph_shows(self, robots: Robots) -> None:
-        from sar_compiler.ros.leaves.by_attributes import RosTopic
+        from sar_compiler.ros.leaves.attribute_leaves import RosTopic
 
         mission = robots.node("/mission")
         leaf = RosTopic("Battery", Input("battery_state"), BATTERY, qos="reliable")
@@ -1003,7 +1003,7 @@ class TestLeaves:
         robots.until(lambda: explain_endpoint(mission, asked) == said, said)
 
     def test_a_leaf_without_a_server_says_where_one_is(self, robots: Robots) -> None:
-        from sar_compiler.ros.leaves.by_attributes import RosService
+        from sar_compiler.ros.leaves.attribute_leaves import RosService
 
         mission = robots.node("/mission")
         robots.serve(robots.node("/other"), "/tb1/detect_survivor")
@@ -1022,7 +1022,7 @@ class TestLeaves:
 
 
 def test_names_are_listed_in_words() -> None:
-    assert [names_in_words(names) for names in (["a"], ["a", "b"], ["a", "b", "c"])] == [
+    assert [join_names(names) for names in (["a"], ["a", "b"], ["a", "b", "c"])] == [
         "a",
         "a and b",
         "a, b and c",

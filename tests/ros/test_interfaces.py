@@ -18,16 +18,16 @@ from sar_compiler.nodes.ros_fields import (
     read_path,
 )
 from sar_compiler.nodes.ros_interfaces import (
-    Filler,
     InterfaceError,
+    MessageFiller,
     check_path,
     fields_of,
     full_type,
     generated_type,
+    integer_range,
     message_class,
     read_field,
     reported_error,
-    whole_range,
 )
 from sar_compiler.nodes.values import ConversionError
 
@@ -87,7 +87,7 @@ class Sample:
     def single(self, base: str, length: int | None) -> tuple[str, Any]:
         """Return a value as a file writes it, and as it is read back."""
         turn = next(self.turns)
-        whole = whole_range(base)
+        whole = integer_range(base)
         if whole is not None:
             value = whole[-1] if turn % 2 else whole[0]
             return (f"{value}", value) if turn % 3 else (f"'{value}'", value)
@@ -154,7 +154,7 @@ def test_every_installed_interface_is_filled_sent_and_read_back(package: str) ->
 
     for cls in classes(package):
         text, values = Sample().message(cls)
-        message = Filler().fill(cls(), read_fields(text))
+        message = MessageFiller().fill(cls(), read_fields(text))
         assert plain(message) == values, cls
         came = deserialize_message(serialize_message(message), cls)
         for path, value in leaves(values):
@@ -274,7 +274,7 @@ def part_of(kind: str, written: str) -> Any:
 @pytest.mark.parametrize("name", BY_HAND)
 def test_fields_are_taken_as_ros2_call_takes_them(name: str) -> None:
     kind, written, text, wanted = BY_HAND[name]
-    message = Filler(now=lambda: NOW).fill(part_of(kind, written)(), read_fields(text))
+    message = MessageFiller(now=lambda: NOW).fill(part_of(kind, written)(), read_fields(text))
     assert {path: plain(read_field(message, FieldPath(path))) for path in wanted} == wanted
 
 
@@ -344,7 +344,7 @@ MISTAKES: dict[str, tuple[str, str, str, str, str]] = {
 def test_a_mistake_is_told_with_its_place_and_the_remedy(name: str) -> None:
     kind, written, text, part, said = MISTAKES[name]
     with pytest.raises(InterfaceError) as raised:
-        Filler().fill(part_of(kind, written)(), read_fields(text))
+        MessageFiller().fill(part_of(kind, written)(), read_fields(text))
     place = raised.value.place
     assert (str(raised.value).partition("; there is ")[0], place and text[slice(*place)]) == (said, part)
 
@@ -377,7 +377,7 @@ def test_types_that_are_rare_are_read_by_their_names() -> None:
         "names": ["añb", "x"],
         "three": [b"\1", b"\2", b"\xff"],
     }
-    assert vars(Filler().fill(Oddities(), read_fields(text))) == wanted
+    assert vars(MessageFiller().fill(Oddities(), read_fields(text))) == wanted
 
 
 @pytest.mark.parametrize(
@@ -392,7 +392,7 @@ def test_types_that_are_rare_are_read_by_their_names() -> None:
 )
 def test_what_is_too_much_for_them_is_refused(text: str, said: str) -> None:
     with pytest.raises(InterfaceError, match=said):
-        Filler().fill(Oddities(), read_fields(text))
+        MessageFiller().fill(Oddities(), read_fields(text))
 
 
 class TestKeys:
@@ -422,16 +422,19 @@ class TestKeys:
         last.pose.position.x = 7.0
         held: dict[str, object] = {"x": 1, "@y": "2.5", "last": last, "tree": 5, "all": [{"pose": {}}, last]}
         text = "poses: [{pose: {position: {x: {x}, y: {@y}}}}, {last}], behavior_tree: {tree}"
-        message = Filler(held.__getitem__).fill(goal(), read_fields(text))
+        message = MessageFiller(held.__getitem__).fill(goal(), read_fields(text))
         assert plain(message)["poses"][0]["pose"]["position"] == {"x": 1.0, "y": 2.5, "z": 0.0}
         assert (message.poses[1], message.behavior_tree) == (last, "5")
-        assert Filler(held.__getitem__).fill(goal(), read_fields("poses: {all}")).poses[1] == last
+        assert MessageFiller(held.__getitem__).fill(goal(), read_fields("poses: {all}")).poses[1] == last
 
     def test_where_only_the_file_is_checked_keys_may_hold_anything(self) -> None:
         goal = part_of("action", "nav2_msgs/action/NavigateThroughPoses")
-        assert Filler().fill(goal(), read_fields("poses: [{}, {last}], behavior_tree: {tree}")).poses == []
+        assert (
+            MessageFiller().fill(goal(), read_fields("poses: [{}, {last}], behavior_tree: {tree}")).poses
+            == []
+        )
         with pytest.raises(InterfaceError, match=r"poses\[1\] is 5"):
-            Filler().fill(goal(), read_fields("poses: [{last}, 5]"))
+            MessageFiller().fill(goal(), read_fields("poses: [{last}, 5]"))
 
     @pytest.mark.parametrize(
         ("text", "said"),
@@ -545,5 +548,5 @@ def test_a_types_name_may_leave_its_kind_out() -> None:
 def test_an_error_is_told_with_its_constant_and_its_text(
     kind: str, written: str, part: str, text: str, said: str
 ) -> None:
-    message = Filler().fill(getattr(generated_type(kind, written), part)(), read_fields(text))
+    message = MessageFiller().fill(getattr(generated_type(kind, written), part)(), read_fields(text))
     assert reported_error(message) == said

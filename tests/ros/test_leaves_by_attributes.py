@@ -16,8 +16,8 @@ from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.ros_fields import read_destinations, read_fields, read_path
 from sar_compiler.nodes.ros_leaves import specs
 from sar_compiler.nodes.spec import Direction, ParameterRole
-from sar_compiler.nodes.values import without_none
-from sar_compiler.ros.leaves import by_attributes
+from sar_compiler.nodes.values import strip_none
+from sar_compiler.ros.leaves import attribute_leaves
 from sar_compiler.ros.leaves.leaf import LeafDefinitionError
 from sar_compiler.ros.poses import turn_by
 from sar_compiler.runtime.blackboard import Board, Scope
@@ -47,7 +47,7 @@ def made(cls: Any, tag: str, *texts: str, **attributes: Any) -> Any:
     return cls(
         tag,
         Input(texts[0]),
-        *(texts[1:] if cls is not by_attributes.RosTransform else [Input(texts[1])]),
+        *(texts[1:] if cls is not attribute_leaves.RosTransform else [Input(texts[1])]),
         **values,
     )
 
@@ -88,9 +88,9 @@ def switch(ros: Ros, *, success: bool = True) -> list[bool]:
 
 
 class TestRosService:
-    def leaf(self, **attributes: Any) -> by_attributes.RosService:
-        leaf: by_attributes.RosService = made(
-            by_attributes.RosService, "Switch", "switch", "std_srvs/srv/SetBool", **attributes
+    def leaf(self, **attributes: Any) -> attribute_leaves.RosService:
+        leaf: attribute_leaves.RosService = made(
+            attribute_leaves.RosService, "Switch", "switch", "std_srvs/srv/SetBool", **attributes
         )
         return leaf
 
@@ -146,7 +146,9 @@ class TestRosService:
         assert run(ros, leaf) is Status.FAILURE
         assert (text.value, leaf.answer_label) == (None, "no answer")
 
-    def parameters(self, ros: Ros, *results: tuple[bool, str], **attributes: Any) -> by_attributes.RosService:
+    def parameters(
+        self, ros: Ros, *results: tuple[bool, str], **attributes: Any
+    ) -> attribute_leaves.RosService:
         """Return a leaf that sets parameters, and a server that answers with some results."""
         from rcl_interfaces.msg import SetParametersResult
         from rcl_interfaces.srv import SetParameters
@@ -157,7 +159,7 @@ class TestRosService:
 
         ros.node("server").create_service(SetParameters, "set", answer)
         texts = ("Set", "set", "rcl_interfaces/srv/SetParameters")
-        leaf: by_attributes.RosService = made(by_attributes.RosService, *texts, **attributes)
+        leaf: attribute_leaves.RosService = made(attribute_leaves.RosService, *texts, **attributes)
         return leaf
 
     def test_the_reason_stands_beside_the_field_that_must_be_true(self, ros: Ros) -> None:
@@ -182,7 +184,7 @@ class TestRosService:
 
     def test_the_name_and_the_values_in_the_request_come_from_keys(self, ros: Ros) -> None:
         asked, scope = switch(ros), Scope(Board("test"))
-        leaf = by_attributes.RosService(
+        leaf = attribute_leaves.RosService(
             "Switch",
             Input(scope.resolve("service")),
             "std_srvs/srv/SetBool",
@@ -207,7 +209,7 @@ class TestRosService:
         from std_srvs.srv import SetBool, Trigger
 
         asked, entry = switch(ros), Scope(Board("test")).resolve("request")
-        leaf = by_attributes.RosService(
+        leaf = attribute_leaves.RosService(
             "Switch", Input("switch"), "std_srvs/srv/SetBool", request=Input(entry)
         )
         leaf.setup(node=ros.node("mission"))
@@ -245,7 +247,7 @@ def test_a_run_tells_a_mistake_before_it_waits_for_a_server_that_nobody_has(
     ["os/srv/Trigger", "sar_compiler/srv/Trigger", "no_such_msgs/srv/X", "../x/srv/X", "__main__/srv/X", ""],
 )
 def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> None:
-    leaf = made(by_attributes.RosService, "Call", "call", written)
+    leaf = made(attribute_leaves.RosService, "Call", "call", written)
     with pytest.raises(
         LeafDefinitionError, match=r"'Call': (there is no interface package '|'.*' is not a type)"
     ):
@@ -254,7 +256,7 @@ def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> N
 
 @pytest.mark.parametrize(("written", "said"), [("no name", "topic name must not contain"), ("", "''")])
 def test_a_name_that_is_none_is_told_before_anything_is_waited_for(written: str, said: str) -> None:
-    leaf = made(by_attributes.RosService, "Call", written, "std_srvs/srv/Trigger")
+    leaf = made(attribute_leaves.RosService, "Call", written, "std_srvs/srv/Trigger")
     with pytest.raises(LeafDefinitionError, match=f"'Call': .*{said}") as raised:
         leaf.require_definition()
     assert f"'{written}' is not a valid name of a server or a topic" in str(raised.value)
@@ -280,10 +282,10 @@ class TestRosAction:
         node.kept = ActionServer(node, NavigateToPose, name, execute)
         return goals
 
-    def leaf(self, x: float, **attributes: Any) -> by_attributes.RosAction:
+    def leaf(self, x: float, **attributes: Any) -> attribute_leaves.RosAction:
         goal = f"pose: {{header: {{frame_id: map}}, pose: {{position: {{x: {x}}}}}}}"
-        leaf: by_attributes.RosAction = made(
-            by_attributes.RosAction, "Go", "go", self.TYPE, goal=goal, **attributes
+        leaf: attribute_leaves.RosAction = made(
+            attribute_leaves.RosAction, "Go", "go", self.TYPE, goal=goal, **attributes
         )
         return leaf
 
@@ -340,7 +342,7 @@ class TestRosAction:
     def test_the_goal_goes_to_the_server_that_a_key_names_when_the_leaf_is_entered(self, ros: Ros) -> None:
         first, second = self.server(ros, "first"), self.server(ros, "second")
         action = Scope(Board("test")).resolve("where")
-        leaf = by_attributes.RosAction(
+        leaf = attribute_leaves.RosAction(
             "Go", Input(action), self.TYPE, goal=Input(read_fields("behavior_tree: x"))
         )
         mission = ros.node("mission")
@@ -361,9 +363,9 @@ class TestRosAction:
 
 
 class TestRosPublish:
-    def leaf(self, **attributes: Any) -> by_attributes.RosPublish:
+    def leaf(self, **attributes: Any) -> attribute_leaves.RosPublish:
         texts = ("Say", "said", "std_msgs/msg/String")
-        leaf: by_attributes.RosPublish = made(by_attributes.RosPublish, *texts, **attributes)
+        leaf: attribute_leaves.RosPublish = made(attribute_leaves.RosPublish, *texts, **attributes)
         return leaf
 
     def listen(self, ros: Ros, qos: Any = 10) -> list[str]:
@@ -431,7 +433,9 @@ class TestRosPublish:
         heard: list[Any] = []
         node = ros.node("mission")
         node.create_subscription(Header, "stamped", heard.append, 10)
-        leaf = made(by_attributes.RosPublish, "Say", "stamped", "std_msgs/msg/Header", message="stamp: now")
+        leaf = made(
+            attribute_leaves.RosPublish, "Say", "stamped", "std_msgs/msg/Header", message="stamp: now"
+        )
         before = node.get_clock().now().nanoseconds
         leaf.setup(node=node)
         ros.spin_until(lambda: ticked(leaf) and heard, "the message")
@@ -446,7 +450,7 @@ class TestRosTopic:
         publisher = ros.node("source").create_publisher(PoseStamped, "place", 1)
         at = Output[object]()
         leaf = made(
-            by_attributes.RosTopic, "Place", "place", POSE, field="pose.position.x", value=at, waits=True
+            attribute_leaves.RosTopic, "Place", "place", POSE, field="pose.position.x", value=at, waits=True
         )
 
         def is_written() -> bool:
@@ -460,12 +464,12 @@ class TestRosTopic:
 
     @pytest.mark.parametrize(("waits", "status"), [(True, Status.RUNNING), (False, Status.FAILURE)])
     def test_without_a_message_it_waits_only_if_it_is_to(self, ros: Ros, waits: bool, status: Status) -> None:
-        leaf = made(by_attributes.RosTopic, "Place", "place", POSE, waits=waits)
+        leaf = made(attribute_leaves.RosTopic, "Place", "place", POSE, waits=waits)
         assert run(ros, leaf, lambda: True) is status
 
     def test_a_field_that_is_none_is_told_before_the_first_tick(self, ros: Ros) -> None:
         with pytest.raises(LeafDefinitionError) as raised:
-            made(by_attributes.RosTopic, "Place", "place", POSE, field="pose.positon.x").setup(
+            made(attribute_leaves.RosTopic, "Place", "place", POSE, field="pose.positon.x").setup(
                 node=ros.node()
             )
         assert str(raised.value) == "'Place': there is no field 'pose.positon.x'; did you mean 'position'?"
@@ -476,7 +480,7 @@ class TestRosTopic:
         publisher = ros.node("source").create_publisher(BatteryState, "battery", 1)
         texts = ("Cells", "battery", "sensor_msgs/msg/BatteryState")
         leaf = made(
-            by_attributes.RosTopic, *texts, field="cell_voltage[2]", value=Output[object](), waits=True
+            attribute_leaves.RosTopic, *texts, field="cell_voltage[2]", value=Output[object](), waits=True
         )
 
         def is_over() -> bool:
@@ -492,7 +496,7 @@ class TestRosTopic:
 
         node, scope, said = ros.node("source"), Scope(Board("test")), Output[object]()
         topic = scope.resolve("topic")
-        leaf = by_attributes.RosTopic(
+        leaf = attribute_leaves.RosTopic(
             "Said", Input(topic), "std_msgs/msg/String", field=read_path("data"), value=said, waits=True
         )
         leaf.setup(node=ros.node("mission"))
@@ -553,9 +557,9 @@ class TestRosTransform:
 
     def leaf(
         self, target: str = "map", source: str = "camera", **attributes: Any
-    ) -> by_attributes.RosTransform:
-        leaf: by_attributes.RosTransform = made(
-            by_attributes.RosTransform, "Where", target, source, **attributes
+    ) -> attribute_leaves.RosTransform:
+        leaf: attribute_leaves.RosTransform = made(
+            attribute_leaves.RosTransform, "Where", target, source, **attributes
         )
         return leaf
 
@@ -642,7 +646,7 @@ def test_a_tree_of_such_leaves_is_made_by_the_palette_and_says_what_it_uses(tmp_
     tags = [
         type(each).__name__
         for each in compiled.root.iterate()
-        if type(each).__module__ == by_attributes.__name__
+        if type(each).__module__ == attribute_leaves.__name__
     ]
     assert sorted(tags) == sorted(spec.tag for spec in specs("jazzy"))
 
@@ -663,7 +667,7 @@ def test_the_constructor_takes_what_is_declared_of_the_leaf(spec: Any) -> None:
     found = {}
     for each in takes:
         default = ... if each.default is each.empty else each.default
-        is_input = typing.get_origin(without_none(hints[each.name])) is Input
+        is_input = typing.get_origin(strip_none(hints[each.name])) is Input
         found[each.name] = is_input, default.get() if isinstance(default, Input) else default
     assert found == parameters(spec)
 

@@ -132,7 +132,7 @@ def test_nothing_is_at_a_position_that_is_none(number: float) -> None:
         (lambda: message_values.check_position(0.0, number), "not a position|farther away"),
         (lambda: message_values.planar_point(message("geometry_msgs/PointStamped", header__frame_id="map", point__x=number), "map"), "not a position|farther away"),
         (lambda: message_values.path_points(path(number)), "not a position|farther away"),
-        (lambda: message_values.grid_place(message("nav_msgs/OccupancyGrid", info__resolution=0.05, info__origin__position__y=number)), "not a position|farther away"),
+        (lambda: message_values.grid_geometry(message("nav_msgs/OccupancyGrid", info__resolution=0.05, info__origin__position__y=number)), "not a position|farther away"),
     ]  # fmt: skip
     for read, said in readers:
         with pytest.raises(UnusableValueError, match=said):
@@ -147,7 +147,7 @@ def path(number: float) -> Any:
 @pytest.mark.parametrize("resolution", [0.0, -0.05, math.nan, math.inf])
 def test_a_map_has_cells_of_some_size(resolution: float) -> None:
     with pytest.raises(UnusableValueError, match="the resolution is"):
-        message_values.grid_place(message("nav_msgs/OccupancyGrid", info__resolution=resolution))
+        message_values.grid_geometry(message("nav_msgs/OccupancyGrid", info__resolution=resolution))
 
 
 @pytest.mark.parametrize("frame", ["robot1/map", "odom", "/map", "Map", "", "map\n"])
@@ -239,9 +239,9 @@ def test_a_drive_of_which_nothing_is_known_has_nothing_left() -> None:
 
     feedback = NavigateToPose.Feedback(distance_remaining=2.5)
     feedback.estimated_time_remaining.sec, feedback.estimated_time_remaining.nanosec = 3, 500_000_000
-    assert message_values.drive_left(feedback) == (2.5, 3.5)
+    assert message_values.remaining_drive(feedback) == (2.5, 3.5)
     for number in (*NOT_NUMBERS, -1.0):
-        assert message_values.drive_left(NavigateToPose.Feedback(distance_remaining=number)) is None
+        assert message_values.remaining_drive(NavigateToPose.Feedback(distance_remaining=number)) is None
 
 
 class TestReports:

@@ -39,10 +39,10 @@ class Launch:
         return path
 
     def node(self, ros: Sequence[str] = (), params: Path | None = None) -> Any:
-        from sar_compiler.ros.arguments import init_arguments, node_arguments, readable_ros_errors
+        from sar_compiler.ros.arguments import convert_ros_errors, init_arguments, node_arguments
         from sar_compiler.ros.parameters import DataNode
 
-        with readable_ros_errors():
+        with convert_ros_errors():
             stage = self._make_ros(init_arguments(ros, params))
         return stage.add(DataNode(NAME, stage.context, node_arguments(ros)))
 

@@ -8,7 +8,7 @@ from sar_compiler.missions.parameter_file import (
     read_parameter_file,
     sections_elsewhere,
 )
-from sar_compiler.missions.parameter_reader import ParameterReader, unread_files
+from sar_compiler.missions.parameter_reader import ParameterReader, report_unused_files
 
 NODE = "/robot1/search_and_rescue"
 
@@ -74,8 +74,8 @@ def test_a_node_may_be_called_nearly_like_the_section(tmp_path):
 
 
 def unread(path, *read):
-    reader = ParameterReader.of_files(read_parameter_file(path, NODE), [path], NODE)
-    return unread_files(reader, read)
+    reader = ParameterReader.from_files(read_parameter_file(path, NODE), [path], NODE)
+    return report_unused_files(reader, read)
 
 
 def test_a_file_of_which_nothing_is_read_is_reported_with_what_would_be(tmp_path):
@@ -95,4 +95,4 @@ def test_a_file_of_which_nothing_is_read_is_reported_with_what_would_be(tmp_path
 
 def test_a_file_of_which_something_is_read_is_not_reported(tmp_path):
     assert unread(file_for(tmp_path, NODE), "x") == []
-    assert unread_files(ParameterReader({"speed": 1.0}), ["x"]) == []
+    assert report_unused_files(ParameterReader({"speed": 1.0}), ["x"]) == []

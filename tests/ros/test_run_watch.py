@@ -37,7 +37,7 @@ class Broken:
 
 
 def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sar_compiler.execution.run_watch import RunWatch
+    from sar_compiler.execution.run_watch import PropertyWatch
 
     tree, watch = stage_of(load("search_and_rescue")).play().simulated.compiled, Broken()
     engine: Any = SimpleNamespace(add_post_tick_handler=lambda _: None)
@@ -50,7 +50,7 @@ def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: 
         values={},
     )
     monkeypatch.setattr("sar_compiler.execution.run_watch.watch_tree", lambda *_, **__: watch)
-    extension = RunWatch(run)
+    extension = PropertyWatch(run)
     extension.on_compiled(tree, engine)
     tree.root.tick_once()
     tree.root.tick_once()
@@ -58,4 +58,4 @@ def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: 
     assert watch.taken[-1] == "answers"
     extension.on_last_tick(is_over=True)
     assert extension.verdicts() == {"one": "broken", "two": "unknown"}
-    assert extension.in_words() == "Monitored 2 properties: 1 violated (one), 1 unknown (two)."
+    assert extension.summary_text() == "Monitored 2 properties: 1 violated (one), 1 unknown (two)."

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sar_compiler.ros.middleware import _remove_if_dead, remove_what_the_dead_left
+from sar_compiler.ros.middleware import _remove_if_dead, remove_stale_segments
 
 BEGINS = """
 import rclpy
@@ -34,7 +34,7 @@ def left(folder: Path, name: str, *, age_sec: float = 3600.0) -> Path:
 def test_the_segments_of_the_dead_are_removed_with_their_locks(tmp_path: Path) -> None:
     for name in ("a", "b"):
         left(tmp_path, name)
-    assert remove_what_the_dead_left(tmp_path) == 2
+    assert remove_stale_segments(tmp_path) == 2
     assert list(tmp_path.iterdir()) == []
 
 
@@ -43,9 +43,9 @@ def test_what_is_held_or_new_or_somebody_elses_stays(tmp_path: Path, monkeypatch
     (tmp_path / "fastrtps_port7412").write_bytes(b"port")
     with Path(f"{held}_el").open("rb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        assert remove_what_the_dead_left(tmp_path) == 0
+        assert remove_stale_segments(tmp_path) == 0
     monkeypatch.setattr("os.geteuid", lambda: 4711)
-    assert remove_what_the_dead_left(tmp_path) == 0
+    assert remove_stale_segments(tmp_path) == 0
     assert held.exists()
     assert new.exists()
     assert len(list(tmp_path.iterdir())) == 5
@@ -53,7 +53,7 @@ def test_what_is_held_or_new_or_somebody_elses_stays(tmp_path: Path, monkeypatch
 
 def test_the_ports_of_the_dead_are_left_to_who_takes_them_over(tmp_path: Path) -> None:
     left(tmp_path, "port7009")
-    assert remove_what_the_dead_left(tmp_path) == 0
+    assert remove_stale_segments(tmp_path) == 0
     assert sorted(each.name for each in tmp_path.iterdir()) == ["fastrtps_port7009", "fastrtps_port7009_el"]
 
 
@@ -75,9 +75,9 @@ def test_a_port_whose_process_was_killed_while_it_made_it_is_removed(
     link = tmp_path / "fastrtps_port30697"
     link.symlink_to("fastrtps_target")
     monkeypatch.setattr("os.geteuid", lambda: 4711)
-    assert remove_what_the_dead_left(tmp_path) == 0
+    assert remove_stale_segments(tmp_path) == 0
     monkeypatch.undo()
-    assert remove_what_the_dead_left(tmp_path) == 3
+    assert remove_stale_segments(tmp_path) == 3
     assert not port.exists()
     assert not segment.exists()
     assert new.exists()

@@ -25,8 +25,8 @@ class Robot:
         from nav_msgs.msg import Odometry
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        from sar_compiler.ros.dependency_monitor import UnaskedMotion
-        from sar_compiler.ros.leaves.goals import goals_under_way
+        from sar_compiler.ros.dependency_monitor import UnrequestedMotion
+        from sar_compiler.ros.leaves.goals import active_goals_of
         from sar_compiler.ros.robot_estimate import robot_estimate
 
         self.ros = ros
@@ -40,8 +40,8 @@ class Robot:
             other.create_service(CancelGoal, f"{name}/_action/cancel_goal", self._cancel_of(name))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.statuses = other.create_publisher(GoalStatusArray, "navigate_to_pose/_action/status", latched)
-        self.estimate, self._goals = robot_estimate(node), goals_under_way(node)
-        self.motion = UnaskedMotion(node, ["navigate_to_pose"])
+        self.estimate, self._goals = robot_estimate(node), active_goals_of(node)
+        self.motion = UnrequestedMotion(node, ["navigate_to_pose"])
         ros.spin_until(lambda: self.estimate.stands, "the first odometry")
         ros.spin_until(self._sees_all_servers, "the servers")
 

@@ -8,7 +8,7 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.nodes.ros_fields import read_path
-from sar_compiler.ros.leaves.by_attributes import RosTopic, RosTransform
+from sar_compiler.ros.leaves.attribute_leaves import RosTopic, RosTransform
 from sar_compiler.ros.leaves.topic_leaf import TopicLeaf
 from sar_compiler.ros.message_values import battery_share
 from sar_compiler.ros.robot_estimate import RobotEstimate, robot_estimate

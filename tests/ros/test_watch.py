@@ -263,7 +263,7 @@ def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_
     assert amcl.age_sec < 60.0
     drives = robot_estimate(node).driving_nodes
     ros.spin_until(lambda: drives.obstacle() == "", "the states of both")
-    drives.ask_again()
+    drives.ignore_answers()
     # What was known before does not count any more, and one question is enough for all.
     assert drives.obstacle() is None
     ros.spin_until(lambda: drives.obstacle() == "", "their answers")

@@ -14,7 +14,7 @@ from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import MAX_DEPTH, parse
-from sar_compiler.runtime.script_code import quick_script
+from sar_compiler.runtime.script_code import compile_fast_script
 from sar_compiler.runtime.scripting import NodeScript, NodeScriptError, ScopeVariables
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.runtime.variables import LARGEST_EXACT, Enums
@@ -107,7 +107,7 @@ class Place:
 def quick_form(program, place, condition=None):
     """Return the quick form of a program."""
     usual = [functools.partial(each, place.variables) for each in program.statements]
-    return quick_script(program.script, place.variables.entry, ENUMS.numbers, usual, condition)
+    return compile_fast_script(program.script, place.variables.entry, ENUMS.numbers, usual, condition)
 
 
 def outcome(run):
@@ -168,7 +168,7 @@ def test_usual_values_are_calculated_with_in_the_quick_form(text, held, value):
     place = Place({name: (True, each, True, None) for name, each in held.items()})
     program = Program(parse(text), ENUMS.numbers)
     usual = [unusual] * len(program.script.statements)
-    quick = quick_script(program.script, place.variables.entry, ENUMS.numbers, usual)
+    quick = compile_fast_script(program.script, place.variables.entry, ENUMS.numbers, usual)
     assert quick is not None
     assert repr(quick()) == repr(value)
 
@@ -260,6 +260,6 @@ def test_a_board_that_becomes_numbered_is_written_there():
     place = Place({"a": (True, 1, True, None)})
     script = NodeScript(Input(parse("a = a + 1")), "node", "code", place.scope, ENUMS)
     script.run()
-    NumberedBoard.of(place.scope.board, EntryCells())
+    NumberedBoard.from_board(place.scope.board, EntryCells())
     assert script.run() == 3
     assert place.scope.resolve("a").read() == 3

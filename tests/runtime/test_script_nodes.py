@@ -9,7 +9,7 @@ from sar_compiler.runtime.kernel.leaf_nodes import StrictUpdate
 from sar_compiler.runtime.language_nodes import RunScript, ScriptCondition
 from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
-from sar_compiler.runtime.script_code import quick_script
+from sar_compiler.runtime.script_code import compile_fast_script
 from sar_compiler.runtime.scripting import NodeScriptError
 from tests.runtime.own import own
 from tests.runtime.stage import Stage
@@ -246,9 +246,9 @@ def test_a_script_around_whose_update_somebody_has_put_something_is_made_code_on
 
     def counted(*given):
         made.append(given)
-        return quick_script(*given)
+        return compile_fast_script(*given)
 
-    monkeypatch.setattr("sar_compiler.runtime.scripting.quick_script", counted)
+    monkeypatch.setattr("sar_compiler.runtime.scripting.compile_fast_script", counted)
     node = RunScript("s", stage.code("n += 1"), stage.scope, stage.enums)
     monkeypatch.setattr(node, "update", StrictUpdate(node))
     for _ in range(3):

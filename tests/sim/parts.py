@@ -43,12 +43,12 @@ from sar_compiler.sim.bt_navigator import (
     AcceptedGoal,
     BtNavigator,
     NavigationSetup,
-    pre_empted,
+    end_of_replaced_goal,
     serve_goals,
 )
 from sar_compiler.sim.geometry import ORIGIN, Pose2D
 from sar_compiler.sim.isolation import stay_on_this_machine
-from sar_compiler.sim.messages import NANOSECONDS, from_pose, tell_state, to_stamp, to_transform
+from sar_compiler.sim.messages import NANOSECONDS, from_pose, set_lifecycle_state, to_stamp, to_transform
 from sar_compiler.sim.navigator import QUICK, DriveEnd, DriveOutcome
 from sar_compiler.sim.node_host import NodeHost, PacedExecutor
 from sar_compiler.sim.occupancy import OccupancyMap
@@ -166,7 +166,7 @@ class Controller(BtNavigator):
 def serve_state(node: Node, name: str, is_active: Callable[[], bool]) -> None:
     """Say in which state a lifecycle node is."""
     node.create_service(
-        GetState, f"{name}/get_state", lambda _, response: tell_state(response, active=is_active())
+        GetState, f"{name}/get_state", lambda _, response: set_lifecycle_state(response, active=is_active())
     )
 
 
@@ -257,7 +257,7 @@ class Navigator:
         goal, before = _PassedOn(handle, self._now), self._goal
         handle.execute(goal.run)
         if before is not None:
-            before.end(pre_empted(before))
+            before.end(end_of_replaced_goal(before))
         self._goal = goal
         self._send_on(goal)
 

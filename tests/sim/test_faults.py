@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.missions.faults import (
     NAVIGATION_FAULTS,
-    CallFate,
+    CallFaults,
     Fault,
     FaultError,
     FaultPlan,
@@ -96,21 +96,21 @@ def test_calls_are_dropped_first_then_refused_and_all_answers_delayed() -> None:
     faults = plan("report_survivor:refuse=1", "report_survivor:drop=2", "report_survivor:delay=3")
     service = faults.for_service("report_survivor")
     assert [service.next_call() for _ in range(4)] == [
-        CallFate(drop=True),
-        CallFate(drop=True),
-        CallFate(delay_sec=3.0, refuse=True),
-        CallFate(delay_sec=3.0),
+        CallFaults(drop=True),
+        CallFaults(drop=True),
+        CallFaults(delay_sec=3.0, refuse=True),
+        CallFaults(delay_sec=3.0),
     ]
 
 
 def test_faults_of_one_service_leave_the_others_alone() -> None:
-    assert plan("report_survivor:drop=2").for_service("detect_survivor").next_call() == CallFate()
-    assert ServiceFaults().next_call() == CallFate()
+    assert plan("report_survivor:drop=2").for_service("detect_survivor").next_call() == CallFaults()
+    assert ServiceFaults().next_call() == CallFaults()
 
 
 def test_goals_are_rejected_as_often_as_said() -> None:
     navigation = plan("navigate_to_pose:reject=2").for_navigation()
-    assert [navigation.rejects_next() for _ in range(3)] == [True, True, False]
+    assert [navigation.should_reject() for _ in range(3)] == [True, True, False]
 
 
 def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:

@@ -18,10 +18,10 @@ pytestmark = pytest.mark.ros
 
 def waits(context: Any) -> bool:
     """Return whether the absence of others has to be waited for."""
-    from sar_compiler.sim.isolation import refuse_company
+    from sar_compiler.sim.isolation import require_no_other_nodes
 
     waited: list[bool] = []
-    refuse_company(context=context, look_around_sec=0.2, on_waiting=lambda: waited.append(True))
+    require_no_other_nodes(context=context, look_around_sec=0.2, on_waiting=lambda: waited.append(True))
     return bool(waited)
 
 
@@ -107,11 +107,11 @@ def test_others_are_waited_for_with_a_middleware_that_has_ports_of_its_own(
 def test_a_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client) -> None:
     from rosgraph_msgs.msg import Clock
 
-    from sar_compiler.sim.isolation import IsolationError, refuse_company
+    from sar_compiler.sim.isolation import IsolationError, require_no_other_nodes
 
     client.node.create_publisher(Clock, "/clock", 10)
     with pytest.raises(IsolationError, match="node '/client' already provides /clock") as raised:
-        refuse_company(context=ros_context)
+        require_no_other_nodes(context=ros_context)
     assert raised.value.node == "node '/client'"
 
 
@@ -121,30 +121,30 @@ def test_a_node_whose_announcement_has_not_arrived_is_another_node(
     from rclpy.node import Node
     from rosgraph_msgs.msg import Clock
 
-    from sar_compiler.sim.isolation import IsolationError, refuse_company
+    from sar_compiler.sim.isolation import IsolationError, require_no_other_nodes
 
     client.node.create_publisher(Clock, "/clock", 10)
     (info,) = client.node.get_publishers_info_by_topic("/clock")
     info.node_name, info.node_namespace = "_NODE_NAME_UNKNOWN_", "_NODE_NAMESPACE_UNKNOWN_"
     monkeypatch.setattr(Node, "get_publishers_info_by_topic", lambda *_: [info])
     with pytest.raises(IsolationError, match=r"^another node already provides /clock"):
-        refuse_company(context=ros_context, look_around_sec=0.2)
+        require_no_other_nodes(context=ros_context, look_around_sec=0.2)
 
 
 def test_a_foreign_navigation_server_is_named_with_its_node(ros_context: Any) -> None:
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer
 
-    from sar_compiler.sim.isolation import IsolationError, refuse_company
+    from sar_compiler.sim.isolation import IsolationError, require_no_other_nodes
 
     robot = Client(ros_context, namespace="/robot1")
     server = ActionServer(robot.node, NavigateToPose, "navigate_to_pose", lambda _: NavigateToPose.Result())
     try:
-        refuse_company(context=ros_context, look_around_sec=0.2)
+        require_no_other_nodes(context=ros_context, look_around_sec=0.2)
         with pytest.raises(
             IsolationError, match="node '/robot1/client' already provides the action /robot1/nav"
         ):
-            refuse_company(context=ros_context, namespace="/robot1")
+            require_no_other_nodes(context=ros_context, namespace="/robot1")
     finally:
         server.destroy()
         robot.close()
@@ -154,24 +154,24 @@ def test_a_mere_client_of_navigation_is_no_company(ros_context: Any, client: Cli
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionClient
 
-    from sar_compiler.sim.isolation import refuse_company
+    from sar_compiler.sim.isolation import require_no_other_nodes
 
     goals = "/navigate_to_pose/_action/send_goal"
     action = ActionClient(client.node, NavigateToPose, "navigate_to_pose")
     try:
         names = [name for name, _ in client.node.get_service_names_and_types()]
         assert goals in names, "the client is not in the graph, so this would show nothing"
-        refuse_company(context=ros_context, look_around_sec=0.2)
+        require_no_other_nodes(context=ros_context, look_around_sec=0.2)
     finally:
         action.destroy()
 
 
 def test_a_running_simulation_is_company(ros_context: Any, simulate: Callable[..., Any]) -> None:
-    from sar_compiler.sim.isolation import IsolationError, refuse_company
+    from sar_compiler.sim.isolation import IsolationError, require_no_other_nodes
 
     simulate()
     with pytest.raises(IsolationError, match="node '/simulator'"):
-        refuse_company(context=ros_context)
+        require_no_other_nodes(context=ros_context)
 
 
 def test_a_simulation_ends_when_another_one_comes(

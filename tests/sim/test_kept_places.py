@@ -5,14 +5,14 @@ import math
 import pytest
 
 from sar_compiler.sim.geometry import Pose2D
-from sar_compiler.sim.placement import KeptPlaces, KeptPlacesError, Placement
+from sar_compiler.sim.placement import Placement, PoseFile, PoseFileError
 
 PLACES = {"": (Pose2D(1.0, 2.0, 0.5), Pose2D(0.25, 0.0, 0.1))}
 
 
 @pytest.fixture
 def kept(tmp_path):
-    return KeptPlaces(tmp_path / "places.json", "disaster_zone")
+    return PoseFile(tmp_path / "places.json", "disaster_zone")
 
 
 def test_what_was_written_is_read(kept):
@@ -43,13 +43,13 @@ def test_without_a_file_robots_are_at_their_starts(kept):
 )
 def test_a_file_of_something_else_is_refused(kept, text, problem):
     kept._path.write_text(text)
-    with pytest.raises(KeptPlacesError, match=problem):
+    with pytest.raises(PoseFileError, match=problem):
         kept.read()
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(KeptPlacesError, match=r"places\.json: cannot be written: No such file or directory"):
-        KeptPlaces(tmp_path / "nowhere" / "places.json", "disaster_zone").write(PLACES)
+    with pytest.raises(PoseFileError, match=r"places\.json: cannot be written: No such file or directory"):
+        PoseFile(tmp_path / "nowhere" / "places.json", "disaster_zone").write(PLACES)
 
 
 @pytest.mark.ros
@@ -58,7 +58,7 @@ def test_a_simulation_keeps_the_places_of_its_robots(kept, ros_context, disaster
 
     robots = [Placement("", Pose2D(1.0, 2.0, math.pi / 4), Pose2D(0.5, 0.0))]
     simulation = Simulation(disaster_zone, robots, speed=100.0, context=ros_context)
-    simulation.keep_places(kept)
+    simulation.store_poses(kept)
     with simulation:
         while not kept._path.is_file():
             assert simulation.failure is None

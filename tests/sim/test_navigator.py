@@ -95,7 +95,7 @@ def test_a_map_without_free_ground_occupies_every_goal() -> None:
 
 def test_a_robot_that_leans_on_a_wall_may_leave_it() -> None:
     path = Planner(two_rooms(), 0.22).plan(Pose2D(0.2, 1.0), Pose2D(1.0, 1.0))
-    assert path.to_go[0] > 0.5
+    assert path.remaining_lengths[0] > 0.5
 
 
 def test_the_tour_of_all_zones_ends_at_each_pose(disaster_zone: World, planner: Planner) -> None:

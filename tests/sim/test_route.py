@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, OccupancyMap
-from sar_compiler.sim.planner import Planner, plan_route, reach_of
+from sar_compiler.sim.planner import Planner, plan_route, reachable_areas
 
 RADIUS = 0.2
 
@@ -62,7 +62,7 @@ def test_a_place_outside_the_geofence_and_a_way_that_leaves_it_are_told_apart(tw
 
 class TestAreas:
     def reach(self, occupancy, *corners, start=(1.0, 1.0)):
-        [found] = reach_of(Planner(occupancy, RADIUS), start, [corners])
+        [found] = reachable_areas(Planner(occupancy, RADIUS), start, [corners])
         return found
 
     def test_of_a_room_all_is_reached_but_the_corners_where_the_robot_is_too_round(self, two_rooms):

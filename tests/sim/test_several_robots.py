@@ -201,7 +201,7 @@ def test_a_server_of_one_of_the_robots_is_company(ros_context: Any, clients: tup
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer
 
-    from sar_compiler.sim.isolation import IsolationError, refuse_company
+    from sar_compiler.sim.isolation import IsolationError, require_no_other_nodes
 
     server = ActionServer(
         clients[1].node, NavigateToPose, "navigate_to_pose", lambda _: NavigateToPose.Result()
@@ -210,7 +210,7 @@ def test_a_server_of_one_of_the_robots_is_company(ros_context: Any, clients: tup
         with pytest.raises(
             IsolationError, match="'/robot2/client' already provides the action /robot2/navigate_to_pose here"
         ):
-            refuse_company(context=ros_context, actions=[robot.action for robot in PAIR])
+            require_no_other_nodes(context=ros_context, actions=[robot.action for robot in PAIR])
     finally:
         server.destroy()
 

@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from sar_compiler.tree.model import Comment, Element, TreeFile, text_of_yaml
+from sar_compiler.tree.model import Comment, Element, TreeFile, yaml_comment_text
 from sar_compiler.tree.xml import parse_xml
 
 SOURCE = parse_xml("<root/>").source
@@ -77,7 +77,7 @@ WORDS = st.sampled_from(
 )
 VALUES = WORDS | st.text(ODD | ANY, max_size=12)
 SAID = st.lists(st.text(st.sampled_from(list("ab -#&<>:'\"é!")), max_size=8), min_size=1, max_size=3)
-COMMENT_TEXTS = SAID.map(text_of_yaml).filter(lambda text: "--" not in text)
+COMMENT_TEXTS = SAID.map(yaml_comment_text).filter(lambda text: "--" not in text)
 
 
 @st.composite

@@ -197,7 +197,7 @@ def test_a_fix_within_fields_changes_only_its_word():
     root = tree_file.root
     start = root.attributes["message"].index("dato")
     finding = root.finding(
-        "wrong-value", "no field", root.within_value("message", start, start + 4), suggestion="data"
+        "wrong-value", "no field", root.value_part_span("message", start, start + 4), suggestion="data"
     )
     fixed = apply_fixes(text, fixes(root.source, tree_file, [finding], lambda _finding: True))
     assert fixed == text.replace("dato", "data")

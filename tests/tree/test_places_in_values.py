@@ -13,7 +13,7 @@ from tests.tree.strategies import tree_files
 def cut(element, name, part):
     """Return what the file has in the place of a part of a value."""
     start = element.attributes[name].index(part)
-    source, span = element.source, element.within_value(name, start, start + len(part))
+    source, span = element.source, element.value_part_span(name, start, start + len(part))
     return source.text[source.offset(span.line, span.column) : source.offset(span.end_line, span.end_column)]
 
 
@@ -61,7 +61,7 @@ def test_a_part_is_never_placed_outside_of_its_value(write, parse, tree_file):
         for name, value in element.attributes.items():
             whole = element.value_span(name)
             for start in range(len(value) + 1):
-                part = element.within_value(name, start, len(value))
+                part = element.value_part_span(name, start, len(value))
                 assert (whole.line, whole.column) <= (part.line, part.column)
                 assert (part.line, part.column) <= (part.end_line, part.end_column)
                 assert (part.end_line, part.end_column) <= (whole.end_line, whole.end_column)

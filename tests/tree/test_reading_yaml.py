@@ -122,7 +122,7 @@ def test_places_are_right_whatever_ends_the_lines():
 
 def test_an_attribute_that_is_not_there_is_placed_at_the_tag():
     root = parse_yaml("root").root
-    assert root.name_span("a") == root.value_span("a") == root.within_value("a", 0, 1) == root.tag_span()
+    assert root.name_span("a") == root.value_span("a") == root.value_part_span("a", 0, 1) == root.tag_span()
 
 
 SURPRISES = {

@@ -68,8 +68,8 @@ def test_a_declaration_behind_empty_lines_is_told_and_the_places_behind_it_stay(
 def test_a_place_in_a_recovered_value_is_that_of_the_text():
     element = parse_xml('<root a="x && y; &lt; z"/>').root
     value = element.attributes["a"]
-    assert cut(element.source, element.within_value("a", value.index("z"), len(value))) == "z"
-    assert cut(element.source, element.within_value("a", value.index("&"), value.index("&") + 2)) == "&&"
+    assert cut(element.source, element.value_part_span("a", value.index("z"), len(value))) == "z"
+    assert cut(element.source, element.value_part_span("a", value.index("&"), value.index("&") + 2)) == "&&"
 
 
 @pytest.mark.parametrize(

@@ -22,4 +22,4 @@ def test_no_part_of_it_has_a_place():
     assert ELEMENT.line == 0
     assert ELEMENT.source.form is Form.XML
     assert ELEMENT.tag_span() == ELEMENT.name_span("name") == ELEMENT.value_span("name") == nowhere
-    assert ELEMENT.within_value("name", 0, 1) == nowhere
+    assert ELEMENT.value_part_span("name", 0, 1) == nowhere

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from sar_compiler.tree.model import TreeFile
 from sar_compiler.tree.xml import parse_xml
-from sar_compiler.tree.xml_writer import one_tag_a_line, write_xml
+from sar_compiler.tree.xml_writer import write_xml, xml_with_tag_per_line
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import scalar, write_yaml
 from tests.tree.strategies import VALUES, everything, tree_files
@@ -146,7 +146,7 @@ def test_comments_beside_attributes_stay_there_in_yaml():
 
 def test_one_tag_a_line_lets_lines_be_counted():
     root = parse_yaml("root: {children: [{A: {x: '1\n\n2', children: [B, C]}}, D]}").root
-    lines = one_tag_a_line(root).split("\n")
+    lines = xml_with_tag_per_line(root).split("\n")
     assert [line.split(">")[0].split(" ")[0] for line in lines] == ["<root", "<A", "<B", "<C", "<D"]
     assert parse_xml("\n".join(lines)).root == root
 

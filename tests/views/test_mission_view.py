@@ -29,7 +29,9 @@ def mission(tree, *statuses, more=()):
         for number, status, message in statuses
     ]
     entries = enumerate([*told, *more])
-    return MissionState.of(JournalEntry(at, 1, at, float(at), kind, data) for at, (kind, data) in entries)
+    return MissionState.from_stream(
+        JournalEntry(at, 1, at, float(at), kind, data) for at, (kind, data) in entries
+    )
 
 
 def lines(state, height=24, now=10.0):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.reports.mission_report import ShortPaths
+from sar_compiler.reports.mission_report import PathShortener
 
 
 @pytest.fixture
@@ -13,7 +13,7 @@ def short(monkeypatch):
     """Return how a text is told of a journal in /home/ada/state; the current folder is /work/site."""
     monkeypatch.setenv("HOME", "/home/ada")
     monkeypatch.setattr(Path, "cwd", lambda: Path("/work/site"))
-    paths = ShortPaths(Path("/home/ada/state"))
+    paths = PathShortener(Path("/home/ada/state"))
 
     def told(text, kind="note"):
         return paths.shorten(JournalEntry(1, 1, 0.0, 0.0, kind, {"text": text})).data["text"]
@@ -54,7 +54,7 @@ def test_without_a_home_nothing_is_told_from_there(monkeypatch):
     monkeypatch.setattr("os.path.expanduser", lambda path: path)
     data = {"text": "/home/ada/x, ~/y"}
     entry = JournalEntry(1, 1, 0.0, 0.0, "note", data)
-    assert ShortPaths(Path("/srv")).shorten(entry).data == data
+    assert PathShortener(Path("/srv")).shorten(entry).data == data
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_without_a_home_nothing_is_told_from_there(monkeypatch):
 def test_files_of_the_tree_are_told_from_the_folder_that_they_share(files, told):
     first, other = ({"name": "n", "children": [], "file": file, "line": 1} for file in files)
     began = {"tree": {**first, "children": [other]}, "run": {"parameters": {"map": files[0]}}}
-    (entry,) = ShortPaths(Path("/var/journals")).of([JournalEntry(1, 1, 0.0, 0.0, "run_began", began)])
+    (entry,) = PathShortener(Path("/var/journals")).of([JournalEntry(1, 1, 0.0, 0.0, "run_began", began)])
     tree = entry.data["tree"]
     assert [tree["file"], tree["children"][0]["file"]] == told
     assert entry.data["run"]["parameters"]["map"] == told[0]

@@ -22,8 +22,8 @@ from sar_compiler.journal.display import (
 )
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.opening import open_journal
 from sar_compiler.reports.report_html import html_report
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import LiveFeed, ReplayFeed
@@ -93,7 +93,9 @@ class Patrol:
         elif fact.kind == "forecast":
             self.rain = data["rain"]
         elif fact.kind == "mown":
-            self.lawns[data["name"]] = RasterLayer.of(data["name"], "mown", -1.0, -2.0, 0.5, data["rows"])
+            self.lawns[data["name"]] = RasterLayer.from_shares(
+                data["name"], "mown", -1.0, -2.0, 0.5, data["rows"]
+            )
         elif fact.kind == "next_point":
             self.objects = {"skip": data["point"]}
         elif fact.kind in ("held", "aborted"):
@@ -233,7 +235,7 @@ def patrol_report(tell):
     journal.attach(Patrol(), KINDS)
     journal.begin(ABOUT, {"node": "/patrol"})
     tell(journal)
-    return html_report(MissionState.of(entries))
+    return html_report(MissionState.from_stream(entries))
 
 
 def as_address(page):

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, Ending
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.mission_state import MissionState
-from sar_compiler.journal.opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.views.mission_view import screen
 from sar_compiler.web.feed import LiveFeed

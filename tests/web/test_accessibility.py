@@ -8,7 +8,7 @@ from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.run_page import _FailureExplainer, _form
-from search_and_rescue.orders import VERBS
+from search_and_rescue.operator_commands import VERBS
 from tests.web.conftest import as_address, patrol_report
 from tests.web.flown import SCENES
 from tests.web.test_page import Asked

@@ -11,7 +11,7 @@ from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import LiveFeed
-from sar_compiler.web.page_server import PageServer, Tool
+from sar_compiler.web.page_server import PageQuery, PageServer
 from tests.web.conftest import ABOUT, KINDS, Patrol
 from tests.web.flown import VERBS, drive
 
@@ -190,7 +190,7 @@ def test_a_run_that_has_ended_takes_no_orders_any_more(patrol, browser):
 
 def test_the_report_of_a_run_can_be_read_once_that_has_ended(live, browser):
     report = "<!DOCTYPE html><style>p { color: rgb(1, 2, 3) }</style><p>robot 0</p>"
-    run = live(tools={"report": Tool(lambda _: report), "entries": Tool(lambda _: [])})
+    run = live(tools={"report": PageQuery(lambda _: report), "entries": PageQuery(lambda _: [])})
     run.begin()
     browser.open(run.server.url)
     assert browser.js("return document.getElementById('report').hidden")
@@ -202,7 +202,7 @@ def test_the_report_of_a_run_can_be_read_once_that_has_ended(live, browser):
 
 
 def test_who_watches_journals_reads_reports_at_any_time(live, browser):
-    run = live(tools={"report": Tool(lambda _: "")})
+    run = live(tools={"report": PageQuery(lambda _: "")})
     run.begin()
     browser.open(run.server.url)
     assert browser.js("return document.getElementById('report').getAttribute('href')") == "report?robot=0"

@@ -11,14 +11,14 @@ from selenium.webdriver.common.keys import Keys
 
 from sar_compiler.errors import SarError
 from sar_compiler.journal.journal_entries import Ending, JournalEntry
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import ReplayFeed, as_json
-from sar_compiler.web.page_server import PageServer, Tool
+from sar_compiler.web.page_server import PageQuery, PageServer
 from sar_compiler.web.page_state import PageState
 from sar_compiler.web.replay import Replay
 from sar_compiler.web.run_page import _FailureExplainer, _form
-from search_and_rescue.orders import VERBS
+from search_and_rescue.operator_commands import VERBS
 from tests.processes import free_port
 from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
 from tests.web.folding import history
@@ -435,9 +435,9 @@ class Asked:
     @property
     def tools(self):
         return {
-            "entries": Tool(self.entries),
-            "breakpoints": Tool(self.breakpoints, is_free=False),
-            "otherwise": Tool(self.otherwise),
+            "entries": PageQuery(self.entries),
+            "breakpoints": PageQuery(self.breakpoints, is_free=False),
+            "otherwise": PageQuery(self.otherwise),
         }
 
 

@@ -18,7 +18,7 @@ from sar_compiler.journal.journal_entries import Ending, JournalEntry
 from sar_compiler.web import feed as feed_module
 from sar_compiler.web import page_server
 from sar_compiler.web.feed import ReplayFeed
-from sar_compiler.web.page_server import PORT, PageError, PageServer, Tool
+from sar_compiler.web.page_server import PORT, PageError, PageQuery, PageServer
 from sar_compiler.web.replay import Replay
 from tests.processes import listening_addresses
 from tests.waiting import SILENCE_SEC, News
@@ -73,7 +73,7 @@ def lines(found):
 
 
 def test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_not(live):
-    tools = {"look": Tool(lambda values: {"seen": values}), "set": Tool(lambda _: 1, is_free=False)}
+    tools = {"look": PageQuery(lambda values: {"seen": values}), "set": PageQuery(lambda _: 1, is_free=False)}
     run = live(tools=tools)
     assert "#" in run.server.url
     known = {"Authorization": f"Bearer {run.server.token}"}
@@ -92,7 +92,7 @@ def test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_
 
 
 def test_the_report_of_a_robot_is_a_page_of_its_own_whose_style_is_its_own(live):
-    run = live(tools={"report": Tool(lambda values: f"<p>{values['robot']}</p>")})
+    run = live(tools={"report": PageQuery(lambda values: f"<p>{values['robot']}</p>")})
     status, text, headers = run.ask("/report?robot=1")
     assert (status, text) == (200, "<p>1</p>")
     assert "style-src 'unsafe-inline'" in headers["Content-Security-Policy"]
@@ -108,7 +108,7 @@ def test_that_there_is_no_report_is_said(live):
         raise SarError(message)
 
     assert live().ask("/report")[0] == 404
-    assert live(tools={"report": Tool(fail)}).ask("/report")[:2] == (
+    assert live(tools={"report": PageQuery(fail)}).ask("/report")[:2] == (
         409,
         "There is no report: the run goes on.\n",
     )

@@ -96,7 +96,7 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
         state.take(entry)
     # Of a journal in which another mission has begun, the last one.
     begun = max(number for number, entry in enumerate(entries) if entry.kind == "run_began")
-    mission = MissionState.of(entries if entries[begun].run == 2 else entries[begun:])
+    mission = MissionState.from_stream(entries if entries[begun].run == 2 else entries[begun:])
     shown = json.loads(json.dumps(state.whole()))
     assert list(shown["landmarks"]) == ["/".join(key) for key in mission.situation.landmarks]
     for key, mark in mission.situation.landmarks.items():

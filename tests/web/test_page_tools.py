@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.analysis.assumptions import StartValues
 from sar_compiler.analysis.tree_analysis import stage_of
 from sar_compiler.journal.errors import JournalError
-from sar_compiler.journal.opening import open_journal
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.loaded_tree import load
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.breakpoints import tick_with_breakpoints

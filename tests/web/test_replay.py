@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.mission_state import MissionState, RunProcess
-from sar_compiler.journal.opening import open_journal
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web import replay as replay_module
 from sar_compiler.web.page_state import PageState
@@ -69,7 +69,7 @@ def test_every_moment_is_what_all_entries_until_then_come_to(journal):
         state.know(RunProcess(is_gone=len(until) == len(told)))
         shown = whole(replay, time)
         assert shown == folded({}, state.whole())
-        marks = MissionState.of(until).situation.landmarks
+        marks = MissionState.from_stream(until).situation.landmarks
         assert {key: each["state"] for key, each in shown["landmarks"].items()} == {
             "/".join(key): each.state for key, each in marks.items()
         }

@@ -5,14 +5,14 @@ import socket
 
 import pytest
 
-from sar_compiler.execution.order_record import OrderRecord
+from sar_compiler.execution.command_authors import CommandAuthors
 from sar_compiler.journal.journal import Journal
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.missions.mission import VerbError
+from sar_compiler.missions.mission import CommandError
 from sar_compiler.missions.parameter_reader import ParameterReader
-from sar_compiler.web.page_server import OrderGiver
-from sar_compiler.web.team_orders import TeamOrders, ordering, run_of
-from search_and_rescue.orders import VERBS
+from sar_compiler.web.page_server import CommandSender
+from sar_compiler.web.team_commands import TeamCommands, ordering, run_of
+from search_and_rescue.operator_commands import VERBS
 from search_and_rescue.plugin import SearchAndRescue
 from search_and_rescue.search import Search
 from tests.ros.conftest import make_ros, ros
@@ -47,10 +47,10 @@ def team(ros, monkeypatch):
         return response
 
     robot = ros.node("mission", namespace="/robot2", allow_undeclared_parameters=True)
-    record = OrderRecord(robot, VERBS, journal)
+    record = CommandAuthors(robot, VERBS, journal)
     robot.create_service(Trigger, "~/pause", pause)
     record.begin()
-    return TeamOrders(ros.node("watch")), told, asked
+    return TeamCommands(ros.node("watch")), told, asked
 
 
 def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_it(ros, team):
@@ -59,7 +59,7 @@ def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_i
     orders.know(0, began("/robot1/mission"))
     ros.spin_until(lambda: orders.available(1) == ["pause"], "the service of robot2")
     assert orders.available(0) == []
-    answer = orders.give("pause", {}, OrderGiver("Ada", 1, reason="smoke"))
+    answer = orders.give("pause", {}, CommandSender("Ada", 1, reason="smoke"))
     ros.spin_until(answer.done, "the answer")
     assert (answer.result(), asked) == ((True, "it stands"), ["pause"])
     by = f"Ada (team page of ops@{socket.gethostname()})"
@@ -74,10 +74,10 @@ def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):
 
     robot = ros.node("mission", namespace="/robot3", start_parameter_services=False)
     robot.create_service(Trigger, "~/pause", lambda _, response: response)
-    orders = TeamOrders(ros.node("watch"))
+    orders = TeamCommands(ros.node("watch"))
     orders.know(0, began("/robot3/mission"))
     ros.spin_until(lambda: orders.available(0) == ["pause"], "the service of robot3")
-    answer = orders.give("pause", {}, OrderGiver("Ada", 0))
+    answer = orders.give("pause", {}, CommandSender("Ada", 0))
     ros.spin_until(answer.done, "the answer")
     assert answer.result() == (False, "")
 
@@ -87,8 +87,8 @@ def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginn
     orders, _, _ = team
     assert orders.know(0, beginning) == []
     assert orders.available(0) == []
-    with pytest.raises(VerbError, match="not installed here"):
-        orders.give("pause", {}, OrderGiver("", 0))
+    with pytest.raises(CommandError, match="not installed here"):
+        orders.give("pause", {}, CommandSender("", 0))
 
 
 def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
@@ -100,7 +100,7 @@ def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
 
 
 def test_without_ros_there_are_no_orders(monkeypatch):
-    monkeypatch.setattr("sar_compiler.web.team_orders.find_spec", lambda _: None)
+    monkeypatch.setattr("sar_compiler.web.team_commands.find_spec", lambda _: None)
     with ordering(pytest.fail) as orders:
         assert orders is None
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sar_compiler.analysis.merging import MergedValues
-from sar_compiler.analysis.predict.weighed_graph import Between, Flags, WeighedGraph
+from sar_compiler.analysis.predict.weighed_graph import Flags, ProbabilityBounds, ProbabilityGraph
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.probabilities import ChoiceTable, CountedTimes
@@ -21,15 +21,15 @@ from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.analysis.verify.properties import (
-    LeftOut,
-    Monitors,
+    InapplicableProperty,
+    MonitorSet,
     Properties,
     PropertyAutomata,
     PropertyFile,
     properties_of,
 )
 from sar_compiler.analysis.verify.slicing import merge_values
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.analysis.verify.unknown_values import explore_decidable, search_decidable
 from sar_compiler.analysis.verify.verdicts import AN_END
@@ -40,7 +40,7 @@ from sar_compiler.runtime.kernel.cells import SUCCESS, WORDS
 
 _USUAL = WORDS[SUCCESS]
 _ROUNDING = 1e-9
-_ANYTHING = Between(0.0, 1.0)
+_ANYTHING = ProbabilityBounds(0.0, 1.0)
 _SECONDS = {SECONDS.name: 1.0, MILLISECONDS.name: 1e-3}
 _MOST_TICKS = 2_000_000
 
@@ -90,11 +90,11 @@ class Prediction:
         merged: The keys and facts with merged values, because no run can distinguish them.
     """
 
-    success: Between
-    ends: Between
-    properties: Mapping[str, Between]
-    time_sec: Between | None
-    success_sec: Between | None
+    success: ProbabilityBounds
+    ends: ProbabilityBounds
+    properties: Mapping[str, ProbabilityBounds]
+    time_sec: ProbabilityBounds | None
+    success_sec: ProbabilityBounds | None
     distribution: tuple[tuple[float, float, float], ...]
     influences: tuple[Influence, ...]
     unknown: tuple[tuple[str, ...], ...]
@@ -102,7 +102,7 @@ class Prediction:
     steps: int
     complete: bool
     stopped: bool = False
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[InapplicableProperty, ...] = ()
     undecided: tuple[str, ...] = ()
     merged: tuple[MergedValues, ...] = ()
 
@@ -139,7 +139,7 @@ def predict(
             unknown value.
     """
     _require_few_ticks(simulated, period_sec)
-    prepared = Prepared.of(simulated)
+    prepared = PreparedTree.prepare(simulated)
     properties = properties_of(file, prepared, tags)
     if merges:
         merge_values(prepared, properties)
@@ -159,7 +159,7 @@ def predict(
 
 
 def _predict_searched(
-    properties: Properties, *, prepared: Prepared, period_sec: float, max_states: int, budget: Budget
+    properties: Properties, *, prepared: PreparedTree, period_sec: float, max_states: int, budget: Budget
 ) -> Prediction:
     """Predict the results of a tree's runs; raises `ConditionError` as well."""
     simulated, probabilities = prepared.simulated, ChoiceTable(CountedTimes(period_sec))
@@ -183,7 +183,9 @@ def _predict_searched(
         merged=tuple(each for each in prepared.merged if each.is_used),
     )
     budget.publish(partial(replace, nothing, stopped=True))
-    return _Reckoning(stepper, graph, probabilities, properties, period_sec).prediction(nothing, budget)
+    return _PredictionSolver(stepper, graph, probabilities, properties, period_sec).prediction(
+        nothing, budget
+    )
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
@@ -250,14 +252,14 @@ def _unknown_prediction(properties: Properties) -> Prediction:
     )
 
 
-class _BreachMonitors(Monitors):
+class _ViolationMonitors(MonitorSet):
     """Monitors that remember their violations: a bit for each, above the state of the wrapped monitors.
 
     Args:
         monitors: The wrapped monitors.
     """
 
-    def __init__(self, monitors: Monitors) -> None:
+    def __init__(self, monitors: MonitorSet) -> None:
         super().__init__(())
         self._inner = monitors
 
@@ -285,11 +287,11 @@ class _BreachMonitors(Monitors):
 
 def _breach_automata(rules: PropertyAutomata) -> PropertyAutomata:
     return PropertyAutomata(
-        _BreachMonitors(rules.monitors), rules.guarded, rules.ends, rules.at_end, rules.entries
+        _ViolationMonitors(rules.monitors), rules.guarded, rules.ends, rules.at_end, rules.entries
     )
 
 
-class _Reckoning:
+class _PredictionSolver:
     """Computes the prediction from the states that were found."""
 
     def __init__(
@@ -302,7 +304,7 @@ class _Reckoning:
     ) -> None:
         self._stepper, self._graph, self._probabilities = stepper, graph, probabilities
         self._properties, self._period_sec = properties, period_sec
-        self._weighed = WeighedGraph(graph, probabilities)
+        self._weighed = ProbabilityGraph(graph, probabilities)
         count = len(graph.states)
         self._ends = np.frombuffer(bytes(graph.ends), np.uint8).astype(bool)
         self._open = ~self._ends & (np.arange(count) >= graph.expanded)
@@ -348,7 +350,7 @@ class _Reckoning:
             budget.publish(partial(replace, found, stopped=True))
         return found
 
-    def _properties_kept(self) -> Mapping[str, Between]:
+    def _properties_kept(self) -> Mapping[str, ProbabilityBounds]:
         return {name: self._property_bounds(rule) for rule, name in enumerate(self._properties.names)}
 
     def _distribution(self, budget: Budget) -> tuple[tuple[float, float, float], ...]:
@@ -357,17 +359,17 @@ class _Reckoning:
         moments = self._weighed.ends(self._ends, self._succeeded, budget.is_spent)
         return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
-    def _property_bounds(self, rule: int) -> Between:
+    def _property_bounds(self, rule: int) -> ProbabilityBounds:
         """Return the probability that a property holds; an obligation must be met before a run ends."""
         broken, unknown = self._broken[:, rule], self._open
         if rule in self._properties.owing:
             return self._weighed.bounds(self._ends & ~broken, unknown)
         low, high = self._weighed.bounds(broken, unknown)
-        return Between(1.0 - high, 1.0 - low)
+        return ProbabilityBounds(1.0 - high, 1.0 - low)
 
-    def _time_sec(self, which: Flags) -> Between | None:
+    def _time_sec(self, which: Flags) -> ProbabilityBounds | None:
         ticks = self._weighed.ticks(which, self._succeeded) if self._graph.complete else None
-        return None if ticks is None else Between(*map(self._seconds, ticks))
+        return None if ticks is None else ProbabilityBounds(*map(self._seconds, ticks))
 
     def _seconds(self, ticks: float) -> float:
         """Return the time of a tick, seconds from the first one."""

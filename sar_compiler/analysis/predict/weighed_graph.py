@@ -45,7 +45,7 @@ _MOST_CARRIED = 20_000_000
 _STEPS_OF_A_ROUND = 400
 
 
-class Between(NamedTuple):
+class ProbabilityBounds(NamedTuple):
     """A number that is known by its bounds.
 
     Attributes:
@@ -71,7 +71,7 @@ class EndTick(NamedTuple):
     ended: float
 
 
-class WeighedGraph:
+class ProbabilityGraph:
     """The result of a search with the probability of each step.
 
     Ticks that need an unknown value have the remaining probability of an outcome.
@@ -120,7 +120,7 @@ class WeighedGraph:
         places, found = np.nonzero(missing > _ROUNDING)
         return places, found, missing[places, found]
 
-    def bounds(self, goal: Flags, unknown: Flags) -> Between:
+    def bounds(self, goal: Flags, unknown: Flags) -> ProbabilityBounds:
         """Return the bounds of the probability of reaching some states.
 
         Args:
@@ -130,7 +130,7 @@ class WeighedGraph:
         possible = self._place_flags(goal | unknown)
         possible[-1] = True
         least, most = self._optimum(self._place_flags(goal), -1)[0], self._optimum(possible, 1)[0]
-        return Between(float(least[0]), float(most[0]))
+        return ProbabilityBounds(float(least[0]), float(most[0]))
 
     def _place_flags(self, states: Flags) -> Flags:
         """Return flags of places for flags of states."""
@@ -266,7 +266,7 @@ class WeighedGraph:
                     waiting.append(source)
         return avoiding
 
-    def ticks(self, goal: Flags, best_for: Flags) -> Between | None:
+    def ticks(self, goal: Flags, best_for: Flags) -> ProbabilityBounds | None:
         """Return the expected number of ticks of the runs that reach some states; None if none does.
 
         Args:
@@ -278,7 +278,7 @@ class WeighedGraph:
             for probabilities in self._extremes(best_for)
         ]
         told = [each for each in found if each is not None]
-        return Between(min(told), max(told)) if told else None
+        return ProbabilityBounds(min(told), max(told)) if told else None
 
     def _extremes(self, goal: Flags) -> list[Reals]:
         """Return the probabilities with which reaching some states is least and most probable."""

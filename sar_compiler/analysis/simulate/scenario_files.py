@@ -6,18 +6,18 @@ from pathlib import Path
 
 from sar_compiler.analysis.assumptions import (
     StartValues,
+    apply_controls,
     check_answers,
     raise_disputes,
     read_assumptions,
     start_assumptions,
-    take_controls,
 )
 from sar_compiler.analysis.leaf_vocabulary import (
     EventPattern,
     LeafVocabulary,
     parameters,
+    parse_duration_range,
     seconds,
-    span_sec,
     word,
 )
 from sar_compiler.analysis.simulated_tree import Assumptions, SimulatedTree, compile_simulated, match_rank
@@ -252,7 +252,7 @@ def _step(
     after = parts.get("after")
     if after is not None:
         _check_running(words.document, after, leaves)
-    least, longest = span_sec(after) if after else (0.0, 0.0)
+    least, longest = parse_duration_range(after) if after else (0.0, 0.0)
     step = AnswerStep(
         answer or "",
         after_sec=least,
@@ -284,7 +284,7 @@ _EMPTY_HINT = "write leaves: with their answers, and expect: with the expected r
 
 
 @dataclass(eq=False, repr=False)
-class Stage:
+class ScenarioStage:
     """A tree file for the simulation of scenarios.
 
     Attributes:
@@ -306,7 +306,7 @@ class Stage:
         """Return a tree of the file with a scenario's controls and decorators; raises as `binding`."""
         binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
         files = (*self.palettes, *self.forest.files)
-        take_controls(document, controls, binding, self.registry, files)
+        apply_controls(document, controls, binding, self.registry, files)
         return binding
 
     def binding(self, tree_id: str | None = None) -> Binding:
@@ -320,7 +320,7 @@ class Stage:
             self._bindings[wanted] = bind_main(self.forest, self.registry, wanted, self.palettes)
         return self._bindings[wanted]
 
-    def play(self) -> "Play":
+    def play(self) -> "ScenarioSimulation":
         """Return the tree without a scenario: every leaf gives its default answer.
 
         Raises:
@@ -331,11 +331,11 @@ class Stage:
         start = self.start(binding)
         simulated = _simulate(binding, start.parameters, lambda plain: start_assumptions(start, plain))
         raise_disputes(simulated)
-        return Play(simulated, Scenario(period_sec=start.period_sec or PERIOD_SEC))
+        return ScenarioSimulation(simulated, Scenario(period_sec=start.period_sec or PERIOD_SEC))
 
 
 @dataclass(frozen=True)
-class Play:
+class ScenarioSimulation:
     """A tree, simulated for a scenario.
 
     Attributes:
@@ -347,7 +347,7 @@ class Play:
     scenario: Scenario
 
 
-def read_scenario(path: str | Path, stage: Stage) -> Play:
+def read_scenario(path: str | Path, stage: ScenarioStage) -> ScenarioSimulation:
     """Read a scenario.
 
     Raises:
@@ -357,14 +357,14 @@ def read_scenario(path: str | Path, stage: Stage) -> Play:
     return understand(read_yaml(path, SCENARIO, _EMPTY_HINT), stage)
 
 
-def understand(document: Document, stage: Stage) -> Play:
+def understand(document: Document, stage: ScenarioStage) -> ScenarioSimulation:
     """Return the tree and the scenario that a file describes.
 
     Raises:
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
     """
     parts = document.validate("scenario").mapping
-    with document.findings_first():
+    with document.prefer_findings():
         binding = _bind(document, parts.get("tree"), parts.get("controls"), stage)
         if "enums" in parts:
             binding = replace(binding, enums={**binding.enums, **parts["enums"].data})
@@ -391,10 +391,10 @@ def understand(document: Document, stage: Stage) -> Play:
         warnings=document.warnings,
     )
     document.raise_findings()
-    return Play(simulated, scenario)
+    return ScenarioSimulation(simulated, scenario)
 
 
-def _bind(document: Document, tree: Value | None, controls: Value | None, stage: Stage) -> Binding:
+def _bind(document: Document, tree: Value | None, controls: Value | None, stage: ScenarioStage) -> Binding:
     tree_id = None if tree is None else word(document, tree, stage.forest.trees, "the tree")
     return stage.binding(tree_id) if controls is None else stage.with_controls(document, controls, tree_id)
 

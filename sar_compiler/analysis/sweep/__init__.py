@@ -8,7 +8,7 @@ from math import sqrt
 from statistics import NormalDist
 from typing import NamedTuple
 
-from sar_compiler.analysis.sweep.workers import Workers
+from sar_compiler.analysis.sweep.workers import ReplaceableExecutor
 from sar_compiler.errors import SarError
 
 
@@ -55,7 +55,7 @@ class SweepError(SarError):
     """A sweep cannot continue."""
 
 
-class Played(NamedTuple):
+class RunResultSample(NamedTuple):
     """The result of one run.
 
     Attributes:
@@ -73,7 +73,7 @@ class Played(NamedTuple):
     size: tuple[int, ...] = ()
 
 
-PlayRuns = Callable[[Sequence[int]], list[Played]]
+PlayRuns = Callable[[Sequence[int]], list[RunResultSample]]
 """Plays a run for each of some seeds. It can be pickled, and gives the same results in any process."""
 
 
@@ -93,17 +93,17 @@ class StoppingRule:
     confidence: float = 0.95
     batch: int = 25
 
-    def interval(self, outcomes: Sequence[Played]) -> Interval:
+    def interval(self, outcomes: Sequence[RunResultSample]) -> Interval:
         """Return the confidence interval of the success rate."""
         return wilson(sum(not each.failure for each in outcomes), len(outcomes), self.confidence)
 
-    def is_enough(self, outcomes: Sequence[Played]) -> bool:
+    def is_enough(self, outcomes: Sequence[RunResultSample]) -> bool:
         """Return whether no more runs are needed."""
         return len(outcomes) >= self.runs or self.interval(outcomes).half_width <= self.half_width
 
 
 @dataclass(eq=False)
-class SweptRow:
+class SweepRow:
     """One combination of the varied values.
 
     Attributes:
@@ -116,12 +116,12 @@ class SweptRow:
 
     labels: Mapping[str, str]
     play: PlayRuns
-    outcomes: list[Played] = field(default_factory=list)
+    outcomes: list[RunResultSample] = field(default_factory=list)
     is_done: bool = False
     asked: int = 0
-    _early: dict[int, list[Played]] = field(default_factory=dict)
+    _early: dict[int, list[RunResultSample]] = field(default_factory=dict)
 
-    def is_played(self, rule: StoppingRule) -> bool:
+    def needs_no_more_runs(self, rule: StoppingRule) -> bool:
         """Return whether the row needs no more runs from workers."""
         return self.is_done or self.asked >= rule.runs
 
@@ -130,7 +130,7 @@ class SweptRow:
         first, self.asked = self.asked, min(self.asked + rule.batch, rule.runs)
         return _Batch(self, first, range(seed + first, seed + self.asked))
 
-    def add(self, first: int, outcomes: list[Played], rule: StoppingRule) -> None:
+    def add(self, first: int, outcomes: list[RunResultSample], rule: StoppingRule) -> None:
         """Add the results of a batch; later batches wait for it."""
         self._early[first] = outcomes
         while not self.is_done and len(self.outcomes) in self._early:
@@ -139,17 +139,17 @@ class SweptRow:
 
 
 class _Batch(NamedTuple):
-    row: SweptRow
+    row: SweepRow
     first: int
     seeds: range
 
 
-ShowRows = Callable[[Sequence[SweptRow]], object]
+ShowRows = Callable[[Sequence[SweepRow]], object]
 """Receives the rows from time to time."""
 
 
 def sweep(
-    rows: Sequence[SweptRow], rule: StoppingRule, seed: int, workers: Workers, report: ShowRows
+    rows: Sequence[SweepRow], rule: StoppingRule, seed: int, workers: ReplaceableExecutor, report: ShowRows
 ) -> None:
     """Play all rows until each was played often enough.
 
@@ -164,7 +164,7 @@ def sweep(
         SweepError: If workers terminate repeatedly during the same runs.
         Exception: Whatever a run raises.
     """
-    waiting: dict[Future[list[Played]], _Batch] = {}
+    waiting: dict[Future[list[RunResultSample]], _Batch] = {}
     again: list[_Batch] = []
     attempts: Counter[_Batch] = Counter()
     while True:
@@ -187,11 +187,13 @@ def sweep(
         report(rows)
 
 
-def _next(rows: Sequence[SweptRow], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
+def _next(rows: Sequence[SweepRow], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
     """Return the next batch: a lost one, else one of the row with the fewest runs so far."""
     if again:
         return again.pop(0)
-    row = min((row for row in rows if not row.is_played(rule)), key=lambda row: row.asked, default=None)
+    row = min(
+        (row for row in rows if not row.needs_no_more_runs(rule)), key=lambda row: row.asked, default=None
+    )
     return None if row is None else row.next_batch(rule, seed)
 
 
@@ -200,7 +202,7 @@ def _named(batch: _Batch) -> str:
     return f"seeds {batch.seeds[0]} to {batch.seeds[-1]}" + (f" of {labels}" if labels else "")
 
 
-def smallest_failure(rows: Sequence[SweptRow]) -> tuple[SweptRow, Played] | None:
+def smallest_failure(rows: Sequence[SweepRow]) -> tuple[SweepRow, RunResultSample] | None:
     """Return the failed run that is nearest to a default one, with its row; None if none has failed."""
     failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
     return min(failed, key=lambda each: each[1].size, default=None)

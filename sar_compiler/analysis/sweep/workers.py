@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _Result = TypeVar("_Result")
 
 
-class Here(Executor):
+class InlineExecutor(Executor):
     """Does the work at once, in this thread."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
@@ -24,7 +24,7 @@ class Here(Executor):
         return future
 
 
-class Workers:
+class ReplaceableExecutor:
     """An executor that is replaced if it breaks, because one of its processes was killed.
 
     Args:
@@ -71,13 +71,13 @@ class Workers:
         self._stop(self._executor)
 
 
-def in_processes(count: int) -> Workers:
+def in_processes(count: int) -> ReplaceableExecutor:
     """Return worker processes; for one, this process works itself."""
     if count == 1:
-        return Workers(Here, 1)
+        return ReplaceableExecutor(InlineExecutor, 1)
     # Each is started afresh, on every platform: a copy of this process would have its threads' locks.
     context = multiprocessing.get_context("spawn")
-    return Workers(lambda: ProcessPoolExecutor(count, context, live_with_parent), count)
+    return ReplaceableExecutor(lambda: ProcessPoolExecutor(count, context, live_with_parent), count)
 
 
 def live_with_parent() -> None:

@@ -14,14 +14,14 @@ from sar_compiler.analysis.verify.branches import has_parallels
 from sar_compiler.analysis.verify.composing import prove_by_branches
 from sar_compiler.analysis.verify.properties import Properties, PropertyFile, properties_of
 from sar_compiler.analysis.verify.slicing import merge_values
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.state_space import StateSpace
 from sar_compiler.analysis.verify.stepping import TreeStepper, plain_stepper
 from sar_compiler.analysis.verify.unknown_values import explore_decidable, search_decidable
 from sar_compiler.analysis.verify.verdicts import (
     OWN_RECORDS,
+    ProofQuestions,
     ProofStatus,
-    Questions,
     Verdict,
     Verification,
     questions_of,
@@ -61,7 +61,7 @@ def verify(
         UndecidableError: If the tree has a node with unknown rules, or keeps values that cannot be compared; or if a
             condition cannot be evaluated for another reason than an unknown value.
     """
-    prepared = Prepared.of(simulated)
+    prepared = PreparedTree.prepare(simulated)
     search = partial(
         _search,
         prepared=prepared,
@@ -86,7 +86,7 @@ def verify(
 def _search(
     properties: Properties,
     *,
-    prepared: Prepared,
+    prepared: PreparedTree,
     max_states: int,
     budget: Budget,
     forgets: bool,
@@ -144,7 +144,7 @@ def _search_whole(
     stepper: TreeStepper,
     *,
     asked: Collection[str],
-    prepared: Prepared,
+    prepared: PreparedTree,
     properties: Properties,
     max_states: int,
     report: Report,
@@ -155,7 +155,7 @@ def _search_whole(
     graph, unknown = explore_decidable(stepper, max_states, report, (*properties.names, OWN_RECORDS))
     plain = plain_stepper(prepared, properties.rules)
     space = StateSpace(stepper, graph, properties.names, properties.owing, unknown, plain)
-    questions = Questions(space, simulated.explain)
+    questions = ProofQuestions(space, simulated.explain)
     found = Verification(
         tuple(
             Verdict(each, ProofStatus.UNDECIDED, "the search stopped before it was evaluated")
@@ -177,11 +177,11 @@ def _search_whole(
     return found
 
 
-def _verdicts(questions: Questions, stepper: TreeStepper, properties: Properties) -> Iterator[Verdict]:
-    yield questions.no_error()
-    yield questions.every_leaf([node for node in stepper.flat.nodes if not node.children], stepper.ran)
+def _verdicts(questions: ProofQuestions, stepper: TreeStepper, properties: Properties) -> Iterator[Verdict]:
+    yield questions.verdict_on_errors()
+    yield questions.verdict_on_leaves([node for node in stepper.flat.nodes if not node.children], stepper.ran)
     if properties.has_end:
         yield from questions.endings()
     yield from questions.properties(properties)
     if stepper.claims:
-        yield questions.own_records(len(properties.names), lambda: stepper.wrong)
+        yield questions.verdict_on_declarations(len(properties.names), lambda: stepper.wrong)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Running
 
-from sar_compiler.analysis.simulated_tree import SimulatedTree, is_answered
+from sar_compiler.analysis.simulated_tree import SimulatedTree, needs_stub
 from sar_compiler.analysis.state_search.branch_nodes import (
     Automaton,
     BranchDeed,
@@ -22,10 +22,10 @@ from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.liveness import components, is_fair
 from sar_compiler.analysis.state_search.searching import explore
 from sar_compiler.analysis.verify.properties import PropertyAutomata, without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.state_space import IsWanted
 from sar_compiler.analysis.verify.stepping import TreeStepper
-from sar_compiler.checks.rules.entry_accesses import PlaceFinder, entry_table_of
+from sar_compiler.checks.rules.entry_accesses import PositionFinder, entry_table_of
 from sar_compiler.errors import UndecidableError
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import Entry
@@ -48,7 +48,7 @@ def has_parallels(flat: FlatTree) -> bool:
     return not own and any(isinstance(node, CountingNode) for node in flat.nodes)
 
 
-class Sharing:
+class EntrySharing:
     """The entries that each node of a tree uses.
 
     Args:
@@ -65,12 +65,12 @@ class Sharing:
         self._users: dict[str, set[int]] = {name: {_OUTSIDE} for name in read}
         self._changed: set[str] = set()
         top = simulated.compiled.instance
-        self._places = PlaceFinder(top)
+        self._places = PositionFinder(top)
         table = entry_table_of(top)
         self.is_open = table.is_open or any(
             # An entry that is only removed is not accessed.
             any(role.kind is AccessKind.NONE for role in bound.spec.semantics.keys.values())
-            or (bound.references and not is_answered(bound.spec))
+            or (bound.references and not needs_stub(bound.spec))
             for tree in table.accesses
             for bound in tree.nodes
         )
@@ -102,7 +102,7 @@ class Sharing:
 
 
 @dataclass(frozen=True, eq=False)
-class Assembly:
+class BranchAssembly:
     """A tree, or a branch that is ticked on its own, with automata in place of some branches.
 
     Attributes:
@@ -116,16 +116,16 @@ class Assembly:
     branches: "Mapping[int, Branch]"
 
     @classmethod
-    def of(
+    def from_branches(
         cls,
-        prepared: Prepared,
+        prepared: PreparedTree,
         root: Behaviour,
         branches: "Iterable[Branch]",
         rules: PropertyAutomata,
         *,
         around: Behaviour | None = None,
         joined: Mapping[Behaviour, list[Behaviour]] | None = None,
-    ) -> "Assembly":
+    ) -> "BranchAssembly":
         """Combine a tree and its branches.
 
         Args:
@@ -144,13 +144,13 @@ class Assembly:
         found = {index: known[node.behaviour] for index, node in nodes if node.behaviour in known}
         return cls(stepper, told, found)
 
-    def start(self) -> "Position":
+    def start(self) -> "BranchPosition":
         """Return the initial position."""
-        return Position(
+        return BranchPosition(
             self.stepper.steps.start(), tuple(branch.parts.start() for branch in self.branches.values())
         )
 
-    def go_on(self, position: "Position", wanted: IsWanted) -> "tuple[Position, tuple[int, ...]]":
+    def go_on(self, position: "BranchPosition", wanted: IsWanted) -> "tuple[BranchPosition, tuple[int, ...]]":
         """Play the first wanted tick; return the new position, and the tick's choices in the tree without automata."""
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
         self.told.clear()
@@ -161,11 +161,11 @@ class Assembly:
             within[index], own = self.branches[index].go_on(within[index], result)
             choices += [*path[behind:first], *own]
             behind = then
-        return Position(state, tuple(within.values())), (*choices, *path[behind:])
+        return BranchPosition(state, tuple(within.values())), (*choices, *path[behind:])
 
 
 @dataclass(frozen=True)
-class Position:
+class BranchPosition:
     """The position in a run that is composed of runs of branches.
 
     Attributes:
@@ -174,7 +174,7 @@ class Position:
     """
 
     state: bytes
-    within: "tuple[Position, ...]"
+    within: "tuple[BranchPosition, ...]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +189,7 @@ class Branch:
     """
 
     root: Behaviour
-    parts: Assembly
+    parts: BranchAssembly
     classes: Mapping[bytes, int]
     automaton: Automaton
 
@@ -198,7 +198,7 @@ class Branch:
         """Whether it is never skipped."""
         return all(outcome != SKIPPED for some in self.automaton.ticks for outcome, _ in some)
 
-    def go_on(self, position: Position, result: BranchResult) -> tuple[Position, tuple[int, ...]]:
+    def go_on(self, position: BranchPosition, result: BranchResult) -> tuple[BranchPosition, tuple[int, ...]]:
         """Return the position after a tick with a given result, and the tick's choices in the tree without automata."""
         classes, runs = self.classes, self.automaton.halts[self.classes[position.state]]
         after, choices = self.parts.go_on(
@@ -208,7 +208,7 @@ class Branch:
         return after, choices[1 if runs else 0 :]
 
 
-def branches_of(prepared: Prepared, flat: FlatTree, read: Iterable[str]) -> Iterator[Branch]:
+def branches_of(prepared: PreparedTree, flat: FlatTree, read: Iterable[str]) -> Iterator[Branch]:
     """Yield the branches of a tree that can be replaced by automata, none within another one.
 
     Args:
@@ -216,7 +216,7 @@ def branches_of(prepared: Prepared, flat: FlatTree, read: Iterable[str]) -> Iter
         flat: Its flat form.
         read: The names of the entries that properties read.
     """
-    sharing = Sharing(prepared.simulated, read)
+    sharing = EntrySharing(prepared.simulated, read)
     waiting = [] if sharing.is_open else [flat.nodes[0]]
     while waiting:
         around = waiting.pop()
@@ -229,7 +229,7 @@ def branches_of(prepared: Prepared, flat: FlatTree, read: Iterable[str]) -> Iter
                 yield branch
 
 
-def search_branch(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = ()) -> Branch | None:
+def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch] = ()) -> Branch | None:
     """Search a branch on its own; return None if it cannot be replaced by an automaton.
 
     Args:
@@ -240,7 +240,7 @@ def search_branch(prepared: Prepared, root: Behaviour, pair: Sequence[Branch] = 
     rules, around = without_properties().rules, Running("around")
     try:
         joined = {root: [branch.root for branch in pair]} if pair else {}
-        parts = Assembly.of(prepared, root, pair, rules, around=around, joined=joined)
+        parts = BranchAssembly.from_branches(prepared, root, pair, rules, around=around, joined=joined)
         graph = explore(parts.stepper.steps, _MOST_STATES)
     except UndecidableError:
         return None

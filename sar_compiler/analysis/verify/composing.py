@@ -23,13 +23,13 @@ from py_trees.behaviour import Behaviour
 
 from sar_compiler.analysis.state_search.graph import Graph
 from sar_compiler.analysis.state_search.searching import Report
-from sar_compiler.analysis.verify.branches import Assembly, Branch, branches_of, search_branch
+from sar_compiler.analysis.verify.branches import Branch, BranchAssembly, branches_of, search_branch
 from sar_compiler.analysis.verify.properties import Properties, PropertyAutomata, without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.state_space import IsWanted, PlayedTick, StateSpace, Trace, replay_ticks
 from sar_compiler.analysis.verify.stepping import TreeStepper, plain_stepper
 from sar_compiler.analysis.verify.unknown_values import explore_decidable
-from sar_compiler.analysis.verify.verdicts import Questions, Verdict, Verification
+from sar_compiler.analysis.verify.verdicts import ProofQuestions, Verdict, Verification
 from sar_compiler.runtime.events import TickRecord
 from sar_compiler.runtime.kernel.counting import ParallelAllNode, ParallelNode
 from sar_compiler.runtime.kernel.tree import FlatTree
@@ -44,7 +44,7 @@ _FEWEST = 2
 
 
 def prove_by_branches(
-    prepared: Prepared,
+    prepared: PreparedTree,
     flat: FlatTree,
     properties: Properties,
     max_states: int,
@@ -65,7 +65,7 @@ def prove_by_branches(
     branches = [] if properties.asks_for_idle else list(branches_of(prepared, flat, read))
     if len(branches) < _FEWEST:
         return None
-    asked = _Asked(prepared, flat, properties, branches)
+    asked = _BranchQuestions(prepared, flat, properties, branches)
     for concrete in asked.numbers:
         graph = asked.search(concrete, max_states, report)
         if not graph.complete:
@@ -84,7 +84,7 @@ def prove_by_branches(
     )
 
 
-class _Asked:
+class _BranchQuestions:
     """The questions about a tree, each with the branches that it concerns in full.
 
     Args:
@@ -99,10 +99,10 @@ class _Asked:
     """
 
     def __init__(
-        self, prepared: Prepared, flat: FlatTree, properties: Properties, branches: Sequence[Branch]
+        self, prepared: PreparedTree, flat: FlatTree, properties: Properties, branches: Sequence[Branch]
     ) -> None:
         self._prepared, self._flat, self._properties = prepared, flat, properties
-        self._arrangement = Arrangement(prepared, flat, branches)
+        self._arrangement = BranchArrangement(prepared, flat, branches)
         self._whole = TreeStepper(prepared, without_properties().rules)
         self.spaces: dict[frozenset[Behaviour], ComposedSpace] = {}
         roots = {each: branch.root for branch in branches for each in pre_order(branch.root)}
@@ -131,13 +131,13 @@ class _Asked:
     def verdicts(self) -> Iterator[Verdict]:
         """Yield the answers."""
         explain = self._prepared.simulated.explain
-        questions = {concrete: Questions(space, explain) for concrete, space in self.spaces.items()}
+        questions = {concrete: ProofQuestions(space, explain) for concrete, space in self.spaces.items()}
         whole = questions[frozenset()]
-        yield whole.no_error()
+        yield whole.verdict_on_errors()
         leaves = [node for node in self._flat.nodes if not node.children]
         steppers = [space.stepper for space in self.spaces.values()]
         ran = {stepper.flat.nodes[index].behaviour for stepper in steppers for index in stepper.ran}
-        yield whole.every_leaf(leaves, {leaf.index for leaf in leaves if leaf.behaviour in ran})
+        yield whole.verdict_on_leaves(leaves, {leaf.index for leaf in leaves if leaf.behaviour in ran})
         if self._properties.has_end:
             yield from whole.endings()
         answers = {
@@ -150,7 +150,7 @@ class _Asked:
         yield from (answers[number] for number in sorted(answers))
 
 
-class Arrangement:
+class BranchArrangement:
     """The replaced branches, alone or joined, for a given set of branches that are search_branch in full.
 
     Args:
@@ -159,13 +159,13 @@ class Arrangement:
         branches: The branches that can be replaced.
     """
 
-    def __init__(self, prepared: Prepared, flat: FlatTree, branches: Iterable[Branch]) -> None:
+    def __init__(self, prepared: PreparedTree, flat: FlatTree, branches: Iterable[Branch]) -> None:
         self._prepared = prepared
         self._branches = {branch.root: branch for branch in branches}
         self._parallels = [node.behaviour for node in flat.nodes if _needs_all(node)]
         self._joined: dict[tuple[Behaviour, Behaviour], Branch | None] = {}
 
-    def without(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> Assembly:
+    def without(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> BranchAssembly:
         """Return the tree with some branches in full.
 
         Args:
@@ -175,14 +175,14 @@ class Arrangement:
         parts = {root: branch for root, branch in self._branches.items() if root not in concrete}
         joined: dict[Behaviour, list[Behaviour]] = {}
         for parallel in self._parallels:
-            children = self._together(parallel, parts)
+            children = self._join_neighbours(parallel, parts)
             if len(children) < len(parallel.children):
                 joined[parallel] = children
-        return Assembly.of(
+        return BranchAssembly.from_branches(
             self._prepared, self._prepared.simulated.root, parts.values(), rules, joined=joined
         )
 
-    def _together(self, parallel: Behaviour, parts: dict[Behaviour, Branch]) -> list[Behaviour]:
+    def _join_neighbours(self, parallel: Behaviour, parts: dict[Behaviour, Branch]) -> list[Behaviour]:
         """Return the children of a parallel node, with replaced neighbours joined into one new part."""
         can_join = {root for root, branch in parts.items() if branch.is_never_skipped}
         children: list[Behaviour] = []
@@ -242,7 +242,7 @@ class ComposedSpace(StateSpace):
         whole: Ticks it with all branches in full.
     """
 
-    parts: Assembly = field(kw_only=True)
+    parts: BranchAssembly = field(kw_only=True)
     whole: TreeStepper = field(kw_only=True)
 
     def _trace(self, steps: Iterable[tuple[int, IsWanted]], loop: int = 0) -> Trace:
@@ -272,7 +272,7 @@ class _WholeRun:
         found: The results of these ticks.
     """
 
-    def __init__(self, parts: Assembly, whole: TreeStepper) -> None:
+    def __init__(self, parts: BranchAssembly, whole: TreeStepper) -> None:
         self.ticks: list[TickRecord] = []
         self.found: list[PlayedTick] = []
         self._parts, self._whole = parts, whole

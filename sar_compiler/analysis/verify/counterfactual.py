@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.verify.recorded_runs import FoundTick, TreeRuns, Way
+from sar_compiler.analysis.verify.recorded_runs import FoundTick, PossibleTick, TreeRuns
 from sar_compiler.journal.recorded_ticks import TickSource
 from sar_compiler.runtime.events import Event
 from sar_compiler.runtime.kernel.cells import RUNNING, SUCCESS, WORDS
@@ -123,7 +123,7 @@ class WhatIfSearch:
         """
         self._runs.renew()
         moments = self._runs.locate_all(record)
-        found: dict[str, _OtherAnswer] = {}
+        found: dict[str, _OtherOutcome] = {}
         for change in _changes(moments[-1], self._runs) if moments else ():
             if change.was.number != leaf:
                 continue
@@ -133,7 +133,7 @@ class WhatIfSearch:
         return [self._after.follow(change) for change in found.values()]
 
 
-class _OtherAnswer(NamedTuple):
+class _OtherOutcome(NamedTuple):
     """An outcome that could have been different.
 
     Attributes:
@@ -142,7 +142,7 @@ class _OtherAnswer(NamedTuple):
         was: The leaf's outcome in the run.
     """
 
-    way: Way
+    way: PossibleTick
     place: int
     was: Event
 
@@ -157,7 +157,7 @@ class _OtherAnswer(NamedTuple):
         return sum(self.way.unusual[self.place :])
 
 
-def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherAnswer]:
+def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherOutcome]:
     """Return the outcomes in a tick that could have been different, the last one first."""
     changes = []
     for state, was in moment.ways:
@@ -166,7 +166,7 @@ def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherAnswer]:
             place, other = next(((place, pair) for place, pair in pairs if pair[0] != pair[1]), (0, None))
             # If another leaf follows, a timer caused the difference.
             if other is not None and other[0].number == other[1].number:
-                changes.append(_OtherAnswer(way, place, other[0]))
+                changes.append(_OtherOutcome(way, place, other[0]))
     return sorted(changes, key=lambda change: -change.place)
 
 
@@ -177,7 +177,7 @@ class _Continuations:
         self._runs = runs
         self._hopeless: dict[bytes, int] = {}
 
-    def follow(self, change: _OtherAnswer) -> WhatIfResult:
+    def follow(self, change: _OtherOutcome) -> WhatIfResult:
         """Return the consequence of another outcome: some usual ticks, at most until the tree has ended."""
         way, answers = change.way, list(change.way.answers[change.place + 1 :])
         for _ in range(_MOST_FOLLOWED):
@@ -189,7 +189,7 @@ class _Continuations:
         then = tuple(answer for answer in answers if answer.status != _RUNNING)
         return WhatIfResult(change.was, change.instead, then, way.root)
 
-    def way_to_success(self, way: Way, most: int) -> list[Way] | None:
+    def way_to_success(self, way: PossibleTick, most: int) -> list[PossibleTick] | None:
         """Return the shortest sequence of ticks after one up to a success of the root; None if there is none.
 
         Args:
@@ -200,7 +200,9 @@ class _Continuations:
             return []
         if most < 0 or way.root != _RUNNING or self._is_hopeless(way.state, most):
             return None
-        origins: dict[tuple[bytes, int], tuple[tuple[bytes, int], Way] | None] = {(way.state, 0): None}
+        origins: dict[tuple[bytes, int], tuple[tuple[bytes, int], PossibleTick] | None] = {
+            (way.state, 0): None
+        }
         waiting = deque(origins)
         while waiting:
             place = waiting.popleft()
@@ -224,8 +226,9 @@ class _Continuations:
 
 
 def _back(
-    origins: Mapping[tuple[bytes, int], tuple[tuple[bytes, int], Way] | None], place: tuple[bytes, int]
-) -> list[Way]:
+    origins: Mapping[tuple[bytes, int], tuple[tuple[bytes, int], PossibleTick] | None],
+    place: tuple[bytes, int],
+) -> list[PossibleTick]:
     found = []
     origin = origins[place]
     while origin is not None:

@@ -11,22 +11,22 @@ from sar_compiler.runtime.script import parse
 _WITHOUT_END = 1e18
 
 
-def lift_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
+def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
     """Remove the assumed limits on how often a tree's leaves may have an outcome; return whether there are any.
 
     A record shows how often it happened.
 
     Args:
         simulated: The tree with stub leaves.
-        known: As for `limits_of`.
+        known: As for `find_limits`.
     """
-    limits = limits_of(simulated, known)
+    limits = find_limits(simulated, known)
     for name in limits:
         simulated.facts.resolve(name).write(_WITHOUT_END)
     return bool(limits)
 
 
-def limits_of(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
+def find_limits(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
     """Return the facts that bound how often something happens, such as operator commands or losses of a connection.
 
     These are the facts that outcomes only decrease.

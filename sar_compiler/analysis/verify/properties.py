@@ -10,7 +10,7 @@ from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.searching import Judgement
 from sar_compiler.analysis.state_search.trail import Guarded
 from sar_compiler.analysis.stub_leaf import FactVariables
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.documents.located import Document, Value
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.opener import PROPERTIES
@@ -162,7 +162,7 @@ MAIN, OTHER, LIMIT = 1, 2, 4
 
 
 @dataclass(frozen=True)
-class Monitor:
+class PropertyMonitor:
     """One property over events.
 
     Attributes:
@@ -217,7 +217,7 @@ _RULES: Mapping[PropertyPattern, Callable[[bool, int], tuple[bool, bool]]] = {
 }
 
 
-class Monitors:
+class MonitorSet:
     """Several monitors as one, whose state is a number with a bit for each.
 
     Args:
@@ -226,11 +226,11 @@ class Monitors:
 
     start = 0
 
-    def __init__(self, monitors: Sequence[Monitor]) -> None:
+    def __init__(self, monitors: Sequence[PropertyMonitor]) -> None:
         self._monitors = tuple(monitors)
         self._owing = sum(1 << bit for bit, monitor in enumerate(self._monitors) if monitor.owes)
 
-    def __getitem__(self, number: int) -> Monitor:
+    def __getitem__(self, number: int) -> PropertyMonitor:
         return self._monitors[number]
 
     @property
@@ -275,7 +275,7 @@ class PropertyAutomata:
         entries: The entries that these conditions and `ends` read.
     """
 
-    monitors: Monitors
+    monitors: MonitorSet
     guarded: Mapping[int, Sequence[Guarded]]
     ends: AfterTickCondition
     at_end: Sequence[AfterTickCondition] = ()
@@ -426,7 +426,7 @@ NO_END = "none"
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class InapplicableProperty:
     """A property that does not apply to a tree.
 
     Attributes:
@@ -454,7 +454,7 @@ class Properties:
     rules: PropertyAutomata
     names: tuple[str, ...] = ()
     owing: tuple[int, ...] = ()
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[InapplicableProperty, ...] = ()
     has_end: bool = True
     conditions: tuple[Condition, ...] = ()
 
@@ -481,7 +481,7 @@ class Properties:
     def only(self, numbers: Sequence[int]) -> "Properties":
         """Return some of the properties, by their numbers in ascending order."""
         rules, count = self.rules, self.rules.monitors.count
-        monitors = Monitors([rules.monitors[number] for number in numbers if number < count])
+        monitors = MonitorSet([rules.monitors[number] for number in numbers if number < count])
         at_end = [rules.at_end[number - count] for number in numbers if number >= count]
         guarded = {
             event: kept
@@ -500,11 +500,11 @@ class Properties:
 
 def without_properties() -> Properties:
     """Return the properties without a file: none, and a run is over when the root has succeeded or failed."""
-    return Properties(PropertyAutomata(Monitors(()), {}, _root_is_over))
+    return Properties(PropertyAutomata(MonitorSet(()), {}, _root_is_over))
 
 
 def properties_of(
-    file: PropertyFile | None, prepared: Prepared, tags: Collection[str], keys: Scope | None = None
+    file: PropertyFile | None, prepared: PreparedTree, tags: Collection[str], keys: Scope | None = None
 ) -> Properties:
     """Return the properties of a tree that a file defines.
 
@@ -533,7 +533,7 @@ def properties_of(
     over: AfterTickCondition = _root_is_over if file.end is None else _never_over
     conditions = [condition for condition in at_end if condition is not None]
     rules = PropertyAutomata(
-        Monitors(reading.monitors),
+        MonitorSet(reading.monitors),
         reading.guarded,
         over if end is None else end.after_tick,
         [condition.after_tick for condition in conditions],
@@ -545,7 +545,7 @@ def properties_of(
 
 
 @dataclass
-class _MeantEvents:
+class _PropertyEvents:
     """The events that a property names in one role.
 
     Attributes:
@@ -566,12 +566,12 @@ class _PropertyParser:
     """Converts the properties of a file to monitors."""
 
     def __init__(
-        self, document: Document, prepared: Prepared, tags: Collection[str], keys: Scope | None
+        self, document: Document, prepared: PreparedTree, tags: Collection[str], keys: Scope | None
     ) -> None:
-        self.monitors: list[Monitor] = []
+        self.monitors: list[PropertyMonitor] = []
         self.names: list[str] = []
         self.guarded: dict[int, list[Guarded]] = {}
-        self.left_out: list[LeftOut] = []
+        self.left_out: list[InapplicableProperty] = []
         self._alphabet = prepared.alphabet
         self._words = LeafVocabulary(document, prepared.simulated)
         self._tags = tags
@@ -586,7 +586,7 @@ class _PropertyParser:
             condition = self.condition(written.condition, written.name, after_a_tick=False)
         if any(events.cannot_happen for events in (main, other, limit)):
             missing = dict.fromkeys(leaf for events in (main, other, limit) for leaf in events.missing)
-            self.left_out.append(LeftOut(written.name, tuple(missing)))
+            self.left_out.append(InapplicableProperty(written.name, tuple(missing)))
             return
         counted = main.numbers
         if condition is not None:
@@ -598,7 +598,7 @@ class _PropertyParser:
             for number in numbers:
                 roles[number] = roles.get(number, 0) | role
         owes = written.form is PropertyPattern.AFTER and not written.limit
-        self.monitors.append(Monitor(written.form, roles, owes))
+        self.monitors.append(PropertyMonitor(written.form, roles, owes))
         self.names.append(written.name)
 
     def condition(self, value: Value, owner: str, *, after_a_tick: bool) -> Condition | None:
@@ -610,19 +610,19 @@ class _PropertyParser:
         self.conditions.append(Condition(script, self._surroundings, owner))
         return self.conditions[-1]
 
-    def _events(self, values: Sequence[Value]) -> _MeantEvents:
-        events = _MeantEvents()
+    def _events(self, values: Sequence[Value]) -> _PropertyEvents:
+        events = _PropertyEvents()
         for value in values:
-            absent = self._absent_leaf(value.text or "")
+            absent = self._missing_leaf(value.text or "")
             if absent is not None:
                 events.missing.append(absent)
                 continue
             deed = self._words.deed(value)
             if deed is not None:
-                events.numbers |= self._alphabet.meant_by(deed)
+                events.numbers |= self._alphabet.matching_events(deed)
         return events
 
-    def _absent_leaf(self, text: str) -> str | None:
+    def _missing_leaf(self, text: str) -> str | None:
         """Return the leaf that a string names, if a tree can have it and this one does not."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]

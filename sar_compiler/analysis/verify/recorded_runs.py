@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.verify.properties import PropertyAutomata, without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.recorded_ticks import LoggedTick, TickSource
@@ -87,7 +87,7 @@ def _is_same(answer: Event, status: str, label: str | None) -> bool:
     return answer.status == status and label in (None, answer.label)
 
 
-class Way(NamedTuple):
+class PossibleTick(NamedTuple):
     """A tick from a state.
 
     Attributes:
@@ -165,7 +165,7 @@ def _is_noted(answer: Event, noted: Event) -> bool:
     return answer.number == noted.number and _is_same(answer, noted.status, noted.label or None)
 
 
-_FoundWays = list[tuple[bytes, Way]]
+_FoundWays = list[tuple[bytes, PossibleTick]]
 
 
 class FoundTick(NamedTuple):
@@ -179,7 +179,7 @@ class FoundTick(NamedTuple):
 
     number: int
     time_sec: float
-    ways: Sequence[tuple[bytes, Way]]
+    ways: Sequence[tuple[bytes, PossibleTick]]
 
 
 class FoundTicks:
@@ -207,7 +207,9 @@ class FoundTicks:
         self._times.append(tick.time_sec)
         self._ways.append(ways)
 
-    def keep_ways_to(self, states: Collection[bytes], shared: "Callable[[_FoundWays], _FoundWays]") -> None:
+    def remove_other_ticks(
+        self, states: Collection[bytes], shared: "Callable[[_FoundWays], _FoundWays]"
+    ) -> None:
         """Remove the ways that reach none of the last tick's states; *shared* returns one list for equal ways."""
         now = frozenset(states)
         known: dict[tuple[int, frozenset[bytes]], tuple[_FoundWays, frozenset[bytes]]] = {}
@@ -285,18 +287,18 @@ class TreeRuns:
         simulated: SimulatedTree,
         names: Sequence[str],
         rules: PropertyAutomata | None = None,
-        prepared: Prepared | None = None,
+        prepared: PreparedTree | None = None,
     ) -> None:
         # Ticks of a state are distinguished even if they merge again, because their events are needed.
         self.stepper = TreeStepper(
-            prepared or Prepared.of(simulated), rules or without_properties().rules, meets=False
+            prepared or PreparedTree.prepare(simulated), rules or without_properties().rules, meets=False
         )
         self.names = [node.behaviour.name for node in self.stepper.flat.nodes]
         if self.names != list(names):
             raise OtherTreeError("the tree's nodes differ from those of the run")
         self.leaves = {leaf.number for leaf in simulated.leaves}
-        self._known: dict[bytes, list[Way]] = {}
-        self._raising: dict[bytes, list[Way]] = {}
+        self._known: dict[bytes, list[PossibleTick]] = {}
+        self._raising: dict[bytes, list[PossibleTick]] = {}
         self._wide: set[bytes] = set()
         # For states with a tick that needs an unknown value: the error.
         self._unknown: dict[bytes, Exception] = {}
@@ -316,7 +318,7 @@ class TreeRuns:
         """Whether the limit on explored ticks is reached."""
         return not self._left
 
-    def ways(self, state: bytes) -> list[Way]:
+    def ways(self, state: bytes) -> list[PossibleTick]:
         """Return the ticks of a state; none after the limit on explored ticks is reached."""
         known = self._known.get(state)
         if known is not None or self.is_spent:
@@ -324,7 +326,7 @@ class TreeRuns:
         self._know(state, self._left)
         return self._known[state]
 
-    def ways_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[Way]:
+    def ticks_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
         """Return the ticks of a state that have the recorded answers; of a state with few ticks all.
 
         Of the ticks with other answers, one is among them for each first answer that differs. So their number grows with that of the
@@ -344,7 +346,7 @@ class TreeRuns:
 
     def _know(self, state: bytes, most: int) -> bool:
         """Note the ticks of a state; return whether these are all, and no more than some."""
-        found: dict[Way, None] = {}
+        found: dict[PossibleTick, None] = {}
         for count, way in enumerate(self._play_ticks(state), 1):
             found[way] = None
             if count >= most:
@@ -355,8 +357,8 @@ class TreeRuns:
 
     def _play_ticks(
         self, state: bytes, noted: Sequence[Event] | None = None, before: ObservedPrefix | None = None
-    ) -> Iterator[Way]:
-        """Play the ticks of a state until too many were tried; given recorded answers, those like it (see `ways_like`)."""
+    ) -> Iterator[PossibleTick]:
+        """Play the ticks of a state until too many were tried; given recorded answers, those like it (see `ticks_like`)."""
         self.stepper.steps.restore(state)
         running = frozenset(number for number, status in enumerate(self._statuses()) if status == _RUNNING)
         for step in self.stepper.ticks(state):
@@ -372,20 +374,20 @@ class TreeRuns:
                     self.stepper.pass_over(place)
             yield way
 
-    def beginnings(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[Way]:
-        """Return the ticks of a state as `ways_like` does, including those in which a node raises."""
+    def beginnings(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
+        """Return the ticks of a state as `ticks_like` does, including those in which a node raises."""
         if state in self._wide:
             return [*self._play_ticks(state, noted, before)]
         return [*self.ways(state), *self._raising.get(state, ())]
 
-    def _way(self, state: bytes) -> Way:
+    def _way(self, state: bytes) -> PossibleTick:
         """Return the last tick, which has a state after it."""
         statuses = self._statuses()
         tick, broken = self.stepper.played(), self.stepper.broken()
         answers = tuple(event for event in tick.events if event.answer)
         last = {event.number: event.what for event in tick.events if event.what != TICKED}
         halted = frozenset(number for number, what in last.items() if what == HALTED)
-        return Way(
+        return PossibleTick(
             answers, tick.root, state, self.stepper.unusual(), halted, statuses=statuses, broken=broken
         )
 
@@ -394,11 +396,11 @@ class TreeRuns:
         cells = self.stepper.ticker.cells
         return tuple(WORDS[cells[node.at]] if cells[node.at] else "" for node in self.stepper.flat.nodes)
 
-    def restore_before(self, state: bytes, way: Way, place: int) -> None:
+    def restore_before(self, state: bytes, way: PossibleTick, place: int) -> None:
         """Restore the facts and keys before an outcome of a tick, by its index among the tick's outcomes."""
         for step in self.stepper.ticks(state):
             if self._way(step.state or _NOWHERE)._replace(running=way.running) == way:
-                self.stepper.before_answer(place)
+                self.stepper.restore_before_outcome(place)
                 return
 
     def locate(self, record: Iterable[Event] | TickSource) -> tuple[FoundTicks, LostTick | None]:
@@ -425,7 +427,7 @@ class TreeRuns:
                 ways = shared(self._find_ways(position, events))
                 if not ways:
                     lost = self._lost_tick(position, events, is_last=next(waiting, None) is None)
-                    found.keep_ways_to(position.states, shared)
+                    found.remove_other_ticks(position.states, shared)
                     return found, lost
                 following = _RecordPosition(
                     frozenset(way.state for _, way in ways), position.told.with_tick(events)
@@ -437,7 +439,7 @@ class TreeRuns:
                 after = position.after[tick.content] = ways, positions.setdefault(following.key, following)
             ways, position = after
             found.append(tick, ways)
-        found.keep_ways_to(position.states, shared)
+        found.remove_other_ticks(position.states, shared)
         return found, None
 
     def _find_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> _FoundWays:
@@ -448,7 +450,7 @@ class TreeRuns:
         return [
             (state, way)
             for state in sorted(position.states)
-            for way in self.ways_like(state, noted, position.told)
+            for way in self.ticks_like(state, noted, position.told)
             if way.fits(noted, halted, position.told, end.status) and way.other_status(end.statuses) is None
         ]
 

@@ -30,11 +30,11 @@ from collections.abc import Iterator, Mapping
 from itertools import count
 
 from sar_compiler.analysis.merging import MergedValues
-from sar_compiler.analysis.simulated_tree import SimulatedTree, is_answered
+from sar_compiler.analysis.simulated_tree import SimulatedTree, needs_stub
 from sar_compiler.analysis.stub_leaf import StubLeaf
 from sar_compiler.analysis.verify.properties import Properties
 from sar_compiler.analysis.verify.script_flows import NUMBERS, FlowValue, Resolve, ScriptFlows
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.checks.rules.entry_accesses import entry_table_of
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.runtime.blackboard import Board, Scope
@@ -48,7 +48,7 @@ _LARGEST_CHANGE = 1000
 _AFTERWARDS = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 
 
-def merge_values(prepared: Prepared, properties: Properties) -> None:
+def merge_values(prepared: PreparedTree, properties: Properties) -> None:
     """Make searches of a tree merge the values of keys and facts that no run can distinguish.
 
     Nothing is merged if a property asks whether the tree idles, that is, whether every value stays unchanged.
@@ -89,7 +89,7 @@ def _scripts_of_nodes(simulated: SimulatedTree) -> Iterator[_ReadScript]:
         for bound in instance.tree.nodes:
             for attribute, script in bound.conditions.items():
                 yield script, resolve, attribute not in _AFTERWARDS
-            if not is_answered(bound.spec):
+            if not needs_stub(bound.spec):
                 scripts = (value for value in bound.values.values() if isinstance(value, Script))
                 yield from ((script, resolve, bound.spec.cls is not RunScript) for script in scripts)
 
@@ -116,7 +116,7 @@ def _take_ports(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
         use
         for entry in table.entries
         for use in entry.uses
-        if use.access.place is None and not is_answered(use.bound.spec)
+        if use.access.place is None and not needs_stub(use.bound.spec)
     ]
     for use in uses:
         entry = use.instance.scope.resolve(use.access.key).name

@@ -9,7 +9,7 @@ from mypy_extensions import i32
 from py_trees.behaviour import Behaviour
 
 from sar_compiler.analysis.leaf_vocabulary import EventPattern
-from sar_compiler.analysis.merging import MergedValues, Merging
+from sar_compiler.analysis.merging import MergedValues, ValueMerging
 from sar_compiler.analysis.numbered_board import NumberedBoard
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.analysis.state_search.numbering import StateStore
@@ -24,7 +24,7 @@ _SAMPLE = 5000
 _MOST_GROWING = 3
 
 
-class Alphabet:
+class EventAlphabet:
     """The possible events of the stub leaves of a tree, which the kernel knows by numbers.
 
     Args:
@@ -52,13 +52,13 @@ class Alphabet:
         self.events.append(leaf.event(what, answer))
         self.answers.append((leaf, answer))
 
-    def meant_by(self, pattern: EventPattern) -> set[int]:
+    def matching_events(self, pattern: EventPattern) -> set[int]:
         """Return the numbers of all events that a pattern matches."""
         return {number for number, event in enumerate(self.events) if pattern.matches(event)}
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedTree:
     """A tree with stub leaves, prepared for the search.
 
     Attributes:
@@ -72,7 +72,7 @@ class Prepared:
     """
 
     simulated: SimulatedTree
-    alphabet: Alphabet
+    alphabet: EventAlphabet
     entries: EntryCells = field(default_factory=EntryCells)
     start: list[int] = field(default_factory=list)
     begun: dict[Behaviour, tuple[list[int], list[Any]]] = field(default_factory=dict)
@@ -80,15 +80,15 @@ class Prepared:
     plain_start: list[int] = field(default_factory=list)
 
     @classmethod
-    def of(cls, simulated: SimulatedTree) -> "Prepared":
+    def prepare(cls, simulated: SimulatedTree) -> "PreparedTree":
         """Prepare a tree.
 
         Raises:
             FrozenValueError: If a key holds a value that can neither be copied nor hashed.
         """
-        prepared = cls(simulated, Alphabet(simulated))
+        prepared = cls(simulated, EventAlphabet(simulated))
         for board in (simulated.facts.board, simulated.compiled.board):
-            NumberedBoard.of(board, prepared.entries)
+            NumberedBoard.from_board(board, prepared.entries)
         prepared.start.extend(prepared.entries.now)
         return prepared
 
@@ -96,7 +96,7 @@ class Prepared:
         """Make searches merge some values of entries, by the entries' absolute names; call it before the first tick."""
         if not values:
             return
-        entries, merging = self.entries, Merging(self.entries, values)
+        entries, merging = self.entries, ValueMerging(self.entries, values)
         merging.switch_off()
         self.plain_start.extend(entries.now)
         entries.restore(vec[i32](self.start))

@@ -17,14 +17,14 @@ from sar_compiler.analysis.state_search.stub_nodes import ChosenTimes, LeafNodes
 from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.state_search.trail import Trail
 from sar_compiler.analysis.verify.properties import PropertyAutomata
-from sar_compiler.analysis.verify.state import Prepared, StateValues
+from sar_compiler.analysis.verify.state import PreparedTree, StateValues
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.outcome_sets import ALL, BITS, WORD_OF
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.runtime.answers import nominal
-from sar_compiler.runtime.events import Event, TickRecord, changes_in, value_changes, with_end
+from sar_compiler.runtime.events import Event, TickRecord, append_end, changes_in, value_changes
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.table import flatten
 from sar_compiler.runtime.kernel.tree import FlatTree
@@ -33,7 +33,7 @@ from sar_compiler.runtime.kernel.user_nodes import Claim, UserNode
 from sar_compiler.runtime.variables import UNKNOWN
 
 
-def hold_to_records(
+def check_declarations(
     nodes: Iterable[UserNode], compiled: CompiledTree, deny: Callable[[Behaviour, str], None]
 ) -> bool:
     """Let nodes check their own behaviour against their declarations; return whether there are any declarations.
@@ -50,7 +50,7 @@ def hold_to_records(
         if means.possible is None and not said:
             continue
         possible = possible or PossibleOutcomes(trees_in(compiled.instance.tree))
-        outcomes = possible.may_return(bound)
+        outcomes = possible.possible_results(bound)
         if said:
             outcomes &= sum(BITS[word] for word in said)
         goes_on = WORDS.index(WORD_OF.get(means.goes_on, "")) if means.order is Order.IN_ORDER else 0
@@ -89,7 +89,7 @@ class TreeStepper:
 
     def __init__(
         self,
-        prepared: Prepared,
+        prepared: PreparedTree,
         rules: PropertyAutomata,
         flattened: Callable[[LeafNodes], FlatTree] | None = None,
         *,
@@ -114,7 +114,7 @@ class TreeStepper:
         self.wrong, self._rule = "", rules.count
         self._rules, self._watched = rules, 0
         self._own = [node for node in self.flat.nodes if isinstance(node, UserNode)]
-        self.claims = hold_to_records(self._own, simulated.compiled, self._deny)
+        self.claims = check_declarations(self._own, simulated.compiled, self._deny)
         judged_by = [entries.place_of(entry.name) for entry in rules.entries]
         self.leaves = simulated.leaves
         self.writes_unknown_values = any(
@@ -128,7 +128,7 @@ class TreeStepper:
         self.states = StateValues(simulated, self.steps, self._remembered)
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
-    def _begin_as_first(self, prepared: Prepared, ticker: Ticker) -> None:
+    def _begin_as_first(self, prepared: PreparedTree, ticker: Ticker) -> None:
         """Start nodes like those of the first stepper: their behaviours have been ticked since, and some have memory."""
         cells, values = ticker.cells, ticker.values
         for node in self.flat.nodes:
@@ -202,7 +202,7 @@ class TreeStepper:
         root, steps = self.flat.nodes[0].behaviour.name, self.steps
         (facts_before, keys_before), (facts, keys) = self._before, self.states.facts_and_keys()
         return TickRecord(
-            with_end(events, root, WORDS[steps.outcome], number),
+            append_end(events, root, WORDS[steps.outcome], number),
             value_changes(facts_before, facts),
             value_changes(keys_before, keys),
             error="" if steps.error is None else f"{type(steps.error).__name__}: {steps.error}",
@@ -247,7 +247,7 @@ class TreeStepper:
         others = numbers[place:] if comes_first else numbers[place::-1]
         return next(number for number in others if number < count)
 
-    def before_answer(self, place: int) -> None:
+    def restore_before_outcome(self, place: int) -> None:
         """Restore the entries before an outcome of the last tick, by its index among its outcomes."""
         answers = [
             past for event, past in self._recorded_events() if self._alphabet.answers[event][1] is not None
@@ -265,7 +265,7 @@ class TreeStepper:
         return self.states.facts()
 
 
-def plain_stepper(prepared: Prepared, rules: PropertyAutomata) -> TreeStepper | None:
+def plain_stepper(prepared: PreparedTree, rules: PropertyAutomata) -> TreeStepper | None:
     """Return a stepper for a tree without merged values; None if the searches so far have merged none."""
     has_merged = any(each.is_used for each in prepared.merged)
     return TreeStepper(prepared, rules, merges=False) if has_merged else None

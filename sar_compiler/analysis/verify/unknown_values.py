@@ -55,13 +55,13 @@ def explore_decidable(
     """
     if not stepper.writes_unknown_values:
         return explore(stepper.steps, max_states, report, names), None
-    steps = _NotedErrors(stepper.steps)
+    steps = _RecordedErrors(stepper.steps)
     graph = explore(steps, max_states, report, names)
     graph.error = steps.errors.get(False)
     return graph, steps.errors.get(True)
 
 
-class _NotedErrors(Stepper):
+class _RecordedErrors(Stepper):
     """The steps of a tree, with the first tick of each kind that raises.
 
     Args:

@@ -10,7 +10,7 @@ from sar_compiler.analysis.merging import MergedValues
 from sar_compiler.analysis.state_search.graph import Breach
 from sar_compiler.analysis.state_search.liveness import endings, lasso, owing_for_ever
 from sar_compiler.analysis.stub_leaf import StubLeaf
-from sar_compiler.analysis.verify.properties import LeftOut, Properties
+from sar_compiler.analysis.verify.properties import InapplicableProperty, Properties
 from sar_compiler.analysis.verify.state_space import StateSpace, Trace
 from sar_compiler.runtime.kernel.tree_nodes import TreeNode
 from sar_compiler.runtime.variables import unknown_value_of
@@ -83,7 +83,7 @@ class Verification:
     steps: int
     depth: int
     complete: bool
-    left_out: tuple[LeftOut, ...] = ()
+    left_out: tuple[InapplicableProperty, ...] = ()
     growing: tuple[tuple[str, int], ...] = ()
     leaves: tuple[StubLeaf, ...] = ()
     stopped: bool = False
@@ -119,7 +119,7 @@ def questions_of(properties: Properties) -> list[str]:
     return [NO_ERROR, EVERY_LEAF, *ends, *properties.names]
 
 
-class Questions:
+class ProofQuestions:
     """Answers questions about the runs of a tree.
 
     Args:
@@ -132,7 +132,7 @@ class Questions:
         self._graph = space.graph
         self._told = told
 
-    def no_error(self) -> Verdict:
+    def verdict_on_errors(self) -> Verdict:
         """Return the verdict on whether a tick of any run raises an error."""
         error, unknown = self._graph.error, self._space.unknown
         first = error or unknown
@@ -143,7 +143,7 @@ class Questions:
         trace = self._space.breach(first)
         return Verdict(NO_ERROR, outcome, self._told(self._space.raised or first.error), trace)
 
-    def every_leaf(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
+    def verdict_on_leaves(self, leaves: Sequence[TreeNode], ran: Collection[int]) -> Verdict:
         """Return the verdict on whether every leaf is ticked in some run."""
         never = [f"'{node.behaviour.name}'" for node in leaves if node.index not in ran]
         if not never:
@@ -170,7 +170,7 @@ class Questions:
         else:
             yield _violated(NO_LIVELOCK, "this run never ends", self._round(found.circling))
 
-    def own_records(self, rule: int, wrong: Callable[[], str]) -> Verdict:
+    def verdict_on_declarations(self, rule: int, wrong: Callable[[], str]) -> Verdict:
         """Return the verdict on whether the user's controls and decorators match their declarations.
 
         Args:
@@ -237,7 +237,7 @@ _RANKS: Mapping[ProofStatus | None, int] = {
 
 
 @dataclass(frozen=True)
-class ComparedAnswer:
+class ComparedVerdict:
     """A question that was asked of two trees, or of one of them.
 
     Attributes:
@@ -274,10 +274,10 @@ class VerificationComparison:
     now: Verification
 
     @property
-    def answers(self) -> tuple[ComparedAnswer, ...]:
+    def answers(self) -> tuple[ComparedVerdict, ...]:
         """Every question that was asked of either tree, in their order."""
         before, now = ({v.question: v for v in each.verdicts} for each in (self.before, self.now))
-        return tuple(ComparedAnswer(name, before.get(name), now.get(name)) for name in {**now, **before})
+        return tuple(ComparedVerdict(name, before.get(name), now.get(name)) for name in {**now, **before})
 
     @property
     def worse(self) -> bool:

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import NamedTuple
 
-from sar_compiler.nodes.binding.attributes import CONDITIONS, close_key
+from sar_compiler.nodes.binding.attributes import CONDITIONS, complete_key_braces
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.binding.instances import TreeInstance
 from sar_compiler.nodes.semantics import AccessKind, KeyRole, Order
 from sar_compiler.nodes.spec import Direction, NodeSpec, Parameter, path_of
 from sar_compiler.runtime.blackboard import ROOT_SIGN, Scope, entry_of
@@ -55,13 +55,13 @@ class KeyAccess(NamedTuple):
 
     def span(self) -> Span:
         """Return its location in the file."""
-        element, place = self.bound.element, self.place or self.place_in_braces
+        element, place = self.bound.element, self.place or self.position_in_braces
         if place is None:
             return element.value_span(self.attribute)
-        return element.within_value(self.attribute, *place)
+        return element.value_part_span(self.attribute, *place)
 
     @property
-    def place_in_braces(self) -> tuple[int, int] | None:
+    def position_in_braces(self) -> tuple[int, int] | None:
         """The position of a key within a value with other text in braces, such as `x: {key}`; None in any other value."""
         parameter = self.bound.spec.parameters.get(self.attribute)
         if parameter is None or not parameter.value_type.takes_braces:
@@ -179,11 +179,11 @@ def _is_indirect(bound: BoundNode, name: str) -> bool:
 
 
 def _has_scope(spec: NodeSpec) -> bool:
-    own = spec.maker_path.startswith(_OUR_OWN)
+    own = spec.factory_path.startswith(_OUR_OWN)
     return not own and any(parameter.target_path == _SCOPE for parameter in spec.handed_over)
 
 
-def is_of_root(key: str) -> bool:
+def is_root_key(key: str) -> bool:
     """Return whether a key is written as a key of the main tree: `@key`."""
     return key.startswith(ROOT_SIGN)
 
@@ -213,7 +213,7 @@ def is_of_root(key: str) -> bool:
 # There may be further nodes between A and the node in which the paths to A and B part. Each of them must not advance
 # before A has happened ("straight"): a sequence, a decorator that ends only with its child, a selector whose first
 # child contains A. A node with a precondition may be skipped, so nothing in it is certain except the first script
-# that it evaluates, which runs whenever the node is reached (`_asks`). A node with `oneshot` may return a status
+# that it evaluates, which runs whenever the node is reached (`_is_in_first_script`). A node with `oneshot` may return a status
 # without ticking its child.
 #
 # A node itself has accesses before its children are ticked (inputs, preconditions) and after (outputs by `_onSuccess`
@@ -222,7 +222,7 @@ def is_of_root(key: str) -> bool:
 #
 # The second difficulty is size. An entry may have as many uses as the tree has nodes (a flag that every branch
 # reads), and comparing all pairs takes quadratic time. Places are therefore numbered parents first, so that the
-# inside of a node is an interval from `number` to `last`, and uses are sorted by these numbers. `all_after` climbs
+# inside of a node is an interval from `number` to `last`, and uses are sorted by these numbers. `is_each_preceded` climbs
 # from A to the root once. At each node it finds by bisection whether any use is left of the path (then it may come
 # first), or right of it (then this node must keep the order).
 #
@@ -233,7 +233,7 @@ _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
 
 @dataclass(eq=False, slots=True)
-class Place:
+class TreePosition:
     """The position of a node in a tree with its subtrees expanded.
 
     Attributes:
@@ -245,37 +245,37 @@ class Place:
     """
 
     bound: BoundNode
-    around: "Place | None"
+    around: "TreePosition | None"
     index: int
     number: int
     last: int
 
-    def holds(self, other: "Place") -> bool:
+    def holds(self, other: "TreePosition") -> bool:
         """Return whether another place is this one or within it."""
         return self.number <= other.number <= self.last
 
-    def child(self, inner: "Place") -> "Place":
+    def child(self, inner: "TreePosition") -> "TreePosition":
         """Return the child that contains a place within this one."""
         while inner.around is not None and inner.around is not self:
             inner = inner.around
         return inner
 
 
-class PlaceFinder:
+class PositionFinder:
     """The places of all nodes of a tree with its subtrees expanded."""
 
-    def __init__(self, top: Instance) -> None:
+    def __init__(self, top: TreeInstance) -> None:
         self._top = top
 
-    def of(self, instance: Instance, bound: BoundNode) -> Place:
+    def of(self, instance: TreeInstance, bound: BoundNode) -> TreePosition:
         """Return the place of a node in one instance of its tree."""
         return self._places[instance][bound]
 
     @functools.cached_property
-    def _places(self) -> dict[Instance, dict[BoundNode, Place]]:
-        places: dict[Instance, dict[BoundNode, Place]] = {each: {} for each in self._top.iterate()}
-        in_order: list[Place] = []
-        waiting: list[tuple[Instance, BoundNode | None, Place | None, int]] = [
+    def _places(self) -> dict[TreeInstance, dict[BoundNode, TreePosition]]:
+        places: dict[TreeInstance, dict[BoundNode, TreePosition]] = {each: {} for each in self._top.iterate()}
+        in_order: list[TreePosition] = []
+        waiting: list[tuple[TreeInstance, BoundNode | None, TreePosition | None, int]] = [
             (self._top, self._top.tree.root, None, 0)
         ]
         while waiting:
@@ -283,7 +283,7 @@ class PlaceFinder:
             if bound is None:
                 continue
             number = len(in_order)
-            place = places[instance][bound] = Place(bound, around, index, number, number)
+            place = places[instance][bound] = TreePosition(bound, around, index, number, number)
             in_order.append(place)
             if bound.children:
                 children = [(instance, child, place, index) for index, child in enumerate(bound.children)]
@@ -301,12 +301,12 @@ class PlaceFinder:
 class EntryAccess:
     """An access to an entry by a node in one instance of a tree."""
 
-    instance: Instance
+    instance: TreeInstance
     access: KeyAccess
-    places: PlaceFinder
+    places: PositionFinder
 
     @property
-    def place(self) -> Place:
+    def place(self) -> TreePosition:
         """The place of the node in the main tree with its subtrees expanded."""
         return self.places.of(self.instance, self.access.bound)
 
@@ -328,22 +328,22 @@ class OrderedAccesses:
         self._numbers = [number for number, _ in numbered]
         self.uses = [uses[index] for _, index in numbered]
 
-    def any_in(self, first: int, last: int) -> bool:
+    def has_access_in(self, first: int, last: int) -> bool:
         """Return whether an access is at a place with a number from *first* to *last*."""
         index = bisect.bisect_left(self._numbers, first)
         return index < len(self._numbers) and self._numbers[index] <= last
 
-    def _at(self, place: Place) -> Sequence[EntryAccess]:
+    def _at(self, place: TreePosition) -> Sequence[EntryAccess]:
         start = bisect.bisect_left(self._numbers, place.number)
         return self.uses[start : bisect.bisect_right(self._numbers, place.number, start)]
 
-    def all_after(self, first: EntryAccess) -> bool:
+    def is_each_preceded(self, first: EntryAccess) -> bool:
         """Return whether another access precedes each of them, as `comes_first` decides for two."""
-        place: Place = first.place
+        place: TreePosition = first.place
         if self.uses and self._numbers[0] < place.number and not self.uses[0].place.holds(place):
             return False  # the most frequent case
         is_before = first.access.is_certain and first.access.time is AccessTime.BEFORE
-        if self.any_in(place.number + 1, place.last) and not is_before:
+        if self.has_access_in(place.number + 1, place.last) and not is_before:
             return False
         # Check a script's last access first: it is most likely to violate the order.
         if not all(comes_first(first, use) for use in reversed(self._at(place)) if use is not first):
@@ -355,11 +355,11 @@ class OrderedAccesses:
             inner = inner.around
         return True
 
-    def _are_after(self, first: EntryAccess, inner: Place, around: Place) -> bool:
+    def _are_after(self, first: EntryAccess, inner: TreePosition, around: TreePosition) -> bool:
         """Return whether another access, in a child of a node, precedes the accesses elsewhere in the node."""
         return (
-            not self.any_in(around.number + 1, inner.number - 1)
-            and (not self.any_in(inner.last + 1, around.last) or _precedes(first, around))
+            not self.has_access_in(around.number + 1, inner.number - 1)
+            and (not self.has_access_in(inner.last + 1, around.last) or _precedes(first, around))
             and all(comes_first(first, use) for use in self._at(around))
         )
 
@@ -431,7 +431,7 @@ class EntryTable:
         is_foreign: Whether a node is only described: the tree runs elsewhere, where other programs may write as well.
     """
 
-    top: Instance
+    top: TreeInstance
     entries: Sequence[EntryAccesses]
     accesses: Mapping[BoundTree, KeyAccesses]
     is_open: bool
@@ -475,19 +475,21 @@ class EntryTable:
         """The keys of each tree that are written with only one brace, with their intended form."""
         return {
             tree: frozenset(
-                close_key(text) for bound in tree.nodes for text in bound.element.attributes.values()
+                complete_key_braces(text)
+                for bound in tree.nodes
+                for text in bound.element.attributes.values()
             )
             for tree in {instance.tree: None for instance in self.top.iterate()}
         }
 
 
-def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
+def entry_table_of(top: TreeInstance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
     """Return the accesses to each entry; those of each tree by itself may be passed if they are known."""
     if accesses is None:
         trees = dict.fromkeys(instance.tree for instance in top.iterate())
         accesses = {tree: key_accesses_of(tree) for tree in trees}
     entries: dict[tuple[Scope, str], EntryAccesses] = {}
-    places, is_open, is_foreign = PlaceFinder(top), False, False
+    places, is_open, is_foreign = PositionFinder(top), False, False
     for instance in top.iterate():
         of_tree = accesses[instance.tree]
         is_open = is_open or of_tree.is_open
@@ -496,12 +498,12 @@ def entry_table_of(top: Instance, accesses: Mapping[BoundTree, KeyAccesses] | No
             entry = _entry(entries, instance.scope, access.key)
             entry.uses.append(EntryAccess(instance, access, places))
             at_root = instance.around is None and access.kind is AccessKind.FIXED
-            entry.is_parameter = entry.is_parameter or at_root or is_of_root(access.key)
+            entry.is_parameter = entry.is_parameter or at_root or is_root_key(access.key)
         for place, inner in instance.inner.items():
             for key in place.remapping.constants:
                 _entry(entries, inner.scope, key).given.append(place)
             for key in place.remapping.keys.values():
-                if is_of_root(key):
+                if is_root_key(key):
                     _entry(entries, instance.scope, key).is_parameter = True
     return EntryTable(top, tuple(entries.values()), accesses, is_open, is_foreign)
 
@@ -528,17 +530,17 @@ def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str]
     return found
 
 
-def common_place(first: Place, second: Place) -> Place:
+def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
     """Return the innermost place that contains two others."""
     while first.around is not None and not first.holds(second):
         first = first.around
     return first
 
 
-def branching_place(first: EntryAccess, second: EntryAccess) -> Place | None:
+def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition | None:
     """Return the place in which two uses are in different children; None if one node contains the other."""
     place, other = first.place, second.place
-    return None if place.holds(other) or other.holds(place) else common_place(place, other)
+    return None if place.holds(other) or other.holds(place) else common_position(place, other)
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
@@ -552,7 +554,7 @@ def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
         return second.access.time is AccessTime.AFTER and _is_straight(first, other.around)
     if other.number < place.number:
         return False
-    around = common_place(place, other)
+    around = common_position(place, other)
     return first.access.time is AccessTime.BEFORE if around is place else _precedes(first, around)
 
 
@@ -562,7 +564,7 @@ def _comes_first_in_node(first: KeyAccess, second: KeyAccess) -> bool:
     return first.time < second.time
 
 
-def _precedes(first: EntryAccess, around: Place) -> bool:
+def _precedes(first: EntryAccess, around: TreePosition) -> bool:
     """Return whether a use precedes those in later children of an ancestor."""
     if not first.access.is_certain or not _is_straight(first, around):
         return False
@@ -572,23 +574,23 @@ def _precedes(first: EntryAccess, around: Place) -> bool:
     return (means.is_selector or means.order is Order.TOGETHER) and _is_first(first.place, around)
 
 
-def _is_straight(use: EntryAccess, around: Place | None) -> bool:
+def _is_straight(use: EntryAccess, around: TreePosition | None) -> bool:
     """Return whether every ancestor of *use* below *around* (None: every ancestor) advances only after it."""
-    return use.place is around or any(each is around for each in straight_around(use))
+    return use.place is around or any(each is around for each in enclosing_sequences(use))
 
 
-def straight_around(use: EntryAccess) -> Iterator[Place | None]:
+def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
     """Yield the places around a use, as long as the nodes between continue only after it has happened.
 
     Yields None after the root.
     """
-    here: Place = use.place
-    place: Place | None = here
+    here: TreePosition = use.place
+    place: TreePosition | None = here
     # In a selector, only the first access of its first child is certain.
     is_first = True
     while place is not None:
         bound, is_inner = place.bound, place is here
-        if bound.oneshot is not None or (bound.conditions and not (is_inner and _asks(use))):
+        if bound.oneshot is not None or (bound.conditions and not (is_inner and _is_in_first_script(use))):
             return
         means = bound.spec.semantics
         continues = is_inner or means.is_sequence or means.always_ends_with_child(bound)
@@ -599,12 +601,12 @@ def straight_around(use: EntryAccess) -> Iterator[Place | None]:
         yield place
 
 
-def _asks(use: EntryAccess) -> bool:
+def _is_in_first_script(use: EntryAccess) -> bool:
     """Return whether a use is in the first script that its node runs."""
     return use.access.attribute == next(iter(use.bound.conditions), None)
 
 
-def _is_first(place: Place, around: Place) -> bool:
+def _is_first(place: TreePosition, around: TreePosition) -> bool:
     """Return whether a node is the first in all its ancestors, up to a child of a given one."""
     while place.around is not None and place.around is not around:
         if place.index:
@@ -615,6 +617,6 @@ def _is_first(place: Place, around: Place) -> bool:
 
 def between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
     """Return the nodes between two uses in the same sequence, including that of the first use."""
-    around = common_place(first.place, second.place)
+    around = common_position(first.place, second.place)
     start, end = around.child(first.place), around.child(second.place)
     return around.bound.children[start.index : end.index]

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.outcome_analysis import (
-    Found,
+    FoundLeaf,
     PossibleOutcomes,
     acts,
     consequence,
     is_question,
-    name_beside,
+    name_next_to,
 )
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.outcome_sets import F, R, S
@@ -36,16 +36,16 @@ def check_reactive(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for child, later in _pairs_with_later(bound, outcomes):
-        if not outcomes.may_return(child) & S:
+        if not outcomes.possible_results(child) & S:
             return  # the later nodes are never reached
         found = outcomes.find_restarted(child, outcomes.works)
-        if found is not None and outcomes.known_to_return(child) & S:
-            yield _restart(found, later, bound, f"while {name_beside(later, found.leaf)} runs")
+        if found is not None and outcomes.certain_results(child) & S:
+            yield _restart(found, later, bound, f"while {name_next_to(later, found.leaf)} runs")
             return
         found = outcomes.find_restarted(child, outcomes.acts_at_once)
         if found is not None:
             message = (
-                f"{found.name_beside(later)} {consequence(found.leaf)} while {name_beside(later, found.leaf)} runs: "
+                f"{found.name_next_to(later)} {consequence(found.leaf)} while {name_next_to(later, found.leaf)} runs: "
                 f"'{bound.name}' re-evaluates every child in each tick"
             )
             yield found.place.element.finding("repeated-effect", message, hint=_remember(bound))
@@ -68,10 +68,10 @@ def _selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
         found = outcomes.find_restarted(_first_node(child), outcomes.works)
         if (
             found is not None
-            and outcomes.known_to_return(found.leaf) & F
-            and outcomes.known_to_return(child) & F
+            and outcomes.certain_results(found.leaf) & F
+            and outcomes.certain_results(child) & F
         ):
-            place = Found(found.leaf, child) if child.subtree is not None else found
+            place = FoundLeaf(found.leaf, child) if child.subtree is not None else found
             yield _restart(place, later, bound, "after it has failed")
             return
     if outcomes.takes_time(bound.children[-1]):
@@ -87,10 +87,10 @@ def _first_node(bound: BoundNode) -> BoundNode:
     return bound
 
 
-def _restart(found: Found, later: BoundNode, bound: BoundNode, when: str) -> Diagnostic:
+def _restart(found: FoundLeaf, later: BoundNode, bound: BoundNode, when: str) -> Diagnostic:
     message = (
-        f"{found.name_beside(later)} is restarted in the next tick {when}, and interrupts "
-        f"{name_beside(later, found.leaf)} before that ends: "
+        f"{found.name_next_to(later)} is restarted in the next tick {when}, and interrupts "
+        f"{name_next_to(later, found.leaf)} before that ends: "
         f"'{bound.name}' re-evaluates every child in each tick"
     )
     return found.place.element.finding("endless-restart", message, hint=_remember(bound))
@@ -100,7 +100,7 @@ def _lost_progress(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Dia
     before: BoundNode | None = None
     for child in bound.children:
         interrupting = before
-        if outcomes.known_to_return(child) & (S | R):
+        if outcomes.certain_results(child) & (S | R):
             before = child
         if interrupting is None or not _starts_over(child):
             continue
@@ -141,10 +141,10 @@ def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterato
 def _check_repeated_work(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
         # A condition before it may ask whether it is done; one after which the branch gives up does not.
-        if index and not _gives_up(bound.children[index - 1], outcomes):
+        if index and not _fails_after_effect(bound.children[index - 1], outcomes):
             return
         # A branch that begins with a condition checks by itself whether there is work left.
-        if not index or not outcomes.known_to_return(child) & S or is_question(_first_node(child)):
+        if not index or not outcomes.certain_results(child) & S or is_question(_first_node(child)):
             continue
         found = outcomes.find_restarted(child, acts)
         if found is not None:
@@ -156,15 +156,15 @@ def _check_repeated_work(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterat
             yield found.place.element.finding("repeated-effect", message, hint=_once(child, found))
 
 
-def _once(child: BoundNode, found: Found) -> str:
+def _once(child: BoundNode, found: FoundLeaf) -> str:
     what = "it" if found.place is child else f"'{child.name}'"
     return f'wrap {what} in OneShot: write oneshot="ON_COMPLETION"'
 
 
-def _gives_up(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
+def _fails_after_effect(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
     """Return whether a node has an effect, and is known to fail in its first tick because of its first condition."""
     first = _first_node(bound)
-    asks = is_question(first) and outcomes.known_to_return(first) & F and first is not bound
+    asks = is_question(first) and outcomes.certain_results(first) & F and first is not bound
     return bool(asks) and outcomes.find_leaf(bound, acts) is not None
 
 
@@ -219,7 +219,7 @@ def _check_simultaneous_success(bound: BoundNode, outcomes: PossibleOutcomes) ->
 
 class _Action(NamedTuple):
     name: str
-    found: Found
+    found: FoundLeaf
 
 
 def _check_shared_actions(bound: BoundNode) -> Iterator[Diagnostic]:
@@ -246,7 +246,7 @@ def _actions(bound: BoundNode, place: BoundNode | None) -> Iterator[_Action]:
     for use in bound.spec.uses:
         name = _name(use, bound)
         if use.kind == "action" and name:
-            yield _Action(name, Found(bound, place or bound))
+            yield _Action(name, FoundLeaf(bound, place or bound))
     for child in bound.children:
         yield from _actions(child, place)
 

@@ -10,12 +10,12 @@ from sar_compiler.checks.rules.entry_accesses import (
     EntryAccess,
     EntryAccesses,
     EntryTable,
-    Place,
+    TreePosition,
     argument_of,
     between,
-    branching_place,
+    branching_position,
     comes_first,
-    common_place,
+    common_position,
     entry_table_of,
 )
 from sar_compiler.checks.rules.outcome_analysis import PossibleOutcomes
@@ -77,7 +77,7 @@ def _check_board(board: EntryTable, context: CheckContext) -> Iterator[Diagnosti
         yield from find_unwritten_ends(entry, context.outcomes)
         yield from _check_overwritten(entry, context)
         if not board.is_foreign:
-            yield from _side_by_side(entry)
+            yield from _parallel_writes(entry)
         if not board.is_open and not board.is_foreign:
             yield from (each for each in _unread(entry, board, context) if context.is_main(board.top.tree))
 
@@ -221,7 +221,7 @@ def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collectio
 
 def _too_early(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for use in entry.of(AccessKind.READ):
-        if entry.ordered_writers.all_after(use):
+        if entry.ordered_writers.is_each_preceded(use):
             writer = entry.writers[0]
             message = (
                 f"{use.access.attribute}: '{use.access.key}' is read here before it is written: "
@@ -242,9 +242,9 @@ def _check_overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[
             continue
         if _is_read_between(entry, first, second):
             continue
-        only_read_after = bool(entry.readers) and entry.ordered_readers.all_after(second)
+        only_read_after = bool(entry.readers) and entry.ordered_readers.is_each_preceded(second)
         if only_read_after or all(
-            context.outcomes.may_return(node) & ~K == S for node in between(first, second)
+            context.outcomes.possible_results(node) & ~K == S for node in between(first, second)
         ):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is overwritten here before any node can "
@@ -254,13 +254,13 @@ def _check_overwritten(entry: EntryAccesses, context: CheckContext) -> Iterator[
             yield second.bound.element.finding("overwritten-key", message, second.access.span(), hint=hint)
 
 
-def _side_by_side(entry: EntryAccesses) -> Iterator[Diagnostic]:
+def _parallel_writes(entry: EntryAccesses) -> Iterator[Diagnostic]:
     for first, second in itertools.pairwise(entry.of(AccessKind.WRITE)):
-        around = branching_place(first, second)
+        around = branching_position(first, second)
         if around is None or around.bound.spec.semantics.order is not Order.TOGETHER:
             continue
         # A key that is also read there is a signal from one branch to the other.
-        if not entry.ordered_readers.any_in(around.number, around.last):
+        if not entry.ordered_readers.has_access_in(around.number, around.last):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.bound.name}' "
                 f"(line {first.bound.element.line}), in parallel in '{around.bound.name}': the remaining value depends on "
@@ -278,19 +278,19 @@ def _follow_each_other(first: EntryAccess, second: EntryAccess) -> bool:
         return False
     if first.bound.spec.is_only_described or second.bound.spec.is_only_described:
         return False
-    around = branching_place(first, second)
+    around = branching_position(first, second)
     return around is not None and around.bound.spec.semantics.is_sequence and comes_first(first, second)
 
 
 def _is_read_between(entry: EntryAccesses, first: EntryAccess, second: EntryAccess) -> bool:
     """Return whether an entry may be read between two successive writes in a sequence."""
-    around = common_place(first.place, second.place)
+    around = common_position(first.place, second.place)
     start, end = around.child(first.place), around.child(second.place)
     readers = entry.ordered_readers
     return (
         second.bound in entry.reading
-        or readers.any_in(start.number, end.last)
-        or readers.any_in(around.number, around.number)
+        or readers.has_access_in(start.number, end.last)
+        or readers.has_access_in(around.number, around.number)
     )
 
 
@@ -303,7 +303,7 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
         return  # `check_subtrees` reports the unused attribute
     for use in entry.writers:
         if f"{{{use.access.key}}}" in board.unclosed[use.instance.tree]:
-            return  # `check_texts` reports the missing brace
+            return  # `check_strings` reports the missing brace
         only_writes = use.bound.spec.kind.is_leaf and use.bound.spec.effects == WRITES
         if only_writes and use.access.attribute not in use.bound.conditions:
             message = f"{use.access.attribute}: '{use.access.key}' is written here, but never read"
@@ -354,7 +354,7 @@ def _silent_answers(writer: EntryAccess) -> list[Answer] | None:
 
 def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes) -> bool:
     """Return whether a read can be the first access to a key after its writer has ended without writing it."""
-    around = common_place(writer.place, use.place)
+    around = common_position(writer.place, use.place)
     if around in (writer.place, use.place):
         return False
     first, second = around.child(writer.place), around.child(use.place)
@@ -368,7 +368,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
     return not any(map(_has_condition, siblings)) and not _is_guarded(use, second)
 
 
-def _ends_of(writer: EntryAccess, top: Place, outcomes: PossibleOutcomes) -> int:
+def _ends_of(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
     """Return the outcome set of a node after a leaf in it has not written a key; empty if unknown."""
     ended = 0
     for answer in _silent_answers(writer) or ():
@@ -384,7 +384,7 @@ def _ends_of(writer: EntryAccess, top: Place, outcomes: PossibleOutcomes) -> int
             if possible is None:
                 return 0
             sets = [
-                ended if number == place.index else outcomes.may_return(child)
+                ended if number == place.index else outcomes.possible_results(child)
                 for number, child in enumerate(parent.bound.children)
             ]
             ended = possible(parent.bound, sets, ALLOWED)
@@ -392,7 +392,7 @@ def _ends_of(writer: EntryAccess, top: Place, outcomes: PossibleOutcomes) -> int
     return 0
 
 
-def _is_guarded(use: EntryAccess, top: Place) -> bool:
+def _is_guarded(use: EntryAccess, top: TreePosition) -> bool:
     """Return whether a node before a read, in its branch, may prevent the read."""
     place = use.place
     if _has_scripts(place.bound) and use.access.attribute != next(iter(place.bound.conditions), None):

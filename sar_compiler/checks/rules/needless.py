@@ -15,7 +15,7 @@ from sar_compiler.tree.diagnostic import Diagnostic, Severity
 _VERBS = {S: "succeeds", F: "fails", R: "runs"}
 
 
-def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
+def check_reachability(context: CheckContext) -> Iterator[Diagnostic]:
     """Report nodes that no tick reaches, and nodes that never end."""
     if not context.is_telling:
         return
@@ -33,10 +33,12 @@ def check_reach(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _endless(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    if outcomes.may_return(bound) != R or any(outcomes.may_return(child) == R for child in bound.children):
+    if outcomes.possible_results(bound) != R or any(
+        outcomes.possible_results(child) == R for child in bound.children
+    ):
         return
     child = bound.children[0]
-    ends = bound.spec.semantics.ends_by(bound) & ~K if len(bound.children) == 1 else 0
+    ends = bound.spec.semantics.end_results(bound) & ~K if len(bound.children) == 1 else 0
     why = f"'{child.name}' never {_VERBS[ends]}" if ends in _VERBS else "nothing in it can end it"
     hint = f"make it possible for '{child.name}' to end it, or remove <{bound.spec.tag}>"
     yield bound.element.finding("never-ends", f"'{bound.name}' never ends: {why}", hint=hint)
@@ -48,7 +50,7 @@ def _check_gates(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
         yield _unreachable(children[0], f"'{bound.name}' ticks it 0 times")
     for number, gate in means.gates(bound).items():
         if number < len(children) and not any(
-            outcomes.may_return(children[each]) & gate.answers for each in gate.children
+            outcomes.possible_results(children[each]) & gate.answers for each in gate.children
         ):
             yield _unreachable(children[number], _gate_reason(gate, children))
 
@@ -65,7 +67,7 @@ def _check_last_reachable(bound: BoundNode, outcomes: PossibleOutcomes) -> Itera
     """Report the first unreachable child: its predecessor never lets the tick continue."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
-        answers = outcomes.may_return(before)
+        answers = outcomes.possible_results(before)
         if not answers & (goes_on | K):
             # `_endless` reports the nodes that unintentionally never end.
             if answers != R or not before.children:
@@ -84,13 +86,13 @@ _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first ti
 """Descriptions of a child that never has the result to which its decorator reacts."""
 
 
-def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
+def check_needless_nodes(context: CheckContext) -> Iterator[Diagnostic]:
     """Report nodes that are not needed, or that prevent their children from working."""
     # Notes are given neither for trees that another program runs nor for trees with errors.
     is_own = context.sound and not context.is_foreign
     for bound in context.parents():
         if len(bound.children) == len(bound.element.children) == 1:
-            needless = _needless(bound, bound.children[0])
+            needless = _needless_finding(bound, bound.children[0])
             if needless is None:
                 yield from _check_decorator(bound, bound.children[0], context.outcomes)
             elif is_own and not bound.conditions and bound.oneshot is None:
@@ -100,7 +102,7 @@ def check_needless(context: CheckContext) -> Iterator[Diagnostic]:
 def _check_decorator(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     means = bound.spec.semantics
     never = _NEVER.get(means.changes & ~K)
-    if never is not None and not outcomes.may_return(child) & means.changes:
+    if never is not None and not outcomes.possible_results(child) & means.changes:
         message = f"'{bound.name}' has no effect: '{child.name}' {never}"
         hint = f"delete <{bound.element.tag}>, or move it"
         yield bound.element.finding("without-effect", message, hint=hint)
@@ -112,11 +114,11 @@ def _check_decorator(bound: BoundNode, child: BoundNode, outcomes: PossibleOutco
         yield from _check_one_shot(bound, child, outcomes)
 
 
-def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
+def _needless_finding(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
     means, hint = bound.spec.semantics, f"delete <{bound.element.tag}>"
     if means.order in (Order.IN_ORDER, Order.TOGETHER):
         why = f"its only child is '{child.name}'"
-    elif _reverses(bound, child) and not child.conditions:
+    elif _cancels_inner_decorator(bound, child) and not child.conditions:
         why, hint = f"it reverses the effect of '{child.name}'", "delete both"
     elif means.rounds is not None and means.rounds(bound) == 1:
         why = "a node is executed once without it, too"
@@ -125,7 +127,7 @@ def _needless(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
     return bound.element.finding("needless-node", f"'{bound.name}' is not needed: {why}", hint=hint)
 
 
-def _reverses(bound: BoundNode, child: BoundNode) -> bool:
+def _cancels_inner_decorator(bound: BoundNode, child: BoundNode) -> bool:
     """Return whether a decorator reverses every status that the decorator in it has changed."""
     once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
     if once is None or twice is None or {bound.spec.kind, child.spec.kind} != {Kind.DECORATOR}:
@@ -151,7 +153,7 @@ def _check_one_shot(bound: BoundNode, child: BoundNode, outcomes: PossibleOutcom
     """Report loops around a node that is executed only once."""
     retries = bound.spec.semantics.repeats == F
     once, within = _find_one_shot(child)
-    if once is None or (retries and not outcomes.may_return(within) & F):
+    if once is None or (retries and not outcomes.possible_results(within) & F):
         return
     if retries and (once.oneshot or once.values.get("policy")) == "ON_SUCCESSFUL_COMPLETION":
         return

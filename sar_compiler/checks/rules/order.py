@@ -10,15 +10,15 @@ from sar_compiler.checks.rules.entry_accesses import (
     EntryAccess,
     KeyAccess,
     OrderedAccesses,
-    Place,
-    PlaceFinder,
-    branching_place,
+    PositionFinder,
+    TreePosition,
+    branching_position,
     comes_first,
-    straight_around,
+    enclosing_sequences,
 )
-from sar_compiler.nodes.answers import SELF, fill_text, number_text
+from sar_compiler.nodes.answers import SELF, fill_placeholders, number_text
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.binding.instances import TreeInstance
 from sar_compiler.nodes.semantics import AccessKind
 from sar_compiler.nodes.spec import NodeSpec
 from sar_compiler.runtime.answers import Fact
@@ -47,12 +47,12 @@ def check_order(context: CheckContext) -> Iterator[Diagnostic]:
                 yield finding
 
 
-class _Words:
+class _LeafFacts:
     """The declarations of a leaf's registration about facts, with placeholders replaced."""
 
     def __init__(self, spec: NodeSpec, names: Mapping[str, str]) -> None:
         def filled(text: str) -> str:
-            return fill_text(text, names)
+            return fill_placeholders(text, names)
 
         self.facts = {filled(name): value for name, value in spec.facts.items()}
         self.results = [filled(answer.then) for answer in spec.answers if answer.then]
@@ -65,7 +65,7 @@ class _Words:
         uses = (use for script in self.results for use in name_uses(_parse(script)))
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
-    def enables(self, other: "_Words") -> bool:
+    def enables(self, other: "_LeafFacts") -> bool:
         """Return whether an effect of this leaf, on the initial facts, lets another leaf do more than fail."""
         for script in self.results:
             facts = _variables({**self.facts, **other.facts})
@@ -74,21 +74,21 @@ class _Words:
         return False
 
 
-class _Leaf(NamedTuple):
+class _FactLeaf(NamedTuple):
     """A leaf with facts, in one instance of its tree."""
 
     use: EntryAccess
-    words: _Words
+    words: _LeafFacts
 
 
-def _leaves(top: Instance) -> Iterator[_Leaf]:
-    numbers: dict[tuple[Instance, BoundNode], str] = {}
-    known: dict[tuple[object, ...], _Words] = {}
+def _leaves(top: TreeInstance) -> Iterator[_FactLeaf]:
+    numbers: dict[tuple[TreeInstance, BoundNode], str] = {}
+    known: dict[tuple[object, ...], _LeafFacts] = {}
 
-    def identifier(instance: Instance, bound: BoundNode) -> str:
+    def identifier(instance: TreeInstance, bound: BoundNode) -> str:
         return numbers.setdefault((instance, bound), f"node{len(numbers)}")
 
-    places = PlaceFinder(top)
+    places = PositionFinder(top)
     for instance in top.iterate():
         for bound in instance.tree.demanding:
             spec = bound.spec
@@ -102,15 +102,17 @@ def _leaves(top: Instance) -> Iterator[_Leaf]:
                     names[parameter.name] = identifier(*referred)
             key = (id(spec), *names.items())
             if key not in known:
-                known[key] = _Words(spec, names)
+                known[key] = _LeafFacts(spec, names)
             words = known[key]
             if words.needs or words.reads or words.changes:
-                yield _Leaf(EntryAccess(instance, KeyAccess(bound, "", "", AccessKind.READ), places), words)
+                yield _FactLeaf(
+                    EntryAccess(instance, KeyAccess(bound, "", "", AccessKind.READ), places), words
+                )
 
 
 def _numbers(bound: BoundNode) -> dict[str, str]:
     """Return the replacements of a leaf's integer attributes, by name."""
-    numbers = (parameter for parameter in bound.spec.plain if parameter.is_whole_number)
+    numbers = (parameter for parameter in bound.spec.plain if parameter.is_integer_parameter)
     return {
         # The value of a key is unknown here: it becomes a name that no script can evaluate.
         each.name: _UNKNOWN
@@ -151,19 +153,19 @@ def _run(script: str, facts: PlainVariables) -> bool:
 class _Effects:
     """The leaves of a tree by the facts that they read and change."""
 
-    def __init__(self, leaves: Sequence[_Leaf]) -> None:
-        self._alike: dict[_Words, list[_Leaf]] = {}
+    def __init__(self, leaves: Sequence[_FactLeaf]) -> None:
+        self._alike: dict[_LeafFacts, list[_FactLeaf]] = {}
         for leaf in leaves:
             self._alike.setdefault(leaf.words, []).append(leaf)
-        self._changing: dict[str, list[_Words]] = {}
+        self._changing: dict[str, list[_LeafFacts]] = {}
         for words in self._alike:
             for fact in words.changes:
                 self._changing.setdefault(fact, []).append(words)
-        self._enabling: dict[_Words, list[OrderedAccesses]] = {}
+        self._enabling: dict[_LeafFacts, list[OrderedAccesses]] = {}
         self._readers = sorted((leaf for leaf in leaves if leaf.words.reads), key=_number)
-        self._untouched: dict[tuple[_Leaf, _Leaf, frozenset[str]], bool] = {}
+        self._untouched: dict[tuple[_FactLeaf, _FactLeaf, frozenset[str]], bool] = {}
 
-    def enabling(self, words: _Words) -> Sequence[OrderedAccesses]:
+    def enabling(self, words: _LeafFacts) -> Sequence[OrderedAccesses]:
         """Return the leaves that enable a result of leaves with given declarations, grouped by declarations."""
         if words not in self._enabling:
             others = {each: None for fact in sorted(words.needs) for each in self._changing.get(fact, ())}
@@ -175,24 +177,24 @@ class _Effects:
         return self._enabling[words]
 
     @functools.cached_property
-    def _leading(self) -> dict[tuple[str, Place], list[_Leaf]]:
+    def _leading(self) -> dict[tuple[str, TreePosition], list[_FactLeaf]]:
         """The leaves that change a fact which is read, by the sequences in which other leaves follow them."""
         read = {fact for leaf in self._readers for fact in leaf.words.reads}
         changing = {words: words.changes & read for words in self._alike if words.changes & read}
-        leading: dict[tuple[str, Place], list[_Leaf]] = {}
+        leading: dict[tuple[str, TreePosition], list[_FactLeaf]] = {}
         for leaf in sorted((leaf for words in changing for leaf in self._alike[words]), key=_number):
-            for around in straight_around(leaf.use):
+            for around in enclosing_sequences(leaf.use):
                 if around is not None and around.bound.spec.semantics.is_sequence:
                     for fact in changing[leaf.words]:
                         leading.setdefault((fact, around), []).append(leaf)
         return leading
 
-    def last_two_before(self, leaf: _Leaf) -> list[_Leaf]:
+    def last_two_before(self, leaf: _FactLeaf) -> list[_FactLeaf]:
         """Return the last two leaves that precede a leaf in a sequence and change a fact that it reads."""
-        found: dict[_Leaf, None] = {}
+        found: dict[_FactLeaf, None] = {}
         inner, around = leaf.use.place, leaf.use.place.around
         while around is not None and len(found) < _DOING_AND_UNDOING:
-            before: list[_Leaf] = []
+            before: list[_FactLeaf] = []
             for fact in leaf.words.reads:
                 others = self._leading.get((fact, around), [])
                 count = bisect.bisect_left(others, inner.number, key=_number)
@@ -201,7 +203,7 @@ class _Effects:
             inner, around = around, around.around
         return list(found)[:_DOING_AND_UNDOING][::-1]
 
-    def is_read_between(self, first: _Leaf, second: _Leaf, facts: frozenset[str]) -> bool:
+    def is_read_between(self, first: _FactLeaf, second: _FactLeaf, facts: frozenset[str]) -> bool:
         """Return whether a leaf in a sequence between two others reads one of some facts."""
         key = (first, second, facts)
         if key not in self._untouched:
@@ -215,13 +217,13 @@ class _Effects:
         return self._untouched[key]
 
 
-def _number(leaf: _Leaf) -> int:
+def _number(leaf: _FactLeaf) -> int:
     return leaf.use.place.number
 
 
-def _too_early(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
+def _too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
     givers = [each for each in effects.enabling(leaf.words) if len(each.uses) > (leaf.use in each.uses[:1])]
-    if not givers or not all(each.all_after(leaf.use) for each in givers):
+    if not givers or not all(each.is_each_preceded(leaf.use) for each in givers):
         return None
     uses = [next(use for use in each.uses if use is not leaf.use) for each in givers]
     giver = min(uses, key=lambda use: use.place.number).bound
@@ -232,7 +234,7 @@ def _too_early(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
     return leaf.use.bound.element.finding("wrong-order", message, hint=f"move it after '{giver.name}'")
 
 
-def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
+def _undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
     """Return a finding about a leaf in a sequence that depends on an effect of an earlier leaf that another one undid."""
     before = effects.last_two_before(leaf) if leaf.words.reads else []
     if len(before) < _DOING_AND_UNDOING:
@@ -249,9 +251,9 @@ def _undone(leaf: _Leaf, effects: _Effects) -> Diagnostic | None:
     return leaf.use.bound.element.finding("wrong-order", message, hint=f"move it before '{other.name}'")
 
 
-def _leads_to(first: _Leaf, second: _Leaf) -> bool:
+def _leads_to(first: _FactLeaf, second: _FactLeaf) -> bool:
     """Return whether two leaves are in one sequence, the first before the second."""
-    around = branching_place(first.use, second.use)
+    around = branching_position(first.use, second.use)
     return (
         around is not None and around.bound.spec.semantics.is_sequence and comes_first(first.use, second.use)
     )

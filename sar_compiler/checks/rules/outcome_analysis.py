@@ -24,7 +24,7 @@ OutcomeSets = int
 """The possible results of a node in the lower bits, and those known to occur in some run in the bits above."""
 
 
-class Found(NamedTuple):
+class FoundLeaf(NamedTuple):
     """A leaf found by a search.
 
     Attributes:
@@ -43,12 +43,12 @@ class Found(NamedTuple):
         )
         return f"'{self.leaf.name}'{inside}"
 
-    def name_beside(self, other: BoundNode) -> str:
+    def name_next_to(self, other: BoundNode) -> str:
         """Return its name in a message that names another node as well."""
-        return self.name if self.leaf.name != other.name else name_beside(self.leaf, other)
+        return self.name if self.leaf.name != other.name else name_next_to(self.leaf, other)
 
 
-def name_beside(bound: BoundNode, other: BoundNode) -> str:
+def name_next_to(bound: BoundNode, other: BoundNode) -> str:
     """Return a node's name in a message that names another one, with its line if both have the same name."""
     if bound.name != other.name:
         return f"'{bound.name}'"
@@ -77,19 +77,19 @@ class PossibleOutcomes:
         for tree in trees:
             self._analyze(tree)
 
-    def may_return(self, bound: BoundNode) -> int:
+    def possible_results(self, bound: BoundNode) -> int:
         """Return all results that a tick of a node may have."""
         return self._of(bound) & ALL
 
-    def known_to_return(self, bound: BoundNode) -> int:
+    def certain_results(self, bound: BoundNode) -> int:
         """Return the results that a tick of a node is known to have in some run."""
         return self._of(bound) >> _SHIFT
 
     def takes_time(self, bound: BoundNode) -> bool:
         """Return whether a node is known to run for more than a tick."""
-        return bool(self.known_to_return(bound) & R)
+        return bool(self.certain_results(bound) & R)
 
-    def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
+    def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
         """Return the first leaf that is restarted whenever a node is, and that meets a condition.
 
         Nodes that depend on a result are left out: those after the first child of a selector, in a branch, or
@@ -99,22 +99,22 @@ class PossibleOutcomes:
             return None
         if bound.subtree is not None:
             inner = self.find_restarted(bound.subtree.root, wanted) if bound.subtree.root else None
-            return None if inner is None else Found(inner.leaf, bound)
+            return None if inner is None else FoundLeaf(inner.leaf, bound)
         if not bound.children:
-            return Found(bound, bound) if bound.spec.kind.is_leaf and wanted(bound) else None
+            return FoundLeaf(bound, bound) if bound.spec.kind.is_leaf and wanted(bound) else None
         means = bound.spec.semantics
         if means.order is not Order.IN_ORDER and not means.steady:
             return None
         first = bound.children if means.is_sequence else bound.children[:1]
         return next((found for child in first if (found := self.find_restarted(child, wanted))), None)
 
-    def find_leaf(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> Found | None:
+    def find_leaf(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
         """Return the first leaf in a node that meets a condition."""
         if bound.subtree is not None:
             inner = self.find_leaf(bound.subtree.root, wanted) if bound.subtree.root else None
-            return None if inner is None else Found(inner.leaf, bound)
+            return None if inner is None else FoundLeaf(inner.leaf, bound)
         if bound.spec.kind.is_leaf:
-            return Found(bound, bound) if wanted(bound) else None
+            return FoundLeaf(bound, bound) if wanted(bound) else None
         return next((found for child in bound.children if (found := self.find_leaf(child, wanted))), None)
 
     def acts_at_once(self, leaf: BoundNode) -> bool:

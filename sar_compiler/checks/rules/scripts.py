@@ -10,7 +10,7 @@ from sar_compiler.nodes.btcpp import STATEMENTS
 from sar_compiler.nodes.values import CONDITION
 from sar_compiler.runtime import operators
 from sar_compiler.runtime.constant_conditions import constant_clauses, constant_truth
-from sar_compiler.runtime.evaluation import EvaluationError, failure, no_condition, step_failure
+from sar_compiler.runtime.evaluation import EvaluationError, chain_error, condition_type_error, failure
 from sar_compiler.runtime.expressions import (
     Assignment,
     ComparisonChain,
@@ -75,7 +75,7 @@ def _check_assignments(bound: BoundNode, attribute: str, script: Script) -> Iter
         return
     operator, target = assignment.operator, assignment.target
     start = script.text.index(operator, target.end)
-    span = bound.element.within_value(attribute, start, start + len(operator))
+    span = bound.element.value_part_span(attribute, start, start + len(operator))
     message = f"{attribute}: '{operator}' assigns to '{target.name}' in a condition"
     suggestion = "==" if operator == "=" else None
     hint = "compare with ==, and change variables in _onSuccess, _onFailure or a <Script>"
@@ -97,7 +97,7 @@ def _constant(bound: BoundNode, attribute: str, script: Script) -> Iterator[Diag
             hint = f"no value of {others} changes the result. Correct a comparison, or swap && and ||"
         # A condition `true` or `false` may switch a node off on purpose.
         severity = Severity.WARNING if variables else Severity.INFO
-        span = bound.element.within_value(attribute, start, end)
+        span = bound.element.value_part_span(attribute, start, end)
         yield bound.element.finding("constant-condition", message, span, hint=hint, severity=severity)
 
 
@@ -108,7 +108,7 @@ def _idle(bound: BoundNode, attribute: str, script: Script, *, is_condition: boo
         statements = list(group)
         if is_idle:
             start, end = statements[0].start, statements[-1].end
-            span = bound.element.within_value(attribute, start, end)
+            span = bound.element.value_part_span(attribute, start, end)
             message = f"{attribute}: '{excerpt(script.text[start:end])}' has no effect: its value is not used"
             yield bound.element.finding("idle-statement", message, span, hint=_idle_hint(statements))
 
@@ -133,7 +133,7 @@ def _check_raising(
     """Yield the operations that raise for all values of the variables."""
     always, in_branches = find_certain_errors(script, is_condition=is_condition)
     for error in (*always, *in_branches):
-        span = bound.element.within_value(attribute, error.start, error.end)
+        span = bound.element.value_part_span(attribute, error.start, error.end)
         message = f"{attribute}: {error.message}"
         usual, severity = (_ALWAYS, Severity.ERROR) if error in always else (_IN_BRANCH, Severity.WARNING)
         yield bound.element.finding(
@@ -150,8 +150,8 @@ def _check_touching(
         if _is_idle(before) or (_is_idle(statement) and not is_value):
             continue  # its lack of effect is reported already
         between = script.text[before.end : statement.start]
-        span = bound.element.within_value(attribute, statement.start, statement.end)
-        end = bound.element.within_value(attribute, before.end - 1, before.end)
+        span = bound.element.value_part_span(attribute, statement.start, statement.end)
+        end = bound.element.value_part_span(attribute, before.end - 1, before.end)
         if span.line == end.line and not between.strip(" )("):
             written = excerpt(script.text[statement.start : statement.end])
             message = f"{attribute}: '{written}' is a separate statement, not joined to the previous one"
@@ -184,7 +184,7 @@ def find_certain_errors(
     values = [folding.values_of(statement) for statement in script.statements]
     if is_condition and values:
         folding.apply_operator(
-            operators.as_condition, lambda error, _: no_condition(script, error), values[-1]
+            operators.as_condition, lambda error, _: condition_type_error(script, error), values[-1]
         )
     return folding.errors, folding.in_branches
 
@@ -251,7 +251,7 @@ class _Folding:
         for step in node.steps:
 
             def error_of(error: RefusedValueError, sides: Any, step: Any = step) -> EvaluationError:
-                return step_failure(self._text, node, step, error, *sides)
+                return chain_error(self._text, node, step, error, *sides)
 
             right = self.values_of(step.operand)
             values = self.apply_operator(operators.BINARY[step.operator], error_of, values, right)

@@ -5,9 +5,15 @@ import re
 from collections.abc import Iterator, Sequence
 
 from sar_compiler.checks.rules import CheckContext
-from sar_compiler.nodes.binding.attributes import close_key
+from sar_compiler.nodes.binding.attributes import complete_key_braces
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.numbers import UNITS, SensibleNumbers, convert_mistaken, find_oddity, unit_of_key
+from sar_compiler.nodes.numbers import (
+    UNITS,
+    PlausibleRange,
+    convert_mistaken,
+    find_implausible_number,
+    unit_of_key,
+)
 from sar_compiler.nodes.spec import NodeSpec, ParameterRole
 from sar_compiler.tree.diagnostic import Diagnostic
 
@@ -26,10 +32,10 @@ def check_classes(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _missing_in(spec: NodeSpec) -> str:
     methods = " and ".join(f"{name}()" for name in spec.absent_methods)
-    return f"its class {spec.maker_path.replace(':', '.')} has no {methods}"
+    return f"its class {spec.factory_path.replace(':', '.')} has no {methods}"
 
 
-def check_texts(context: CheckContext) -> Iterator[Diagnostic]:
+def check_strings(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield strings that begin or end like a key."""
     for bound, names in context.nodes_with(_texts):
         if bound.values:
@@ -50,7 +56,7 @@ def _close_text(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
     element = bound.element
     for name in names:
         written = element.attributes.get(name, "")
-        suggestion, message = close_key(written), "a blackboard key is written in braces"
+        suggestion, message = complete_key_braces(written), "a blackboard key is written in braces"
         if suggestion is None and (former := re.fullmatch(_FORMER_KEY, written)):
             suggestion, message = former[1], "$ before a key is the syntax of BehaviorTree.CPP 3"
         if suggestion is not None:
@@ -71,7 +77,7 @@ def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
                 )
 
 
-def _bounds(spec: NodeSpec) -> dict[str, SensibleNumbers]:
+def _bounds(spec: NodeSpec) -> dict[str, PlausibleRange]:
     return {each.name: each.value_type.usual for each in spec.parameters.values() if each.value_type.usual}
 
 
@@ -82,7 +88,7 @@ def check_units(context: CheckContext) -> Iterator[Diagnostic]:
             number = bound.values.get(name)
             if not isinstance(number, int | float) or not math.isfinite(number):
                 continue
-            if find_oddity(abs(number), unit) is not None:
+            if find_implausible_number(abs(number), unit) is not None:
                 written = bound.element.attributes[name]
                 usual = f"{UNITS[unit].words} are usually {UNITS[unit].usual}"
                 message = f"{name}: {written} is unusual, because {usual}"

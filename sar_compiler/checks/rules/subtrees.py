@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.checks.rules.entry_accesses import KeyAccesses
-from sar_compiler.nodes.binding.attributes import condition_meant
+from sar_compiler.nodes.binding.attributes import intended_condition
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.binding.nesting import trees_in
 from sar_compiler.nodes.collector import text_of_output
 from sar_compiler.nodes.spec import Direction
-from sar_compiler.nodes.values import join_words
+from sar_compiler.nodes.values import join_with_commas
 from sar_compiler.runtime.expressions import ComparisonChain, Literal, Name, children, parts
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic
 
@@ -46,7 +46,7 @@ def _unused_ports(
             free = sorted(key for key in keys if key not in model.ports and not key.startswith("@"))
             near = context.guesses.nearest(port.name, free)
             message = f"the tree '{tree.name}' does not use the port '{port.name}'"
-            hint = f"it uses {join_words(free)}" if free else "delete it"
+            hint = f"it uses {join_with_commas(free)}" if free else "delete it"
             yield port.element.finding("model-mismatch", message, value="name", suggestion=near, hint=hint)
 
 
@@ -159,10 +159,10 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
     if not unused:
         return
     missing = sorted(key for key in keys if key not in given and not key.startswith("@"))
-    hint = f"it uses {join_words(missing)}" if missing else "delete it"
+    hint = f"it uses {join_with_commas(missing)}" if missing else "delete it"
     for name in unused:
         message = f"{name}: the tree '{tree.name}' does not use this key"
-        near = "_autoremap" if name == "autoremap" else condition_meant(name)
+        near = "_autoremap" if name == "autoremap" else intended_condition(name)
         near = near or context.guesses.nearest(name, missing)
         cause = None if near else Cause(f"the tree '{tree.name}' does not use these keys", name)
         advice = Advice(suggestion=near, hint=hint, common_cause=cause)
@@ -178,5 +178,5 @@ def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Dia
         if name not in model.ports:
             message = f"{name}: the model of the tree '{model.tag}' has no port of this name"
             near = context.guesses.nearest(name, model.ports)
-            hint = f"it has {join_words(model.ports)}"
+            hint = f"it has {join_with_commas(model.ports)}"
             yield use.element.finding("unused-argument", message, name=name, suggestion=near, hint=hint)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from sar_compiler.checks.rules import CheckContext
 from sar_compiler.nodes.binding.attributes import KIND_TAGS
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.key_types import severity_there, unknown_conversion
-from sar_compiler.nodes.binding.nesting import fault_of, refused_in
+from sar_compiler.nodes.binding.key_types import btcpp_severity, unknown_conversion
+from sar_compiler.nodes.binding.nesting import invalid_id_part, tree_id_fault
 from sar_compiler.nodes.btcpp import (
     DROPS_EXPLICIT,
     NAMES,
@@ -33,7 +33,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield names and syntax that newer versions refuse, and constructs that older ones lack or evaluate differently."""
     collector = FindingCollector(context.btcpp)
     for tree in (tree for tree_file in context.forest.files for tree in tree_file.trees):
-        fault = fault_of(tree.attributes.get("ID", ""))
+        fault = tree_id_fault(tree.attributes.get("ID", ""))
         if fault is not None:
             advice = Advice(hint=fault.hint, common_cause=fault.cause)
             collector.refused_since(NAMES, tree, fault.message, value="ID", **advice)
@@ -44,7 +44,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
             _report_quotes(bound, attribute, script, collector)
         if context.version < NEWEST:
             for start, end, what, hint in older_readings(script, context.version):
-                span = bound.element.within_value(attribute, start, end)
+                span = bound.element.value_part_span(attribute, start, end)
                 message = f"{attribute}: BehaviorTree.CPP {context.version} {what}"
                 yield bound.element.finding("btcpp-version", message, span, hint=hint)
     yield from collector.findings
@@ -76,7 +76,7 @@ def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
                 value=name,
                 suggestion=plain if is_meant else None,
                 hint=f"write a key of the type {kind}",
-                severity=severity_there(context.btcpp),
+                severity=btcpp_severity(context.btcpp),
             )
 
 
@@ -92,7 +92,7 @@ def _readable_types(spec: NodeSpec) -> dict[str, str]:
 
 
 def _report_tags(context: CheckContext, collector: FindingCollector) -> None:
-    for bound, part in context.nodes_with(lambda spec: refused_in(spec.tag)):
+    for bound, part in context.nodes_with(lambda spec: invalid_id_part(spec.tag)):
         element = bound.element
         if element.tag == bound.spec.tag:
             message, hint = f"the node name '{element.tag}' contains {part}", f"remove {part}"
@@ -105,7 +105,7 @@ def _report_ports(context: CheckContext, collector: FindingCollector) -> None:
     for bound in dict.fromkeys((*others, *(use for tree in context.trees for use in tree.uses))):
         for name in itertools.filterfalse(str.isidentifier, bound.element.attributes):
             given = (*bound.remapping.keys, *bound.remapping.constants, *bound.spec.parameters)
-            part = refused_in(name) if name in given else None
+            part = invalid_id_part(name) if name in given else None
             if part:
                 message, hint = f"the port name '{name}' contains {part}", f"remove {part}"
                 advice = Advice(hint=hint, common_cause=Cause(f"port names contain {part}", name))
@@ -118,7 +118,7 @@ def _report_quotes(bound: BoundNode, attribute: str, script: Script, collector: 
             inside = script.text[literal.start + 1 : literal.end - 1]
             message = f"{attribute}: a string is in double quotation marks"
             hint = "write '...'. The string itself cannot contain a single quotation mark"
-            span = bound.element.within_value(attribute, literal.start, literal.end)
+            span = bound.element.value_part_span(attribute, literal.start, literal.end)
             advice = Advice(suggestion=None if "'" in inside else f"'{inside}'", hint=hint)
             collector.refused_since(QUOTES, bound.element, message, span, **advice)
 

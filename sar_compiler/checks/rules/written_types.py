@@ -9,7 +9,7 @@ from sar_compiler.checks.rules.entry_accesses import (
     EntryAccesses,
     EntryTable,
     comes_first,
-    is_of_root,
+    is_root_key,
 )
 from sar_compiler.checks.rules.scripts import find_certain_errors, is_condition
 from sar_compiler.nodes.binding.bound import BoundNode
@@ -17,10 +17,10 @@ from sar_compiler.nodes.binding.key_types import (
     EntryType,
     EntryTypes,
     agree,
+    btcpp_severity,
     cpp_type,
     fits,
     port_label,
-    severity_there,
     unknown_conversion,
 )
 from sar_compiler.nodes.btcpp import LISTS, NEWEST, NUMBERS, Version
@@ -148,7 +148,7 @@ class _KeyWrite(NamedTuple):
         attribute, part = self.place
         if part is None:
             return self.element.value_span(attribute)
-        return self.element.within_value(attribute, *part)
+        return self.element.value_part_span(attribute, *part)
 
 
 class KeyTypeRules:
@@ -168,7 +168,7 @@ class KeyTypeRules:
         self._types = types
         self._enums = enums
         self._version = btcpp or NEWEST
-        self._severity = severity_there(btcpp)
+        self._severity = btcpp_severity(btcpp)
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
         # Kinds of ports that have the same type: an entry that only they use needs no comparison.
         self._of_one_type: set[tuple[int, ...]] = set()
@@ -238,7 +238,7 @@ class KeyTypeRules:
     def _writes(self, entry: EntryAccesses) -> Iterator[_KeyWrite]:
         for use in entry.of(*_WRITING):
             access, semantics = use.access, use.bound.spec.semantics
-            port, place = self._port(use), (access.attribute, access.place or access.place_in_braces)
+            port, place = self._port(use), (access.attribute, access.place or access.position_in_braces)
             expression, is_copy = None, False
             if port is not None and _QUEUE in use.bound.values:
                 for item in _items_of(use.bound, port.cpp):
@@ -460,7 +460,7 @@ class KeyTypeRules:
             uses = [each for made in given for each in name_uses(made)]
             made_there = {each.name for each in uses if each.access is Access.CREATE}
             for each in name_uses(script):
-                is_known = each.name in made_there or is_of_root(each.name)
+                is_known = each.name in made_there or is_root_key(each.name)
                 if not is_known and not self._is_written(use.instance.scope, each.name):
                     hint = f"write a quoted string, '{each.name}', or a key that is written earlier"
                     if each.name[0].isupper():

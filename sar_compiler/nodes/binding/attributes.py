@@ -6,14 +6,14 @@ from typing import Any, Literal, TypeAlias
 
 from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.nodes.collector import FindingCollector, text_of_output
-from sar_compiler.nodes.numbers import number_in, unit_of_key, unit_words
+from sar_compiler.nodes.numbers import convert_with_unit, unit_name, unit_of_key
 from sar_compiler.nodes.spec import Direction, Kind, NodeSpec, Parameter, ParameterRole, Provenance, any_port
 from sar_compiler.nodes.values import (
     CONDITION,
     ConversionError,
     ValueType,
-    join_words,
-    type_of,
+    join_with_commas,
+    require_value_type,
 )
 from sar_compiler.runtime.expressions import (
     Assignment,
@@ -25,7 +25,7 @@ from sar_compiler.runtime.expressions import (
     parts,
 )
 from sar_compiler.tree.diagnostic import Advice, Cause, Severity
-from sar_compiler.tree.guessing import Guesses, unit_in
+from sar_compiler.tree.guessing import Guesses, unit_suffix
 from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
@@ -76,11 +76,11 @@ _NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf"
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
 """py_trees' policies, by their names."""
-ONESHOT_TYPE = type_of(OneShotPolicyName)
+ONESHOT_TYPE = require_value_type(OneShotPolicyName)
 # Looked up once: in Python 3.11, access to a member of an enumeration is slow, and this is needed for every attribute.
 _NAME, _ATTRIBUTE, _REFERENCE = ParameterRole.NAME, ParameterRole.ATTRIBUTE, ParameterRole.REFERENCE
 _OUTPUT, _INOUT = Direction.OUTPUT, Direction.INOUT
-_BOOL_TYPE = type_of(bool)
+_BOOL_TYPE = require_value_type(bool)
 KIND_TAGS = frozenset(kind.value for kind in Kind)
 """The tags of explicit forms."""
 _TEXTS = (str, None)
@@ -148,7 +148,7 @@ class AttributeBinder:
         elif name == "_unless" and _read_condition(text):
             hint = f'write _skipIf="{text}"'
         elif re.fullmatch(_LIKE_CONDITION, name) or self._has_condition(text):
-            hint = f"the conditions are {join_words(CONDITIONS)}"
+            hint = f"the conditions are {join_with_commas(CONDITIONS)}"
         else:
             return
         message = f"'{name}' has no effect: attributes that begin with '_' are notes, except the conditions"
@@ -177,7 +177,7 @@ class AttributeBinder:
             self._option_errors[name] = typo_in_note(name, self._collector.guesses)
         return self._option_errors[name]
 
-    def report_former(self, element: Element, name: str, today: str) -> str:
+    def report_former_name(self, element: Element, name: str, today: str) -> str:
         """Report an attribute of BehaviorTree.CPP 3, and return its current name."""
         message = f"<{element.tag}> has no attribute '{name}', which is a name of BehaviorTree.CPP 3"
         self._collector.add("unknown-attribute", message, element, name=name, suggestion=today)
@@ -189,7 +189,7 @@ class AttributeBinder:
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
         """Report a key with only one of its braces if no string can be intended; return whether it is one."""
-        suggestion = close_key(element.attributes[name])
+        suggestion = complete_key_braces(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key needs two braces, but '{element.attributes[name]}' has one"
             self._collector.add("wrong-value", message, element, value=name, suggestion=suggestion)
@@ -201,7 +201,9 @@ class AttributeBinder:
             return value_type.convert(element.attributes[name])
         except ConversionError as error:
             code = "script-error" if value_type.python is Script else "wrong-value"
-            key = self._key_meant(element.attributes[name]) if takes_keys and not error.suggestion else None
+            key = (
+                self._intended_key(element.attributes[name]) if takes_keys and not error.suggestion else None
+            )
             if key is not None:
                 error = ConversionError(error.message, key)
             elif not error.suggestion and value_type.python in (int, float) and not value_type.unit:
@@ -209,7 +211,7 @@ class AttributeBinder:
             self._collector.wrong_value(element, name, error, code)
             return None
 
-    def _key_meant(self, text: str) -> str | None:
+    def _intended_key(self, text: str) -> str | None:
         """Return the key in braces that was probably intended by an invalid value."""
         match = re.fullmatch(_NAME_OF_KEY, text)
         if match is None or not (match["sign"] or match["name"] in self._known_keys()):
@@ -222,7 +224,7 @@ class AttributeBinder:
             value_type.convert(key)
         except ConversionError as error:
             begin = max(element.attributes[name].find(key), 0)
-            span = element.within_value(name, begin, begin + len(key))
+            span = element.value_part_span(name, begin, begin + len(key))
             self._collector.add("wrong-value", f"{name}: {error.message}", element, span, hint=error.hint)
 
     def _value(self, bound: BoundNode, parameter: Parameter, text: str, *, is_listed: bool = True) -> None:
@@ -287,7 +289,7 @@ class AttributeBinder:
             each.former_attributes[name] for each in (spec, *other_variants) if name in each.former_attributes
         ]
         if former:
-            return self.report_former(element, name, former[0])
+            return self.report_former_name(element, name, former[0])
         if any(name in (parameter.name for parameter in other.attributes) for other in other_variants):
             written = [other for other in element.attributes if other in spec.parameters and other != "name"]
             message = f"<{bound.spec.tag}> has {' and '.join(written)} here, which conflicts with '{name}'"
@@ -295,7 +297,7 @@ class AttributeBinder:
             self._collector.add("conflicting-attributes", message, element, name=name, **advice)
             return None
         known = [parameter.name for parameter in spec.attributes] + [ONESHOT]
-        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {join_words(known)}"
+        message = f"<{bound.spec.tag}> has no attribute '{name}'; it has {join_with_commas(known)}"
         if name.startswith("_"):
             near = self.typo_in_note(name)
             if near == name:
@@ -303,23 +305,21 @@ class AttributeBinder:
                 near = None
         else:
             free = [other for other in known if other not in element.attributes]
-            near = self._collector.guesses.nearest(name, free) or condition_meant(name)
+            near = self._collector.guesses.nearest(name, free) or intended_condition(name)
         if spec.is_only_described:
             self._report_unlisted(bound, name, message, near)
             return near
         missing = [p.name for p in spec.required if p.name not in element.attributes]
         if near is not None or not is_only or len(missing) != 1:
-            hint = in_its_unit(name, element.attributes[name], spec)
+            hint = convert_to_attribute_unit(name, element.attributes[name], spec)
             self._collector.add("unknown-attribute", message, element, name=name, suggestion=near, hint=hint)
             return near
         # The unknown attribute was probably intended as the missing one, also of another meaning of the tag.
         others = [p.name for other in other_variants for p in other.attributes if p.required]
         unit = _unit_of(spec.parameters[missing[0]])
-        suggestion = missing[0] if not others and unit == unit_in(name) else None
-        hint = in_its_unit(name, element.attributes[name], spec)
-        hint = (
-            hint or f"write {' or '.join([*missing, *others])} instead{unit and f', in {unit_words(unit)}'}"
-        )
+        suggestion = missing[0] if not others and unit == unit_suffix(name) else None
+        hint = convert_to_attribute_unit(name, element.attributes[name], spec)
+        hint = hint or f"write {' or '.join([*missing, *others])} instead{unit and f', in {unit_name(unit)}'}"
         advice = Advice(suggestion=suggestion, hint=hint)
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
         return missing[0]
@@ -339,27 +339,29 @@ class AttributeBinder:
 def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
     """Return the error for a number whose unit differs from that in the attribute's name, with the converted number."""
     unit = unit_of_key(name)
-    meant = number_in(text, unit) if unit else None
+    meant = convert_with_unit(text, unit) if unit else None
     try:
         value_type.convert(meant or "")
     except ConversionError:
         return error
-    if unit == unit_in(name):
+    if unit == unit_suffix(name):
         return ConversionError(error.message, meant)
-    return ConversionError(error.message, hint=f"write {meant} if '{name}' is in {unit_words(unit)}")
+    return ConversionError(error.message, hint=f"write {meant} if '{name}' is in {unit_name(unit)}")
 
 
-def in_its_unit(name: str, text: str, spec: NodeSpec) -> str | None:
+def convert_to_attribute_unit(name: str, text: str, spec: NodeSpec) -> str | None:
     """Return the replacement for a number under an attribute of another unit (`sec="5"`: `msec="5000"`); None if unknown."""
-    written = unit_in(name)
-    ways = {p.name: number_in(f"{text}{written}", unit) for p in spec.attributes if (unit := _unit_of(p))}
+    written = unit_suffix(name)
+    ways = {
+        p.name: convert_with_unit(f"{text}{written}", unit) for p in spec.attributes if (unit := _unit_of(p))
+    }
     known = [f'write {other}="{number}"' for other, number in ways.items() if number is not None]
     return known[0] if written and len(known) == 1 else None
 
 
 def _unit_of(parameter: Parameter) -> str:
     """Return the unit of an attribute's plain numbers; empty if none is known."""
-    return parameter.value_type.unit or unit_in(parameter.name)
+    return parameter.value_type.unit or unit_suffix(parameter.name)
 
 
 def typo_in_note(name: str, guesses: Guesses) -> str | None:
@@ -382,12 +384,12 @@ def _is_explicit(bound: BoundNode) -> bool:
     return tag != bound.spec.tag or (bound.spec.is_only_described and tag in KIND_TAGS)
 
 
-def condition_meant(name: str) -> str | None:
+def intended_condition(name: str) -> str | None:
     """Return the condition whose name lacks its underscore; None for any other name."""
     return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 
-def close_key(text: str) -> str | None:
+def complete_key_braces(text: str) -> str | None:
     """Return the corrected form of a key with only one of its braces; None for any other text."""
     if text[:1] not in "{ " and text[-1:] not in "} ":
         return None

@@ -17,20 +17,20 @@ from sar_compiler.nodes.binding.bound import (
     BoundNode,
     BoundTree,
     Remapping,
-    by_itself,
-    report_misread,
+    is_skippable_itself,
+    report_misread_skips,
 )
-from sar_compiler.nodes.binding.instances import Instance, expand
+from sar_compiler.nodes.binding.instances import TreeInstance, expand
 from sar_compiler.nodes.binding.key_types import EntryTypes, report_key_types
-from sar_compiler.nodes.binding.nesting import count_within_limits, cut_circles, trees_in
+from sar_compiler.nodes.binding.nesting import check_size_limits, cut_cycles, trees_in
 from sar_compiler.nodes.binding.references import resolve_references
 from sar_compiler.nodes.btcpp import Version
 from sar_compiler.nodes.collector import FindingCollector
-from sar_compiler.nodes.models import Model, Models, compare_models, read_models, registry_without
-from sar_compiler.nodes.palettes import palettes_with
+from sar_compiler.nodes.models import NodeModel, NodeModels, compare_models, read_models, registry_without
+from sar_compiler.nodes.palettes import palettes_containing
 from sar_compiler.nodes.registry import Registry, is_library_tag, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec
-from sar_compiler.nodes.values import blackboard_key, join_words
+from sar_compiler.nodes.values import blackboard_key, join_with_commas
 from sar_compiler.tree.diagnostic import Advice, Cause, Diagnostic, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses
@@ -46,7 +46,7 @@ _UNKNOWN_HINT = "list them by sar-compile nodes; add a module of leaves by --nod
 _LIKE_UNUSED = 0.9
 """The minimum likeness of two tags that are probably typos for each other, without further evidence."""
 
-_Vocabulary = tuple[Registry, Models, dict[str, list[NodeSpec]], dict[str, str | None]]
+_Vocabulary = tuple[Registry, NodeModels, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The nodes and models of a file, the meanings of its tags, and the intended tags of unknown ones."""
 
 
@@ -63,9 +63,9 @@ class BoundForest(NamedTuple):
     """
 
     trees: Sequence[BoundTree]
-    tops: Sequence[Instance]
-    key_types: Mapping[Instance, EntryTypes]
-    models: Models
+    tops: Sequence[TreeInstance]
+    key_types: Mapping[TreeInstance, EntryTypes]
+    models: NodeModels
     specs: Sequence[NodeSpec]
     findings: tuple[Diagnostic, ...]
 
@@ -82,10 +82,10 @@ def bind(forest: Forest, registry: Registry, tree: Element, palettes: Iterable[T
     binder = Binder(forest, registry, models, collector, palettes)
     with gc_paused(_characters(forest)):
         main = binder.tree(tree)
-    cut_circles([main], collector)
-    if count_within_limits(main, collector) is not None:
+    cut_cycles([main], collector)
+    if check_size_limits(main, collector) is not None:
         report_key_types(expand(main, collector), collector)
-        report_misread(trees_in(main), collector)
+        report_misread_skips(trees_in(main), collector)
     enums = {name: number for name, number in models.enums.items() if number is not None}
     return Binding(main, _in_order(forest, collector.findings), enums)
 
@@ -114,20 +114,20 @@ def bind_all(
     with gc_paused(_characters(forest)):
         own = [binder.tree(tree) for tree in forest.iterate()]
     trees = list(dict.fromkeys([*own, *binder.trees]))
-    cut_circles(trees, collector)
+    cut_cycles(trees, collector)
     used = {node.subtree for tree in trees for node in tree.subtrees()}
     # References into enclosing trees can be resolved only from there; the main tree must not have any.
     main, count = forest.main_tree(), 0
-    tops: list[Instance] = []
-    key_types: dict[Instance, EntryTypes] = {}
+    tops: list[TreeInstance] = []
+    key_types: dict[TreeInstance, EntryTypes] = {}
     for tree in own:
         if tree not in used or tree.element is main:
-            size = count_within_limits(tree, collector, count)
+            size = check_size_limits(tree, collector, count)
             if size is not None:
                 count += size
                 tops.append(expand(tree, collector))
                 key_types[tops[-1]] = report_key_types(tops[-1], collector)
-                report_misread(trees_in(tree), collector)
+                report_misread_skips(trees_in(tree), collector)
     all_models = models._replace(subtrees=binder.subtrees)
     return BoundForest(
         trees, tops, key_types, all_models, binder.specs, _in_order(forest, collector.findings)
@@ -152,7 +152,7 @@ class Binder:
         self,
         forest: Forest,
         registry: Registry,
-        models: Models,
+        models: NodeModels,
         collector: FindingCollector,
         palettes: tuple[TreeFile, ...] = (),
     ) -> None:
@@ -191,7 +191,7 @@ class Binder:
         ]
 
     @property
-    def subtrees(self) -> Mapping[str, Model]:
+    def subtrees(self) -> Mapping[str, NodeModel]:
         """The models of subtrees in all files, those of the file itself first."""
         return {
             name: model
@@ -199,7 +199,7 @@ class Binder:
             for name, model in models.subtrees.items()
         }
 
-    def _words_of(self, home: Forest | None) -> _Vocabulary:
+    def _vocabulary_of(self, home: Forest | None) -> _Vocabulary:
         if home not in self._words:
             models = read_models(
                 [*(home.files if home is not None else ()), *self._palettes], FindingCollector()
@@ -211,7 +211,7 @@ class Binder:
         """Switch to a tree; in another file of the set, the models of that file define its tags."""
         home = self._forest.homes.get(id(tree.element))
         if home is not self._home:
-            self._registry, self._models, self._meanings, self._meant = self._words_of(home)
+            self._registry, self._models, self._meanings, self._meant = self._vocabulary_of(home)
             self._home = home
             self.__dict__.pop("_tags", None)
         self._current = tree
@@ -236,7 +236,7 @@ class Binder:
 
     def _bind_content(self, tree: BoundTree) -> None:
         element = tree.element
-        children = self._own_children(element, tree.name)
+        children = self._children_without_remaps(element, tree.name)
         if not children:
             self._collector.add("missing-child", f"<{TREE_TAG}> is empty: it needs a node", element)
             return
@@ -257,15 +257,19 @@ class Binder:
         variants = self._meanings.get(tag)
         if variants is None:
             variants = self._meanings[tag] = self._variants(tag)
-        if tag in KIND_TAGS and not self._is_meant(element, tag, variants):
+        if tag in KIND_TAGS and not self._is_node_intended(element, tag, variants):
             variants = []
         if not variants:
             return self._report_unknown(element, tag)
         spec = variants[0] if len(variants) == 1 else _best(variants, element, self._guesses)
-        if spec.required and is_library_tag(tag) and is_anothers(element, variants, self._guesses):
-            self._report_anothers(element, spec)
+        if (
+            spec.required
+            and is_library_tag(tag)
+            and is_node_of_other_library(element, variants, self._guesses)
+        ):
+            self._report_node_of_other_library(element, spec)
             return None
-        bound = self._alone(element, tag, spec, variants)
+        bound = self._bind_own_tag(element, tag, spec, variants)
         if bound.spec.is_plain and not (element.children or bound.keys or bound.conditions or bound.oneshot):
             self._current.nodes.append(bound)
             return bound
@@ -276,7 +280,9 @@ class Binder:
             bound.spec.rule(bound, self._collector)
         return bound
 
-    def _alone(self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]) -> BoundNode:
+    def _bind_own_tag(
+        self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]
+    ) -> BoundNode:
         """Bind an element by its own tag and attributes."""
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
@@ -285,7 +291,7 @@ class Binder:
         self._attributes.bind(bound, others)
         return bound
 
-    def _is_meant(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
+    def _is_node_intended(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
         """Return whether a tag that is also a kind means a node: a registered node by its tag, any other by its ID."""
         if "ID" not in element.attributes:
             return tag in self._registry
@@ -304,7 +310,7 @@ class Binder:
         tree = self._current
         tree.nodes.append(bound)
         if bound.spec.skips_by_itself:
-            tree.skips = tree.skips or by_itself(bound)
+            tree.skips = tree.skips or is_skippable_itself(bound)
         if bound.element.children:
             self._level += 1
             tree.nesting = max(tree.nesting, self._level)
@@ -326,7 +332,7 @@ class Binder:
             tree.demanding.append(bound)
         if bound.conditions or bound.oneshot is not None:
             tree.wrappers += bool(bound.conditions) + (bound.oneshot is not None)
-            tree.skips = tree.skips or by_itself(bound)
+            tree.skips = tree.skips or is_skippable_itself(bound)
 
     def _check_kind(self, bound: BoundNode) -> None:
         element, kind = bound.element, bound.spec.kind.value
@@ -341,7 +347,7 @@ class Binder:
     def _report_unknown(self, element: Element, tag: str) -> BoundNode | None:
         """Report an unknown tag, and continue with the one that was probably intended."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
-        near = self._meant_by(element, tag)
+        near = self._intended_tag(element, tag)
         if near == tag:  # py_trees' decorator by its tag, not a condition in explicit form
             near = None
         if element.tag == TREE_TAG:
@@ -373,7 +379,7 @@ class Binder:
         self._append_finding(bound)
         return bound
 
-    def _report_anothers(self, element: Element, spec: NodeSpec) -> None:
+    def _report_node_of_other_library(self, element: Element, spec: NodeSpec) -> None:
         """Report a node of another library that has the name of a py_trees node."""
         needed = " and ".join(f"'{each.name}'" for each in spec.required)
         message = f"<{spec.tag}> of py_trees needs {needed}; this one is from another library"
@@ -393,7 +399,7 @@ class Binder:
         if other := REPLACEMENTS.get(tag):
             hint = f"{other.hint}; for your own node, add its module (--nodes) or palette (--model)"
             return f"{message}, which is known from {other.engine}", None, hint, f"these are like <{tag}>"
-        if known := palettes_with(tag):
+        if known := palettes_containing(tag):
             names = " or ".join(known)
             return (
                 message,
@@ -403,7 +409,7 @@ class Binder:
             )
         return message, near, _UNKNOWN_HINT, _UNKNOWN
 
-    def _own_children(self, element: Element, tree_id: str) -> Sequence[Element]:
+    def _children_without_remaps(self, element: Element, tree_id: str) -> Sequence[Element]:
         """Report each `<remap>` of BehaviorTree.CPP 3 in a tree or its use; return the other children."""
         if not any(child.tag == _REMAP for child in element.children) or self._variants(_REMAP):
             return element.children
@@ -433,7 +439,7 @@ class Binder:
         span = element.value_span("ID") if written else element.tag_span()
         self._collector.add("missing-attribute", message, element, span, hint=f'write {what}: ID="..."')
 
-    def _meant_by(self, element: Element, tag: str) -> str | None:
+    def _intended_tag(self, element: Element, tag: str) -> str | None:
         """Return the tag that was probably intended by an unknown one."""
         if "ID" in element.attributes and tag == element.tag and tag not in KIND_TAGS:
             explicit = self._guesses.nearest(tag, sorted(KIND_TAGS))
@@ -497,12 +503,12 @@ class Binder:
             message = f"<{tag}> has no children"
             self._collector.add("empty-control", message, element, hint="put nodes into it, or delete it")
         elif count < least:
-            message = f"<{tag}> needs {_amount(least, most)}, but has {count}"
+            message = f"<{tag}> needs {_count_in_words(least, most)}, but has {count}"
             self._collector.add("missing-child", message, element)
         else:
             for extra in element.children[most:]:
                 what = "the decorator " if kind is Kind.DECORATOR else ""
-                message = f"{what}<{tag}> can have {_amount(least, most)}; this is another one"
+                message = f"{what}<{tag}> can have {_count_in_words(least, most)}; this is another one"
                 hint = "put both in a Sequence or a Selector"
                 self._collector.add("too-many-children", message, extra, hint=hint)
 
@@ -511,14 +517,14 @@ class Binder:
         bound = BoundNode(element, subtree(), element.attributes.get("name") or tree_id or SUBTREE_TAG)
         self._current.nodes.append(bound)
         self._current.uses.append(bound)
-        for child in self._own_children(element, tree_id or "..."):
+        for child in self._children_without_remaps(element, tree_id or "..."):
             message = f"<{SUBTREE_TAG}> refers to a tree; move its nodes into that <{TREE_TAG}>"
             self._collector.add("child-of-leaf", message, child)
         if not tree_id:
             self._report_without_id(element, f"this <{SUBTREE_TAG}> has no tree", "the tree's name")
             return bound
         target = self._forest.target(element, tree_id)
-        _, theirs, *_ = self._words_of(self._forest.homes.get(id(target)))
+        _, theirs, *_ = self._vocabulary_of(self._forest.homes.get(id(target)))
         model = self._models.subtrees.get(tree_id) or theirs.subtrees.get(tree_id)
         bound.remapping = self._remapping(bound, model)
         if target is not None:
@@ -528,26 +534,26 @@ class Binder:
         else:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"the trees are {join_words(trees)}; add those of other files by <include> or [project] trees in sar.toml"
+            hint = f"the trees are {join_with_commas(trees)}; add those of other files by <include> or [project] trees in sar.toml"
             cause = None if near else Cause("there are no such trees", tree_id)
             advice = Advice(suggestion=near, hint=hint, common_cause=cause)
             self._collector.add("unknown-tree", message, element, value="ID", **advice)
         self._index_node(bound)
         return bound
 
-    def _bind_described(self, bound: BoundNode, model: Model) -> None:
+    def _bind_described(self, bound: BoundNode, model: NodeModel) -> None:
         """Bind a `SubTree` whose tree only a model describes, as a leaf with the ports of the model."""
         bound.spec = spec = model.spec()
         bound.keys = {name: key for name, key in bound.remapping.keys.items() if name in spec.parameters}
         self._current.skips = True  # the root of its tree may be skipped
 
-    def _remapping(self, bound: BoundNode, model: Model | None) -> Remapping:
+    def _remapping(self, bound: BoundNode, model: NodeModel | None) -> Remapping:
         element = bound.element
         keys: dict[str, str] = {}
         constants: dict[str, str] = {}
         for name, text in element.attributes.items():
             if name in bound.spec.former_attributes:
-                self._attributes.report_former(element, name, bound.spec.former_attributes[name])
+                self._attributes.report_former_name(element, name, bound.spec.former_attributes[name])
             elif name in ("ID", "name", AUTOREMAP) or self._attributes.common(bound, name):
                 continue
             elif name.startswith("_"):
@@ -589,7 +595,7 @@ def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeS
     return min(variants, key=strangeness)
 
 
-def is_anothers(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
+def is_node_of_other_library(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
     """Return whether a node has several attributes and none of them is similar to one of its tag's meanings."""
     written = [name for name in element.attributes if name not in OF_ANY and not name.startswith("_")]
     known = {name for spec in variants for name in spec.parameters}
@@ -598,7 +604,7 @@ def is_anothers(element: Element, variants: Sequence[NodeSpec], guesses: Guesses
     )
 
 
-def _amount(least: int, most: int | None) -> str:
+def _count_in_words(least: int, most: int | None) -> str:
     if most is None:
         return f"at least {least} children"
     if least == most:

@@ -216,7 +216,7 @@ class SkipAnalysis:
         # In most trees no node can be skipped, so no analysis is needed.
         self.possible = bool(self._known) or any(tree.skips for tree in trees)
 
-    def among_children(self, bound: BoundNode) -> bool:
+    def has_skippable_child(self, bound: BoundNode) -> bool:
         """Return whether a child of a node can be skipped."""
         if not self.possible:
             return False
@@ -228,20 +228,20 @@ class SkipAnalysis:
     def of(self, bound: BoundNode) -> bool:
         """Return whether a node can be skipped."""
         if bound not in self._known:
-            self._known[bound] = by_itself(bound) or (
-                bound.spec.skipping.possible is not SkipPossibility.NEVER and self.among_children(bound)
+            self._known[bound] = is_skippable_itself(bound) or (
+                bound.spec.skipping.possible is not SkipPossibility.NEVER and self.has_skippable_child(bound)
             )
         return self._known[bound]
 
 
-def by_itself(bound: BoundNode) -> bool:
+def is_skippable_itself(bound: BoundNode) -> bool:
     """Return whether a node can be skipped independently of its children."""
-    if bound.spec.skips_by_itself and _as_it_is_written(bound):
+    if bound.spec.skips_by_itself and _can_have_required_value(bound):
         return True
     return bool(bound.conditions) and any(condition in bound.conditions for condition in _CONDITIONS)
 
 
-def _as_it_is_written(bound: BoundNode) -> bool:
+def _can_have_required_value(bound: BoundNode) -> bool:
     """Return whether the attribute that controls skipping can have the required value."""
     if bound.spec.skipping.only_if is None:
         return True
@@ -251,7 +251,7 @@ def _as_it_is_written(bound: BoundNode) -> bool:
     return bool(bound.values.get(name, bound.spec.parameters[name].default) == value)
 
 
-def report_misread(
+def report_misread_skips(
     trees: Sequence[BoundTree], collector: FindingCollector, skipped: Iterable[BoundNode] = ()
 ) -> None:
     """Report skippable children below a node that treats a skip as an interruption.

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
-from sar_compiler.nodes.binding.references import Candidates, report_missing
+from sar_compiler.nodes.binding.references import ReferenceCandidates, report_missing_reference
 from sar_compiler.nodes.btcpp import NAMES
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.spec import Parameter
@@ -13,7 +13,7 @@ from sar_compiler.runtime.blackboard import STROKE, Board, Scope
 
 
 @dataclass(eq=False, repr=False)
-class Instance:
+class TreeInstance:
     """One use of a tree.
 
     Attributes:
@@ -28,10 +28,10 @@ class Instance:
 
     tree: BoundTree
     scope: Scope
-    around: "Instance | None" = None
+    around: "TreeInstance | None" = None
     place: BoundNode | None = None
-    inner: "dict[BoundNode, Instance]" = field(default_factory=dict)
-    references: "dict[tuple[BoundNode, str], tuple[Instance, BoundNode]]" = field(default_factory=dict)
+    inner: "dict[BoundNode, TreeInstance]" = field(default_factory=dict)
+    references: "dict[tuple[BoundNode, str], tuple[TreeInstance, BoundNode]]" = field(default_factory=dict)
     texts: set[str] = field(default_factory=set)
 
     def constants(self) -> Iterator[tuple[str, int | float | str]]:
@@ -39,25 +39,25 @@ class Instance:
         for key, text in self.place.remapping.constants.items() if self.place is not None else ():
             yield key, text if key in self.texts else literal_value(text)
 
-    def target_of(self, bound: BoundNode, name: str) -> "tuple[Instance, BoundNode] | None":
+    def target_of(self, bound: BoundNode, name: str) -> "tuple[TreeInstance, BoundNode] | None":
         """Return the node that a reference resolves to, with its instance; None if there is none."""
         target = bound.references.get(name)
         return (self, target) if target is not None else self.references.get((bound, name))
 
-    def chain(self) -> "Iterator[Instance]":
+    def chain(self) -> "Iterator[TreeInstance]":
         """Yield this instance and the enclosing ones, from the inside out."""
-        instance: Instance | None = self
+        instance: TreeInstance | None = self
         while instance is not None:
             yield instance
             instance = instance.around
 
-    def iterate(self) -> "Iterator[Instance]":
+    def iterate(self) -> "Iterator[TreeInstance]":
         """Yield this instance and all instances in it."""
         yield self
         for instance in self.inner.values():
             yield from instance.iterate()
 
-    def in_place(self) -> "Iterator[tuple[Instance, BoundNode]]":
+    def in_place(self) -> "Iterator[tuple[TreeInstance, BoundNode]]":
         """Yield the demanding nodes with their instances, those of a subtree after its `SubTree` node."""
         for bound in self.tree.demanding:
             yield self, bound
@@ -65,32 +65,32 @@ class Instance:
                 yield from self.inner[bound].in_place()
 
 
-def expand(main: BoundTree, collector: FindingCollector) -> Instance:
+def expand(main: BoundTree, collector: FindingCollector) -> TreeInstance:
     """Expand every subtree.
 
     Args:
-        main: The tree to execute; it must be within the limits (`nesting.count_within_limits`).
+        main: The tree to execute; it must be within the limits (`nesting.check_size_limits`).
         collector: Collects the findings: unresolved references, two subtrees of one name.
 
     Returns:
         The main tree's instance.
     """
-    expansion = _Expansion(collector)
-    top = Instance(main, Scope(Board(main.name)))
+    expansion = _SubtreeExpander(collector)
+    top = TreeInstance(main, Scope(Board(main.name)))
     expansion.fill(top)
     expansion.resolve(top)
-    for inner, key in _numbers_read_as_texts(top):
+    for inner, key in _numbers_read_as_strings(top):
         inner.texts.add(key)
     return top
 
 
-class _Expansion:
+class _SubtreeExpander:
     def __init__(self, collector: FindingCollector) -> None:
         self._collector = collector
-        self._candidates: dict[BoundTree, Candidates] = {}
+        self._candidates: dict[BoundTree, ReferenceCandidates] = {}
         self._count = 0
 
-    def fill(self, instance: Instance) -> None:
+    def fill(self, instance: TreeInstance) -> None:
         """Create the instances within one, and number the nodes in the order of the file."""
         names: set[str] = set()
         for bound in instance.tree.nodes:
@@ -103,12 +103,12 @@ class _Expansion:
                 self._collector.refused_since(NAMES, bound.element, message, value="name", hint=hint)
                 name = f"{name}::{self._count}"  # each has its own keys
             names.add(name)
-            inner = instance.inner[bound] = Instance(
+            inner = instance.inner[bound] = TreeInstance(
                 bound.subtree, _scope(instance.scope, name, bound), instance, bound
             )
             self.fill(inner)
 
-    def resolve(self, top: Instance) -> None:
+    def resolve(self, top: TreeInstance) -> None:
         """Resolve open references to nodes of the enclosing trees."""
         reported: set[tuple[BoundNode, str]] = set()
         for instance in top.iterate():
@@ -116,7 +116,11 @@ class _Expansion:
                 self._resolve(instance, bound, parameter, reported)
 
     def _resolve(
-        self, instance: Instance, bound: BoundNode, parameter: Parameter, reported: set[tuple[BoundNode, str]]
+        self,
+        instance: TreeInstance,
+        bound: BoundNode,
+        parameter: Parameter,
+        reported: set[tuple[BoundNode, str]],
     ) -> None:
         place = (bound, parameter.name)
         named = bound.element.attributes.get(parameter.name)
@@ -130,9 +134,11 @@ class _Expansion:
         if place not in reported:
             reported.add(place)
             within = [self._nodes(each.tree) for each in instance.chain()]
-            report_missing(bound, parameter, within)
+            report_missing_reference(bound, parameter, within)
 
-    def _report_circle(self, instance: Instance, bound: BoundNode, found: BoundNode, outer: Instance) -> None:
+    def _report_circle(
+        self, instance: TreeInstance, bound: BoundNode, found: BoundNode, outer: TreeInstance
+    ) -> None:
         """Report a reference to a node that can only be created after the instance with the reference."""
         places = {each.place for each in instance.chain() if each.around is outer}
         passed, waiting = set(), [found]
@@ -146,9 +152,9 @@ class _Expansion:
                 passed.add(node)
                 waiting.extend([*node.references.values(), *node.children])
 
-    def _nodes(self, tree: BoundTree) -> Candidates:
+    def _nodes(self, tree: BoundTree) -> ReferenceCandidates:
         if tree not in self._candidates:
-            self._candidates[tree] = Candidates(tree.nodes, self._collector)
+            self._candidates[tree] = ReferenceCandidates(tree.nodes, self._collector)
         return self._candidates[tree]
 
 
@@ -160,7 +166,7 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
     return Scope(around.board, path, around, remapping.keys, autoremap=remapping.autoremap, own=own)
 
 
-def _numbers_read_as_texts(top: Instance) -> Iterator[tuple[Instance, str]]:
+def _numbers_read_as_strings(top: TreeInstance) -> Iterator[tuple[TreeInstance, str]]:
     """Yield constants that look like numbers but that a port reads as strings: their instances and keys."""
     numbers = {
         (inner.scope, key): inner

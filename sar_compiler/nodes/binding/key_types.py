@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.bound import BoundNode
-from sar_compiler.nodes.binding.instances import Instance
+from sar_compiler.nodes.binding.instances import TreeInstance
 from sar_compiler.nodes.btcpp import NUMBERS, Version
 from sar_compiler.nodes.btcpp.port_types import (
     is_loop_queue,
@@ -53,7 +53,7 @@ EntryTypes = Mapping[tuple[Scope, str], EntryType]
 """The types of entries, by scope and key."""
 
 
-def report_key_types(top: Instance, collector: FindingCollector) -> EntryTypes:
+def report_key_types(top: TreeInstance, collector: FindingCollector) -> EntryTypes:
     """Report ports that cannot share a key, in a tree with its subtrees expanded; return the types of its entries.
 
     The first port in the order of the expanded tree, or constant of a subtree, gives an entry its type. A port
@@ -132,12 +132,12 @@ def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingC
     """Return whether a port may share the key of an earlier one, and report it if not."""
     assert later.parameter is not None  # noqa: S101 - a constant is always first
     if first.parameter is not None and not agree(first.parameter, later.parameter):
-        _report_here(first, later, key, collector)
+        _report_type_conflict(first, later, key, collector)
     elif not may_share(first.cpp, later.cpp):
         if first.parameter is None:
             _report_constant(first, later, key, collector)
         else:
-            _report_there(first, later, key, collector)
+            _report_btcpp_type_conflict(first, later, key, collector)
     else:
         return True
     return False
@@ -149,7 +149,7 @@ def agree(first: Parameter, later: Parameter) -> bool:
     return other is None or known in _TEXTS or known is other
 
 
-def _report_here(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
+def _report_type_conflict(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
     assert first.parameter is not None and later.parameter is not None  # noqa: S101, PT018 - both are ports
     message = (
         f"{later.name}: '{key}' is {later.parameter.value_type.label} here, but {first.parameter.value_type.label} for "
@@ -158,7 +158,9 @@ def _report_here(first: EntryType, later: EntryType, key: str, collector: Findin
     collector.add("key-of-two-types", message, later.bound.element, value=later.name, hint="use two keys")
 
 
-def _report_there(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
+def _report_btcpp_type_conflict(
+    first: EntryType, later: EntryType, key: str, collector: FindingCollector
+) -> None:
     """Report a port that only C++ rejects."""
     runs_here = not (first.bound.spec.is_foreign or later.bound.spec.is_foreign)
     message = (
@@ -169,13 +171,13 @@ def _report_there(first: EntryType, later: EntryType, key: str, collector: Findi
     if is_number(first.cpp) and (is_number(later.cpp) or later.cpp == TEXT):
         copy = f"{key.removeprefix(ROOT_SIGN)}_{later.name}"
         hint = f'copy it by <Script code="{copy} := {key}"/>, and write {later.name}="{{{copy}}}"'
-    severity = severity_there(collector.btcpp)
+    severity = btcpp_severity(collector.btcpp)
     collector.add(
         "cpp-type-mismatch", message, later.bound.element, value=later.name, hint=hint, severity=severity
     )
 
 
-def severity_there(btcpp: Version | None) -> Severity:
+def btcpp_severity(btcpp: Version | None) -> Severity:
     """Return the severity of errors of BehaviorTree.CPP only: an error if the trees target a version of it."""
     return Severity.ERROR if btcpp is not None else Severity.WARNING
 
@@ -193,7 +195,7 @@ def _report_constant(first: EntryType, later: EntryType, key: str, collector: Fi
     is_plain = is_number(later.cpp) and re.fullmatch(_PLAIN_NUMBER, written)
     value = written if is_plain else f"'{written}'"
     hint = f'write {first.name}="{{k}}" around it, and before that <Script code="k := {value}"/>'
-    severity = severity_there(collector.btcpp)
+    severity = btcpp_severity(collector.btcpp)
     collector.refused_since(
         NUMBERS, later.bound.element, message, value=later.name, hint=hint, severity=severity
     )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.registry import Registry, is_library_tag
-from sar_compiler.nodes.values import join_words
+from sar_compiler.nodes.values import join_with_commas
 from sar_compiler.tree.diagnostic import Cause, Diagnostic, TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest
@@ -27,7 +27,7 @@ _LONGEST_CIRCLE = 8
 """The longest cycle that is reported in full; of a longer one only both ends are shown."""
 
 
-def cut_circles(trees: Iterable[BoundTree], collector: FindingCollector) -> None:
+def cut_cycles(trees: Iterable[BoundTree], collector: FindingCollector) -> None:
     """Report every `SubTree` inside the tree that it refers to, and detach that tree."""
     done: set[BoundTree] = set()
     for tree in trees:
@@ -35,7 +35,7 @@ def cut_circles(trees: Iterable[BoundTree], collector: FindingCollector) -> None
             _follow(tree, done, collector)
 
 
-def count_within_limits(main: BoundTree, collector: FindingCollector, others: int = 0) -> int | None:
+def check_size_limits(main: BoundTree, collector: FindingCollector, others: int = 0) -> int | None:
     """Check that a tree with its subtrees expanded is neither too large nor too deep.
 
     Args:
@@ -145,7 +145,7 @@ RESERVED = ("Root", "root")
 """IDs that BehaviorTree.CPP reserves."""
 
 
-def refused_in(name: str) -> str | None:
+def invalid_id_part(name: str) -> str | None:
     """Return the part of a tree's or node's ID that is not allowed; None if the ID is valid."""
     found = _REFUSED.search(name)
     if found is None:
@@ -154,12 +154,12 @@ def refused_in(name: str) -> str | None:
     return f"'{character}'" if character.isprintable() and character != " " else "blanks"
 
 
-def is_node(tree_id: str, registry: Registry) -> bool:
+def is_btcpp_node_id(tree_id: str, registry: Registry) -> bool:
     """Return whether a tree has the ID of a node that BehaviorTree.CPP knows, which it rejects."""
     return tree_id == SUBTREE_TAG or (tree_id in registry and not is_library_tag(tree_id))
 
 
-class NameFault(NamedTuple):
+class TreeIdFault(NamedTuple):
     """An error in the ID of a tree that BehaviorTree.CPP reports since 4.8.4.
 
     Attributes:
@@ -173,18 +173,18 @@ class NameFault(NamedTuple):
     cause: Cause
 
 
-def fault_of(tree_id: str) -> NameFault | None:
+def tree_id_fault(tree_id: str) -> TreeIdFault | None:
     """Return the error in the ID of a tree for BehaviorTree.CPP since 4.8.4; None if it is valid."""
-    refused = refused_in(tree_id)
+    refused = invalid_id_part(tree_id)
     if refused is not None:
         message, cause = (
             f"the tree ID '{tree_id}' contains {refused}",
             f"tree IDs contain {refused}",
         )
-        return NameFault(message, f"remove {refused}", Cause(cause, tree_id))
+        return TreeIdFault(message, f"remove {refused}", Cause(cause, tree_id))
     if tree_id in RESERVED:
         message = f"a tree has the reserved ID '{tree_id}'"
-        return NameFault(message, "choose another ID", Cause(message, tree_id))
+        return TreeIdFault(message, "choose another ID", Cause(message, tree_id))
     return None
 
 
@@ -208,7 +208,7 @@ def find_main_tree(forest: Forest, tree_id: str | None = None) -> Element:
 def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
     root = forest.main.root
     ids = list(forest.trees)
-    there = f"the file has {join_words(ids)}" if ids else "the file has no tree with an ID"
+    there = f"the file has {join_with_commas(ids)}" if ids else "the file has no tree with an ID"
     named = forest.main.main_tree_name
     if tree_id is not None:
         message = f"there is no tree '{tree_id}'; {there}"
@@ -222,7 +222,7 @@ def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
         hint = 'add a <BehaviorTree ID="...">'
         return root.finding("no-tree", "the file has no tree", hint=hint)
     what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
-    message = f"{what} has {count} trees, but does not define which one to execute: {join_words(ids)}"
+    message = f"{what} has {count} trees, but does not define which one to execute: {join_with_commas(ids)}"
     first = ids[0] if ids else "..."
     hint = f'choose one by --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return root.finding("no-main-tree", message, hint=hint)

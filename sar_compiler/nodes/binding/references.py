@@ -7,10 +7,10 @@ from graphlib import CycleError, TopologicalSorter
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
 from sar_compiler.nodes.collector import FindingCollector, file_of
 from sar_compiler.nodes.spec import Parameter
-from sar_compiler.nodes.values import MOST_LISTED, join_words
+from sar_compiler.nodes.values import MOST_LISTED, join_with_commas
 
 
-class Candidates:
+class ReferenceCandidates:
     """The nodes of a tree, indexed by class and name."""
 
     def __init__(self, nodes: list[BoundNode], collector: FindingCollector) -> None:
@@ -24,7 +24,7 @@ class Candidates:
         """Return the nodes that a reference may name."""
         target = parameter.target_path
         if target not in self._fitting:
-            self._fitting[target] = {node: None for node in self._nodes if node.spec.is_of(parameter)}
+            self._fitting[target] = {node: None for node in self._nodes if node.spec.is_class_of(parameter)}
         return self._fitting[target]
 
     def names(self, parameter: Parameter | None = None) -> Mapping[str, Collection[BoundNode]]:
@@ -51,7 +51,7 @@ class Candidates:
         if count == 1:
             return first[0]
         element, what = bound.element, parameter.target_name
-        places = f"lines {join_words([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
+        places = f"lines {join_with_commas([str(node.element.line) for node in first], count)}{file_of(first[0].element, element)}"
         if named is None:
             message = f"<{bound.spec.tag}> matches {count} {what} nodes ({places})"
             hint = f'write {parameter.name}="{first[0].name}"'
@@ -68,14 +68,16 @@ def resolve_references(tree: BoundTree, collector: FindingCollector) -> None:
     referring = tree.referring
     if not referring:
         return
-    candidates = Candidates(tree.nodes, collector)
+    candidates = ReferenceCandidates(tree.nodes, collector)
     for bound in referring:
         for parameter in bound.spec.references:
             _resolve(tree, bound, parameter, candidates)
     _report_circles(referring, collector)
 
 
-def report_missing(bound: BoundNode, parameter: Parameter, within: list[Candidates]) -> None:
+def report_missing_reference(
+    bound: BoundNode, parameter: Parameter, within: list[ReferenceCandidates]
+) -> None:
     """Report a reference to a node that is in none of the visible trees."""
     element, what, collector = bound.element, parameter.target_name, within[0].collector
     named = element.attributes.get(parameter.name)
@@ -98,12 +100,16 @@ def report_missing(bound: BoundNode, parameter: Parameter, within: list[Candidat
         suggestion = next((name for name in near if name is not None), None)
         code = "unknown-reference"
     hint = (
-        f"{what} nodes of this tree: {join_words(names, count)}" if count else f"add a <{what}> to the tree"
+        f"{what} nodes of this tree: {join_with_commas(names, count)}"
+        if count
+        else f"add a <{what}> to the tree"
     )
     collector.add(code, message, element, value=parameter.name, suggestion=suggestion, hint=hint)
 
 
-def _resolve(tree: BoundTree, bound: BoundNode, parameter: Parameter, candidates: Candidates) -> None:
+def _resolve(
+    tree: BoundTree, bound: BoundNode, parameter: Parameter, candidates: ReferenceCandidates
+) -> None:
     named = bound.element.attributes.get(parameter.name)
     if named is None and not parameter.required:
         return  # with a default, nothing is referenced unless it is written
@@ -138,7 +144,9 @@ def _report_circle(
     while following:
         node = following.pop()
         if node is bound:
-            message = f"'{bound.name}' refers to itself through {join_words([each.name for each in passed])}"
+            message = (
+                f"'{bound.name}' refers to itself through {join_with_commas([each.name for each in passed])}"
+            )
             collector.add("circular-reference", message, bound.element)
             return
         if node not in passed:

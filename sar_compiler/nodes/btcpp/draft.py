@@ -4,14 +4,14 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from sar_compiler.nodes.collector import FindingCollector
-from sar_compiler.nodes.values import ConversionError, ValueType, blackboard_key, type_of
+from sar_compiler.nodes.values import ConversionError, ValueType, blackboard_key, require_value_type
 from sar_compiler.tree.model import Element
 
 T = TypeVar("T")
 
 
 @dataclass
-class Draft:
+class NodeDraft:
     """The new form of an element.
 
     Attributes:
@@ -37,7 +37,7 @@ class Draft:
         text = self.attributes[name]
         try:
             if blackboard_key(text, name) is None:
-                value = (value_type or type_of(wanted)).convert(text)
+                value = (value_type or require_value_type(wanted)).convert(text)
                 assert isinstance(value, wanted)  # noqa: S101 - the type is known here
                 return value
             message = f"{name}: '{text}' is known only when the robot starts, but is needed now"

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from sar_compiler.nodes.binding.attributes import ONESHOT_TYPE
-from sar_compiler.nodes.btcpp.draft import Draft
+from sar_compiler.nodes.btcpp.draft import NodeDraft
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.values import SECONDS, ConversionError, blackboard_key
 from sar_compiler.tree.model import Element
@@ -17,15 +17,15 @@ NO_ONESHOT = "register a decorator OneShot in C++"
 NO_FAILURE_IS_RUNNING = "wrap its child in an Inverter, a KeepRunningUntilFailure and an Inverter"
 
 
-Rewrite = Callable[[Draft, FindingCollector], None]
+Rewrite = Callable[[NodeDraft, FindingCollector], None]
 
 
-def rename(tag: str, draft: Draft, _notes: FindingCollector) -> None:
+def rename(tag: str, draft: NodeDraft, _notes: FindingCollector) -> None:
     """Change the tag only."""
     draft.tag = tag
 
 
-def by_memory(with_memory: str, without: str, draft: Draft, notes: FindingCollector) -> None:
+def select_tag_by_memory(with_memory: str, without: str, draft: NodeDraft, notes: FindingCollector) -> None:
     """Choose the tag by the attribute `memory`."""
     memory = draft.literal("memory", bool, notes) if "memory" in draft.attributes else True
     if memory is not None:
@@ -33,20 +33,20 @@ def by_memory(with_memory: str, without: str, draft: Draft, notes: FindingCollec
         draft.tag = with_memory if memory else without
 
 
-def reactive(draft: Draft, notes: FindingCollector) -> None:
+def reactive(draft: NodeDraft, notes: FindingCollector) -> None:
     """Remove the attribute that the tag implies."""
     if "memory" in draft.attributes and draft.literal("memory", bool, notes) is False:
         del draft.attributes["memory"]
 
 
-def running(draft: Draft, _notes: FindingCollector) -> None:
+def running(draft: NodeDraft, _notes: FindingCollector) -> None:
     """Write `Running` as a decorator that never ends around a node that succeeds."""
     element = draft.element
     draft.tag = "KeepRunningUntilFailure"
     draft.children = [Element("AlwaysSuccess", {}, (), element.source, *element.place)]
 
 
-def oneshot(draft: Draft, notes: FindingCollector) -> None:
+def oneshot(draft: NodeDraft, notes: FindingCollector) -> None:
     """Write `OneShot` as `RunOnce`, if its policy allows that."""
     if "policy" not in draft.attributes:
         return
@@ -60,7 +60,7 @@ def oneshot(draft: Draft, notes: FindingCollector) -> None:
         _replace(draft, "policy", "then_skip", "false")
 
 
-def retry(draft: Draft, notes: FindingCollector) -> None:
+def retry(draft: NodeDraft, notes: FindingCollector) -> None:
     """Write `Retry` as `RetryUntilSuccessful`."""
     if _times(draft, "num_failures", "num_attempts", 1, notes):
         draft.tag = "RetryUntilSuccessful"
@@ -68,7 +68,7 @@ def retry(draft: Draft, notes: FindingCollector) -> None:
         notes.add("differs", message, draft.element)
 
 
-def repeat(draft: Draft, notes: FindingCollector) -> None:
+def repeat(draft: NodeDraft, notes: FindingCollector) -> None:
     """Write a number of successes as a number of cycles."""
     # py_trees compares the number of successes with this number, so below 1 no success is the last one.
     if "num_success" in draft.attributes and _times(draft, "num_success", "num_cycles", ENDLESS, notes):
@@ -78,7 +78,7 @@ def repeat(draft: Draft, notes: FindingCollector) -> None:
         notes.add("differs", message, draft.element)
 
 
-def _times(draft: Draft, name: str, other: str, below_1: int, notes: FindingCollector) -> bool:
+def _times(draft: NodeDraft, name: str, other: str, below_1: int, notes: FindingCollector) -> bool:
     """Convert a number of repetitions; return whether this was possible."""
     if name not in draft.attributes:
         return False
@@ -92,21 +92,21 @@ def _times(draft: Draft, name: str, other: str, below_1: int, notes: FindingColl
     return True
 
 
-def timeout(draft: Draft, notes: FindingCollector) -> None:
+def timeout(draft: NodeDraft, notes: FindingCollector) -> None:
     """Write seconds as milliseconds."""
     if "duration" in draft.attributes:
         # BehaviorTree.CPP treats a time of zero as no limit.
         _milliseconds(draft, 1, notes)
 
 
-def timer(draft: Draft, notes: FindingCollector) -> None:
+def timer(draft: NodeDraft, notes: FindingCollector) -> None:
     """Write `Timer` as `Sleep`."""
     draft.attributes.setdefault("duration", "5.0")
     if _milliseconds(draft, 0, notes):
         draft.tag = "Sleep"
 
 
-def _milliseconds(draft: Draft, least: int, notes: FindingCollector) -> bool:
+def _milliseconds(draft: NodeDraft, least: int, notes: FindingCollector) -> bool:
     text = draft.attributes["duration"]
     if blackboard_key(text, "duration") is not None:
         message = f"duration: '{text}' is in seconds, but BehaviorTree.CPP would read milliseconds"
@@ -121,7 +121,7 @@ def _milliseconds(draft: Draft, least: int, notes: FindingCollector) -> bool:
     return True
 
 
-def parallel(draft: Draft, notes: FindingCollector) -> None:
+def parallel(draft: NodeDraft, notes: FindingCollector) -> None:
     """Write a policy as counts."""
     policy = draft.attributes.get("policy")
     if policy is None:
@@ -142,7 +142,7 @@ def parallel(draft: Draft, notes: FindingCollector) -> None:
     notes.add("differs", message, draft.element)
 
 
-def _replace(draft: Draft, name: str, other: str, text: str) -> None:
+def _replace(draft: NodeDraft, name: str, other: str, text: str) -> None:
     """Replace one attribute by another."""
     draft.attributes = {
         (other if each == name else each): (text if each == name else value)

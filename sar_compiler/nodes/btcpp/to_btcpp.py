@@ -8,23 +8,23 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 
 from sar_compiler.nodes.binding.attributes import KIND_TAGS, ONESHOT, ONESHOT_TYPE
-from sar_compiler.nodes.binding.nesting import RESERVED, refused_in
+from sar_compiler.nodes.binding.nesting import RESERVED, invalid_id_part
 from sar_compiler.nodes.btcpp import DROPS_EXPLICIT, NAMES, NEWEST, VERSIONS, Version
-from sar_compiler.nodes.btcpp.draft import Draft
+from sar_compiler.nodes.btcpp.draft import NodeDraft
 from sar_compiler.nodes.btcpp.rewrites import NO_ONESHOT, Rewrite
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.cpp_names import normalized
-from sar_compiler.nodes.models import Model, read_models, registry_without
-from sar_compiler.nodes.models.palette import described_by_use, description, is_built_in
-from sar_compiler.nodes.numbers import milliseconds_in, plain_duration
+from sar_compiler.nodes.models import NodeModel, read_models, registry_without
+from sar_compiler.nodes.models.palette import description, inferred_model, is_built_in
+from sar_compiler.nodes.numbers import convert_duration, parse_milliseconds
 from sar_compiler.nodes.registry import Registry, is_library_tag, subtree
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter, ParameterRole
 from sar_compiler.nodes.values import (
     ConversionError,
     blackboard_key,
     items_of,
+    parse_integer,
     type_of_cpp_name,
-    whole_number,
 )
 from sar_compiler.tree.diagnostic import Diagnostic
 from sar_compiler.tree.model import (
@@ -56,7 +56,7 @@ def to_btcpp(
         The converted file and its notes, in file order: warnings for content that BehaviorTree.CPP does
         not support by itself, information for slight differences.
     """
-    conversion = _Conversion(registry, btcpp or NEWEST)
+    conversion = _BtcppConverter(registry, btcpp or NEWEST)
     root = conversion.root(tree_file, palettes)
     notes = sorted(conversion.notes.findings, key=lambda note: (note.span.line, note.span.column))
     return dataclasses.replace(tree_file, root=root), notes
@@ -77,12 +77,12 @@ class _Usage:
         return Kind.DECORATOR if self.children == 1 else Kind.CONTROL
 
 
-class _Conversion:
+class _BtcppConverter:
     def __init__(self, registry: Registry, btcpp: Version) -> None:
         self._registry = registry
         self._btcpp = btcpp
         self._used: dict[str, _Usage] = {}
-        self._models: dict[str, Model] = {}
+        self._models: dict[str, NodeModel] = {}
         self._units: dict[str, str] = {}
         self._referring: set[tuple[str, str]] = set()
         self.notes = FindingCollector()
@@ -127,7 +127,7 @@ class _Conversion:
 
     def _tree_id(self, element: Element) -> None:
         tree_id = element.attributes.get("ID", "")
-        refused = refused_in(tree_id)
+        refused = invalid_id_part(tree_id)
         if self._btcpp >= NAMES.since and (refused or tree_id in RESERVED):
             message = f"BehaviorTree.CPP rejects the ID '{tree_id}'"
             what = f"an ID without {refused}" if refused else "another ID"
@@ -164,14 +164,14 @@ class _Conversion:
             if spec.semantics.counterpart.rewrite is not None:
                 yield spec.semantics.counterpart.rewrite
 
-    def _draft(self, element: Element) -> Draft:
+    def _draft(self, element: Element) -> NodeDraft:
         attributes = dict(element.attributes)
         explicit = element.tag in KIND_TAGS and "ID" in attributes
         tag = attributes.pop("ID") if explicit else element.tag
         for name, unit in self._durations(tag).items():
             if name in attributes:
-                attributes[name] = plain_duration(attributes[name], unit)
-        return Draft(element, tag, attributes, explicit)
+                attributes[name] = convert_duration(attributes[name], unit)
+        return NodeDraft(element, tag, attributes, explicit)
 
     def _durations(self, tag: str) -> dict[str, str]:
         """Return the unit of plain numbers for each duration attribute of a tag."""
@@ -189,16 +189,16 @@ class _Conversion:
                     units[key] = unit
         return units
 
-    def _subtree(self, element: Element) -> Draft:
+    def _subtree(self, element: Element) -> NodeDraft:
         """Note the durations that a subtree is given with a unit: there, they are strings."""
         for name, text in element.attributes.items():
-            if name in self._units and milliseconds_in(text) is not None:
+            if name in self._units and parse_milliseconds(text) is not None:
                 message = f"{name}: BehaviorTree.CPP has no units and would read '{text}' as another number"
-                hint = f"write {plain_duration(text, self._units[name])}, for {text}"
+                hint = f"write {convert_duration(text, self._units[name])}, for {text}"
                 self.notes.add("no-counterpart", message, element, value=name, hint=hint)
-        return Draft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
+        return NodeDraft(element, SUBTREE_TAG, dict(element.attributes), explicit=False, kept=True)
 
-    def _oneshot(self, draft: Draft) -> str | None:
+    def _oneshot(self, draft: NodeDraft) -> str | None:
         if ONESHOT not in draft.attributes:
             return None
         try:
@@ -220,10 +220,10 @@ class _Conversion:
             self._use(tag, attributes, 1)
         return Element(tag, attributes, (child,), element.source, *element.place)
 
-    def _complain(self, draft: Draft) -> None:
+    def _complain(self, draft: NodeDraft) -> None:
         """Note missing counterparts, and remove the attributes that BehaviorTree.CPP would reject."""
         specs = self._registry.variants(draft.tag)
-        refused = refused_in(draft.tag)
+        refused = invalid_id_part(draft.tag)
         if refused and not draft.explicit and self._btcpp >= NAMES.since:
             message = f"BehaviorTree.CPP rejects the node '{draft.tag}'"
             hint = f"register it under a name without {refused}"
@@ -243,7 +243,7 @@ class _Conversion:
                 message = f"BehaviorTree.CPP has no <{draft.tag}>"
                 self.notes.add("no-counterpart", message, draft.element, hint=spec.semantics.counterpart.hint)
             for parameter in spec.references:
-                self._refer(draft.element, draft.tag, parameter)
+                self._note_reference(draft.element, draft.tag, parameter)
         known = {name for each in specs for name in _ports(each, built_in=built_in)}
         for name in [name for name in draft.attributes if name not in known and not name.startswith("_")]:
             del draft.attributes[name]
@@ -251,7 +251,7 @@ class _Conversion:
                 message = f"BehaviorTree.CPP's <{draft.tag}> has no '{name}', so it is removed"
                 self.notes.add("left-out", message, draft.element, name=name)
 
-    def _refer(self, element: Element, tag: str, parameter: Parameter) -> None:
+    def _note_reference(self, element: Element, tag: str, parameter: Parameter) -> None:
         """Note, once for each kind of node, that BehaviorTree.CPP treats a reference as a plain string."""
         if (tag, parameter.name) in self._referring:
             return
@@ -263,7 +263,7 @@ class _Conversion:
         hint = "in C++, exchange the data on the blackboard"
         self.notes.add("reference", message, element, name=parameter.name, hint=hint)
 
-    def _measure(self, draft: Draft) -> None:
+    def _measure(self, draft: NodeDraft) -> None:
         """Note integers that do not fit into BehaviorTree.CPP's type of the port."""
         for name, text in draft.attributes.items():
             type_name = normalized(self._type_name(draft.tag, name))
@@ -273,7 +273,7 @@ class _Conversion:
             if least is None or most is None or blackboard_key(text, name) is not None:
                 continue
             try:
-                numbers = items_of(text, whole_number) if kind != type_name else [whole_number(text)]
+                numbers = items_of(text, parse_integer) if kind != type_name else [parse_integer(text)]
             except ConversionError:
                 continue  # validation reports it
             beyond = next((number for number in numbers if not least <= number <= most), None)
@@ -292,7 +292,7 @@ class _Conversion:
                 return _QUEUES.get((tag, name), spec.parameters[name].value_type.cpp)
         return ""
 
-    def _explicit(self, draft: Draft, parent: str) -> bool:
+    def _explicit(self, draft: NodeDraft, parent: str) -> bool:
         """Return whether a node is written in explicit form."""
         if draft.tag in KIND_TAGS and draft.tag in self._registry:
             return True  # its own name would be read as the explicit form
@@ -300,7 +300,7 @@ class _Conversion:
             message = (
                 f"BehaviorTree.CPP 4.7 to 4.10 do not recognise <{draft.element.tag}> directly in <{parent}>"
             )
-            if refused_in(draft.tag) or draft.tag in KIND_TAGS:
+            if invalid_id_part(draft.tag) or draft.tag in KIND_TAGS:
                 hint = "wrap it in a Sequence"
                 self.notes.add("no-counterpart", message, draft.element, hint=hint)
                 return True
@@ -308,7 +308,7 @@ class _Conversion:
             return False
         return draft.explicit
 
-    def _element(self, draft: Draft) -> Element:
+    def _element(self, draft: NodeDraft) -> Element:
         element = draft.element
         children = tuple(self._children(element, draft.tag)) or tuple(draft.children)
         if draft.tag != SUBTREE_TAG:
@@ -332,7 +332,7 @@ class _Conversion:
         if specs:
             return description(specs)
         usage = self._used[tag]
-        return described_by_use(usage.kind.value, tag, usage.ports)
+        return inferred_model(usage.kind.value, tag, usage.ports)
 
 
 def _ports(spec: NodeSpec, *, built_in: bool) -> Iterator[str]:

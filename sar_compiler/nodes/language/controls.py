@@ -11,8 +11,8 @@ from sar_compiler.nodes.language.narrow_types import NAMES, PolicyName
 from sar_compiler.nodes.language.node_rules import (
     FROM_CHILD,
     own,
+    report_excessive_counts,
     report_interruptions,
-    report_out_of_reach,
     report_policy,
     stock,
 )
@@ -71,7 +71,7 @@ _REACTIVE_ONE = Counterpart(built_in=True, rewrite=rewrites.reactive)
 
 
 def _by_memory(with_memory: str, without: str, *, built_in: bool = True) -> Counterpart:
-    return Counterpart(built_in, partial(rewrites.by_memory, with_memory, without))
+    return Counterpart(built_in, partial(rewrites.select_tag_by_memory, with_memory, without))
 
 
 def _switch(cases: int) -> NodeSpec:
@@ -156,7 +156,7 @@ SPECS = [
             "success_threshold": "success_count",
             "failure_threshold": "failure_count",
         },
-        rule=report_out_of_reach,
+        rule=report_excessive_counts,
     ),
     stock(
         Kind.CONTROL,
@@ -182,7 +182,9 @@ SPECS = [
         ),
         made_by="parallel",
         instead='success_count="..."',
-        semantics=Semantics.parallel(outcome_sets.by_policy)._replace(counterpart=Counterpart(built_in=True)),
+        semantics=Semantics.parallel(outcome_sets.parallel_by_policy)._replace(
+            counterpart=Counterpart(built_in=True)
+        ),
         variant=True,
         rule=report_policy,
     ),
@@ -196,8 +198,8 @@ SPECS = [
             "Number of failures to fail. A negative number counts from the end. With 0 it always fails.",
             1,
         ),
-        semantics=Semantics.parallel(outcome_sets.counting_all, ("max_failures",)),
-        rule=report_out_of_reach,
+        semantics=Semantics.parallel(outcome_sets.parallel_all, ("max_failures",)),
+        rule=report_excessive_counts,
     ),
     _branching(
         "IfThenElse",

@@ -24,11 +24,11 @@ from sar_compiler.nodes.language.node_rules import FROM_CHILD, own, stock
 from sar_compiler.nodes.outcome_sets import WORD_OF, F, K, R, S, milliseconds, number
 from sar_compiler.nodes.semantics import NO_HINT, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport
-from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, type_of
+from sar_compiler.nodes.values import CONDITION, MILLISECONDS, SECONDS, require_value_type
 from sar_compiler.runtime.answers import Outcome
 from sar_compiler.tree.model import SUBTREE_TAG
 
-_OUTCOME = type_of(Outcome)._replace(cpp=STATUS)
+_OUTCOME = require_value_type(Outcome)._replace(cpp=STATUS)
 _NOUNS = {S: "success", F: "failure", R: "running"}
 
 _own = partial(own, Kind.DECORATOR, skipping=FROM_CHILD)
@@ -124,7 +124,7 @@ def _loop(tag: str, kind: type, item: str, items: str, example: str) -> NodeSpec
             f"The {items}s: `{example}`, or an entry with such a string, a list, or a `collections.deque`. Items are removed "
             "from a deque.",
         ),
-        output_port("value", type_of(kind), f"The key to which each {items} is written.", None),
+        output_port("value", require_value_type(kind), f"The key to which each {items} is written.", None),
         input_port("if_empty", _OUTCOME, "The status to return when none is left.", Outcome.SUCCESS),
         fixed={"kind": kind},
         semantics=Semantics(outcome_sets.loop, keys={"queue": KeyRole(AccessKind.PEEK)}),

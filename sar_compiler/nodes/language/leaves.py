@@ -17,7 +17,7 @@ from sar_compiler.nodes.language.narrow_types import (
     Junction,
     StatusName,
 )
-from sar_compiler.nodes.language.node_rules import own, report_no_answer, stock
+from sar_compiler.nodes.language.node_rules import own, report_empty_queue, stock
 from sar_compiler.nodes.semantics import REMOVES, WRITES, AccessKind, Counterpart, KeyRole, Semantics
 from sar_compiler.nodes.spec import Kind, NodeSpec, Parameter
 from sar_compiler.nodes.values import AS_WRITTEN, CONDITION, MILLISECONDS, SECONDS
@@ -181,7 +181,7 @@ PY_TREES = [
             "The status to return after the end of the list; by default the list starts over.",
             None,
         ),
-        rule=report_no_answer,
+        rule=report_empty_queue,
         semantics=Semantics(outcome_sets.queued, resumes=True),
         made_by="status_queue",
     ),

@@ -14,9 +14,9 @@ from sar_compiler.nodes.values import (
     ValueType,
     items_of,
     literal_value,
-    real_number,
-    type_of,
-    whole_number,
+    parse_integer,
+    parse_real,
+    require_value_type,
 )
 from sar_compiler.runtime.blackboard import ROOT_SIGN, entry_of
 from sar_compiler.runtime.ports import Input
@@ -31,7 +31,7 @@ StatusName = Literal["SUCCESS", "FAILURE", "RUNNING"]
 PolicyName = Literal["SuccessOnAll", "SuccessOnOne", "SuccessOnSelected"]
 """The children of a Parallel that have to succeed, by py_trees' names."""
 
-STATUS_NAME = type_of(StatusName)
+STATUS_NAME = require_value_type(StatusName)
 _PROBABILITIES = "write the weights of SUCCESS, FAILURE and RUNNING, for example 2;1;1"
 _HOW_MANY_PROBABILITIES = 3
 
@@ -61,14 +61,14 @@ def _names(text: str) -> list[str]:
 
 
 def _nth(text: str) -> int:
-    number = whole_number(text)
+    number = parse_integer(text)
     if number == 0:
         raise ConversionError("the number must not be 0; write 1 to succeed in every tick")
     return number
 
 
 def _probability(text: str) -> float:
-    number = real_number(text)
+    number = parse_real(text)
     if number < 0:
         raise ConversionError(f"'{text}' is negative; write 0 for never")
     return number
@@ -151,7 +151,7 @@ _EXAMPLE = "write a key, a comparison and a value, for example battery gt 20"
 _LEAST_CHECKS = 2
 
 
-class Check(NamedTuple):
+class WrittenComparison(NamedTuple):
     """A comparison as written in a file: `battery gt 20`."""
 
     variable: str
@@ -159,16 +159,16 @@ class Check(NamedTuple):
     value: str
 
 
-def read_check(text: str) -> Check:
+def parse_comparison(text: str) -> WrittenComparison:
     """Read one comparison.
 
     Raises:
         ConversionError: If the text is invalid.
     """
     parts = text.split(maxsplit=2)
-    if len(parts) < len(Check._fields) or "{" in text:
+    if len(parts) < len(WrittenComparison._fields) or "{" in text:
         raise ConversionError(f"'{text}' is not a comparison; {_EXAMPLE}")
-    check = Check(*parts)
+    check = WrittenComparison(*parts)
     VARIABLE.convert(check.variable)
     if check.comparison not in COMPARISONS:
         message = f"'{text}': '{check.comparison}' is not one of {', '.join(COMPARISONS)}"
@@ -216,7 +216,7 @@ class _Held:
 
 
 def _checks(text: str) -> list[str]:
-    checks = items_of(text, lambda item: " ".join(read_check(item)), blanks=True)
+    checks = items_of(text, lambda item: " ".join(parse_comparison(item)), blanks=True)
     if len(checks) < _LEAST_CHECKS:
         message = f"at least two comparisons are required, but there is {len(checks) or 'none'}"
         raise ConversionError(message, hint="for one comparison, use CheckBlackboardVariableValue")

@@ -14,7 +14,7 @@ HOW_TO_SELECT = 'write the names of the children that have to succeed: selected=
 NO_ANSWER = "queue: it is empty; write statuses, for example RUNNING;SUCCESS"
 
 
-def report_out_of_reach(bound: NodeView, collector: FindingCollector) -> None:
+def report_excessive_counts(bound: NodeView, collector: FindingCollector) -> None:
     """Report attributes that exceed the number of children; negative ones are counted from the end, and always valid."""
     there = len(bound.element.children)
     for name in bound.counts:
@@ -40,7 +40,7 @@ def report_interruptions(bound: NodeView, collector: FindingCollector) -> None:
         collector.add("interrupted-child", message, child, hint="combine both in one AsyncSequence")
 
 
-def report_no_answer(bound: NodeView, collector: FindingCollector) -> None:
+def report_empty_queue(bound: NodeView, collector: FindingCollector) -> None:
     """Report a queue without statuses."""
     if bound.values.get("queue") == [] and "eventually" not in bound.element.attributes:
         collector.add("wrong-value", NO_ANSWER, bound.element, value="queue")

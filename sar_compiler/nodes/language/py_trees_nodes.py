@@ -31,11 +31,11 @@ from sar_compiler.nodes.language.narrow_types import (
     PolicyName,
     constant,
     expression,
-    read_check,
+    parse_comparison,
 )
 from sar_compiler.nodes.language.node_rules import HOW_TO_SELECT, NO_ANSWER, clash_with, place_of
 from sar_compiler.nodes.spec import NodeSpec
-from sar_compiler.nodes.values import ANYTHING, CONDITION, type_of
+from sar_compiler.nodes.values import ANYTHING, CONDITION, require_value_type
 from sar_compiler.runtime.blackboard import Entry, Scope
 from sar_compiler.runtime.language_nodes import Conditions
 from sar_compiler.runtime.ports import InOut, Input
@@ -113,7 +113,7 @@ class ScopedClient(Client):
         return self.entries[key if key.startswith("/") else f"{self.namespace}/{key}"]
 
 
-class Keys:
+class StockNodeKeys:
     """The keys that one stock node uses.
 
     Args:
@@ -145,7 +145,7 @@ class Keys:
             self._entries[f"/{key}"] = self._scope.resolve(key)
         return f"/{folder}"
 
-    def give_to(self, behaviour: B) -> B:
+    def connect_to(self, behaviour: B) -> B:
         """Connect a stock node that was created with these names to the tree's keys."""
         for attribute, client in list(vars(behaviour).items()):
             if isinstance(client, Client):
@@ -169,7 +169,7 @@ def _text(port: Input[object]) -> str:
     return str(port.get()) if port.entry is None else port.entry.key
 
 
-class TooOldError(SarError):
+class PyTreesTooOldError(SarError):
     """The installed py_trees does not have a node yet."""
 
 
@@ -178,7 +178,7 @@ _GIVEN: Mapping[str, Callable[[Any], object]] = {
     STATUS_NAME.name: lambda word: Status[word],
     STATUS_NAMES.name: lambda words: [Status[word] for word in words],
     ONESHOT_TYPE.name: lambda word: OneShotPolicy[word],
-    type_of(Comparison).name: lambda word: COMPARISONS[word],
+    require_value_type(Comparison).name: lambda word: COMPARISONS[word],
     ANYTHING.name: lambda port: constant(port) if port.entry is None else port.get,
 }
 
@@ -196,9 +196,9 @@ def stock(
         **written: The written values of its other parameters.
 
     Raises:
-        TooOldError: If the installed py_trees is too old for it.
+        PyTreesTooOldError: If the installed py_trees is too old for it.
     """
-    keys = Keys(scope) if scope is not None else None
+    keys = StockNodeKeys(scope) if scope is not None else None
     arguments: dict[str, Any] = {}
     for parameter, value in written.items():
         kind = spec.parameters[parameter].value_type.name
@@ -210,7 +210,7 @@ def stock(
             value = _GIVEN[kind](value)  # noqa: PLW2901
         arguments[parameter] = value
     made: Behaviour = _class_of(spec)(name=name, **arguments)
-    return made if keys is None else keys.give_to(made)
+    return made if keys is None else keys.connect_to(made)
 
 
 def status_queue(spec: NodeSpec, name: str, queue: list[str], eventually: str | None = None) -> Behaviour:
@@ -261,8 +261,8 @@ def comparing(
     scope: Scope,
 ) -> Behaviour:
     """Create a node that compares a key with a value."""
-    keys = Keys(scope)
-    return keys.give_to(_class_of(spec)(name, expression(keys.variable(variable), operator, value)))
+    keys = StockNodeKeys(scope)
+    return keys.connect_to(_class_of(spec)(name, expression(keys.variable(variable), operator, value)))
 
 
 def check_values(
@@ -274,13 +274,13 @@ def check_values(
     namespace: InOut[object] | None = None,
 ) -> Behaviour:
     """Make CheckBlackboardVariableValues."""
-    keys = Keys(scope)
+    keys = StockNodeKeys(scope)
     expressions = [
         expression(keys.variable(Input(check.variable)), check.comparison, Input(check.value))
-        for check in map(read_check, checks)
+        for check in map(parse_comparison, checks)
     ]
     folder = None if namespace is None else keys.number_keys(namespace, len(expressions))
-    return keys.give_to(_class_of(spec)(name, expressions, JUNCTIONS[operator], folder))
+    return keys.connect_to(_class_of(spec)(name, expressions, JUNCTIONS[operator], folder))
 
 
 def _written_name(child: Behaviour) -> str:
@@ -297,12 +297,12 @@ def _class_of(spec: NodeSpec) -> Callable[..., Behaviour]:
     """Return the class of a node.
 
     Raises:
-        TooOldError: If the installed py_trees is too old for it.
+        PyTreesTooOldError: If the installed py_trees is too old for it.
     """
     try:
         found = spec.cls
     except AttributeError:
         message = f"py_trees {py_trees_version} does not have {spec.tag}; install 2.4 or later"
-        raise TooOldError(message) from None
+        raise PyTreesTooOldError(message) from None
     assert found is not None  # noqa: S101 - it has a path
     return found

@@ -17,7 +17,7 @@ from sar_compiler.nodes.values import (
     ValueType,
     blackboard_key,
     port_type_of_cpp_name,
-    type_of,
+    require_value_type,
     type_of_cpp_name,
 )
 from sar_compiler.tree.diagnostic import Cause
@@ -75,7 +75,7 @@ class Port(NamedTuple):
     default: str | None = None
 
 
-class Model(NamedTuple):
+class NodeModel(NamedTuple):
     """A node or a subtree in a model.
 
     Attributes:
@@ -115,7 +115,7 @@ class Model(NamedTuple):
     def spec(self) -> NodeSpec:
         """Return the spec of a node that is only described."""
         kind = self.kind or Kind.ACTION
-        name = Parameter("name", ParameterRole.NAME, required=False, value_type=type_of(str))
+        name = Parameter("name", ParameterRole.NAME, required=False, value_type=require_value_type(str))
         parameter = _used_port if self.is_from_use else _parameter
         parameters = {"name": name, **{port.name: parameter(port) for port in self.ports.values()}}
         return NodeSpec(
@@ -128,7 +128,7 @@ class Model(NamedTuple):
         )
 
 
-class Models(NamedTuple):
+class NodeModels(NamedTuple):
     """All models that apply to a tree.
 
     Attributes:
@@ -137,18 +137,18 @@ class Models(NamedTuple):
         enums: The names of enumerations, with their numbers; None for a number that no file states.
     """
 
-    nodes: Mapping[str, Model] = {}
-    subtrees: Mapping[str, Model] = {}
+    nodes: Mapping[str, NodeModel] = {}
+    subtrees: Mapping[str, NodeModel] = {}
     enums: Mapping[str, int | None] = {}
 
 
-def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> Models:
+def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> NodeModels:
     """Read the models of some files; the first description of a node is used.
 
     Files that the user did not name are not compared with other files.
     """
-    nodes: dict[str, Model] = {}
-    subtrees: dict[str, Model] = {}
+    nodes: dict[str, NodeModel] = {}
+    subtrees: dict[str, NodeModel] = {}
     enums: dict[str, int | None] = {}
     for tree_file in files:
         for element in _descriptions([tree_file]):
@@ -160,7 +160,7 @@ def read_models(files: Iterable[TreeFile], collector: FindingCollector) -> Model
                 first = (subtrees if model.kind is None else nodes).setdefault(model.tag, model)
                 if first is not model and tree_file.is_named:
                     _compare_twice(first, model, collector)
-    return Models(nodes, subtrees, enums)
+    return NodeModels(nodes, subtrees, enums)
 
 
 def enums_file(numbers: Mapping[str, int]) -> TreeFile:
@@ -183,7 +183,7 @@ def _read_enum(element: Element, enums: dict[str, int | None], collector: Findin
     number: int | None = None
     if written is not None:
         try:
-            number = int(str(type_of(int).convert(written)))
+            number = int(str(require_value_type(int).convert(written)))
         except ConversionError as error:
             collector.wrong_value(element, "value", error, "wrong-model")
     known = enums.get(name)
@@ -263,7 +263,7 @@ def _described_name(description: Element) -> str:
     return SUBTREE_TAG if description.tag == SUBTREE_TAG else description.attributes.get("ID", "")
 
 
-def _compare_twice(first: Model, second: Model, collector: FindingCollector) -> None:
+def _compare_twice(first: NodeModel, second: NodeModel, collector: FindingCollector) -> None:
     """Report a second description that differs, or a second one of a subtree in the same file."""
     same_file = second.element.source is first.element.source
     if first.says == second.says and not (second.kind is None and same_file):
@@ -276,7 +276,7 @@ def _compare_twice(first: Model, second: Model, collector: FindingCollector) -> 
     collector.add("wrong-model", message, here, value="ID", hint="delete one of the two", common_cause=cause)
 
 
-def registry_without(registry: Registry, models: Models) -> Registry:
+def registry_without(registry: Registry, models: NodeModels) -> Registry:
     """Return a registry without the py_trees nodes whose names the user declares for other nodes."""
     taken = {
         tag
@@ -297,7 +297,7 @@ def can_be_tag(name: str) -> bool:
     return is_name(name) and ":" not in name
 
 
-def _model(element: Element, collector: FindingCollector) -> Model | None:
+def _model(element: Element, collector: FindingCollector) -> NodeModel | None:
     kind = _KINDS.get(element.tag)
     if kind is None and element.tag != SUBTREE_TAG:
         known = [*_KINDS, SUBTREE_TAG, ENUM_TAG]
@@ -314,7 +314,7 @@ def _model(element: Element, collector: FindingCollector) -> Model | None:
         message = f"'{tag}' cannot be the name of a node: it is reserved"
         collector.add("wrong-model", message, element, value="ID")
         return None
-    return Model(element, tag, kind, _ports(element, kind, collector))
+    return NodeModel(element, tag, kind, _ports(element, kind, collector))
 
 
 def _ports(element: Element, kind: Kind | None, collector: FindingCollector) -> dict[str, Port]:
@@ -381,12 +381,12 @@ def _parameter(port: Port) -> Parameter:
     )
 
 
-_TEXT = type_of(str)
+_TEXT = require_value_type(str)
 # The comparable types: in C++, durations, enumerations and other values written as strings have their own types.
 _COMPARED = (bool, int, float, str, list)
 
 
-def compare_models(models: Models, registry: Registry, collector: FindingCollector) -> None:
+def compare_models(models: NodeModels, registry: Registry, collector: FindingCollector) -> None:
     """Report models that contradict the registry, and defaults that their ports do not accept.
 
     BehaviorTree.CPP does not read the models of nodes, so these are warnings.
@@ -409,14 +409,14 @@ def compare_models(models: Models, registry: Registry, collector: FindingCollect
                 _check_default(port, type_of_cpp_name(port.type_name) or ANYTHING, collector)
 
 
-def _compare_kind(model: Model, spec: NodeSpec, collector: FindingCollector) -> None:
+def _compare_kind(model: NodeModel, spec: NodeSpec, collector: FindingCollector) -> None:
     if model.kind is not spec.kind:
         article = "an" if spec.kind is Kind.ACTION else "a"
         message = f"<{model.tag}> is {article} {spec.kind.value}, but the model declares {model.element.tag}"
         collector.add("model-mismatch", message, model.element, suggestion=spec.kind.value)
 
 
-def _compare_port(model: Model, port: Port, parameter: Parameter, collector: FindingCollector) -> None:
+def _compare_port(model: NodeModel, port: Port, parameter: Parameter, collector: FindingCollector) -> None:
     if {parameter.direction, port.direction} == {Direction.INPUT, Direction.OUTPUT}:
         right = Direction.INPUT if port.direction is Direction.OUTPUT else Direction.OUTPUT
         message = f"the port '{port.name}' of <{model.tag}> is an {right.value}"

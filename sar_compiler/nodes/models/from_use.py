@@ -6,12 +6,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.attributes import CONDITIONS, KIND_TAGS
-from sar_compiler.nodes.binding.binder import OF_ANY, is_anothers
+from sar_compiler.nodes.binding.binder import OF_ANY, is_node_of_other_library
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.nodes.cpp_names import ANY, TEXT, normalized
-from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, Models, can_be_tag, read_models
+from sar_compiler.nodes.models import ENUM_TAG, FROM_USE, METADATA_TAG, NodeModels, can_be_tag, read_models
 from sar_compiler.nodes.registry import Registry, is_library_tag
 from sar_compiler.nodes.spec import Direction, Kind
+from sar_compiler.tree.display_text import shortened
 from sar_compiler.tree.guessing import Guesses
 from sar_compiler.tree.model import (
     INCLUDE_TAG,
@@ -22,7 +23,6 @@ from sar_compiler.tree.model import (
     TreeFile,
     synthetic_element,
 )
-from sar_compiler.tree.showing import shortened
 
 _KEY = re.compile(r"\{(@?[^{}\s]+)\}")
 _MADE_BY_SCRIPT = re.compile(r"(?<![\w@])(@?[A-Za-z_]\w*)\s*:?=(?!=)", re.ASCII)
@@ -96,7 +96,7 @@ class _NodeUse:
         return fitting[0] if fitting else str(guess.value)
 
 
-class UseOfNodes:
+class UndescribedNodes:
     """Collects nodes and trees that are used but not described."""
 
     def __init__(self) -> None:
@@ -154,10 +154,12 @@ class UseOfNodes:
         if tag in _NOT_NODES:
             return True
         variants = registry.variants(tag)
-        return bool(variants) and not (is_library_tag(tag) and is_anothers(node, variants, self._guesses))
+        return bool(variants) and not (
+            is_library_tag(tag) and is_node_of_other_library(node, variants, self._guesses)
+        )
 
 
-def _types_of_keys(nodes: Iterable[Element], models: Models, registry: Registry) -> Mapping[str, str]:
+def _types_of_keys(nodes: Iterable[Element], models: NodeModels, registry: Registry) -> Mapping[str, str]:
     """Return the C++ types of the keys of known ports in a tree; ports for strings are ignored, since they may hold anything."""
     types: dict[str, str] = {}
     for node in nodes:

@@ -57,7 +57,7 @@ def description(specs: Sequence[NodeSpec]) -> Element:
 _LIBRARY = synthetic_element(METADATA_TAG, children=[synthetic_element("Metadata", LIBRARY)])
 
 
-def described_by_use(kind: str, tag: str, ports: Iterable[str]) -> Element:
+def inferred_model(kind: str, tag: str, ports: Iterable[str]) -> Element:
     """Return the model of an unknown node, derived from its use in a tree."""
     inputs = [synthetic_element(Direction.INPUT.value, {"name": port}) for port in ports]
     return synthetic_element(kind, {"ID": tag, "editable": "true"}, inputs)

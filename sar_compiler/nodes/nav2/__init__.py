@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from sar_compiler.nodes.answers import answers_of
 from sar_compiler.nodes.declaring import CLOCK, signature
 from sar_compiler.nodes.nav2 import outcomes
-from sar_compiler.nodes.numbers import SensibleNumbers, number_hint, number_in, unit_words
+from sar_compiler.nodes.numbers import PlausibleRange, convert_with_unit, number_hint, unit_name
 from sar_compiler.nodes.outcome_sets import F, S, adding, passing
 from sar_compiler.nodes.palettes import KnownSpec
 from sar_compiler.nodes.semantics import Counterpart, Order, Semantics
@@ -37,10 +37,10 @@ from sar_compiler.nodes.values import (
     UNSIGNED,
     ConversionError,
     ValueType,
-    list_of,
-    real_number,
+    list_type,
+    parse_integer,
+    parse_real,
     type_of_cpp_name,
-    whole_number,
 )
 from sar_compiler.runtime.answers import Answer
 from sar_compiler.runtime.ports import Input
@@ -58,7 +58,7 @@ def type_of_port(name: str) -> ValueType:
     if name in _TYPES:
         return _TYPES[name]
     if name.endswith("[]"):
-        return list_of(type_of_port(name.removesuffix("[]")))
+        return list_type(type_of_port(name.removesuffix("[]")))
     known = type_of_cpp_name(name)
     assert known is not None, name  # noqa: S101 - an error in the data
     return known
@@ -68,7 +68,7 @@ def port_type(name: str, value_type: ValueType) -> ValueType:
     """Return the type of a port whose name has a unit, or bounds, in `nodes.yaml`."""
     unit, bounds = _units().get(name), _bounds().get(name)
     if unit is not None and value_type.python is float:
-        label = f"a number of {unit_words(unit)}"
+        label = f"a number of {unit_name(unit)}"
         value_type = value_type._replace(label=label, convert=partial(_with_unit, unit, label), unit=unit)
     return value_type._replace(usual=bounds) if value_type.python in (int, float) else value_type
 
@@ -89,11 +89,11 @@ def _units() -> Mapping[str, str]:
 
 
 @functools.cache
-def _bounds() -> Mapping[str, SensibleNumbers]:
+def _bounds() -> Mapping[str, PlausibleRange]:
     kinds = {
-        "positive": SensibleNumbers(0, is_open=True),
-        "not negative": SensibleNumbers(0),
-        "cost": SensibleNumbers(0, _HIGHEST_COST),
+        "positive": PlausibleRange(0, is_open=True),
+        "not negative": PlausibleRange(0),
+        "cost": PlausibleRange(0, _HIGHEST_COST),
     }
     return {name: kinds[kind] for kind, names in facts()["bounds"].items() for name in names}
 
@@ -103,13 +103,13 @@ def _with_unit(unit: str, label: str, text: str) -> object:
         return REAL_NUMBER.convert(text)
     except ConversionError:
         message = f"'{text}' is not {label}"
-        raise ConversionError(message, number_in(text, unit), number_hint(text, unit)) from None
+        raise ConversionError(message, convert_with_unit(text, unit), number_hint(text, unit)) from None
 
 
 def _milliseconds(text: str) -> int:
     match = _MILLISECONDS.fullmatch(text)
     if match is None:
-        message, meant = f"'{text}' is not a number of milliseconds", number_in(text, "ms")
+        message, meant = f"'{text}' is not a number of milliseconds", convert_with_unit(text, "ms")
         suggestion = meant if meant is not None and meant.isdecimal() else None
         raise ConversionError(message, suggestion, "write an integer in milliseconds, without a unit")
     return int(match[1])
@@ -134,9 +134,9 @@ def _fields(first: int, each: int, label: str, text: str) -> object:
         raise ConversionError(message, hint=hint)
     # A pose is a time, a frame, and seven numbers; each item ends with these.
     for place in range(first, len(fields), abs(each)):
-        whole_number(fields[place])
+        parse_integer(fields[place])
         for field in fields[place + 2 : place + _POSE if abs(each) == _POSE else place]:
-            real_number(field)
+            parse_real(field)
     return text
 
 
@@ -285,8 +285,8 @@ class _FreeNode(NamedTuple):
     fixed: Mapping[str, object] = {}
 
 
-_RECOVERY = Semantics(outcomes.recovery, gates=outcomes.after_a_failure, resumes=True)
-_TIMED = Semantics(partial(outcomes.now_and_then, 0), steady=True)
+_RECOVERY = Semantics(outcomes.recovery, gates=outcomes.recovery_gates, resumes=True)
+_TIMED = Semantics(partial(outcomes.periodic, 0), steady=True)
 _TURNS = "nav2_controls:RoundRobinNode"
 _FREE: Mapping[str, _FreeNode] = {
     "RecoveryNode": _FreeNode("nav2_controls:RecoveringNode", _RECOVERY, child_count=(2, 2)),
@@ -329,7 +329,7 @@ _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Answer, ...]]] = {
     "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),
     "DistanceController": (
         "nav2_decorators:DistanceNode",
-        Semantics(partial(outcomes.now_and_then, F)),
+        Semantics(partial(outcomes.periodic, F)),
         _DRIVEN,
     ),
     "PathLongerOnApproach": ("nav2_decorators:LongerPathNode", Semantics(partial(adding, S)), _LONGER),

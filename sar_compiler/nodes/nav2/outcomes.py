@@ -114,7 +114,7 @@ def paused(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
     return own | R | (0 if sure else union(children[1:]) & F)
 
 
-def now_and_then(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
+def periodic(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the possible outcomes of a decorator that ticks its child at the start and at intervals, and also has its own results."""
     return children[0] | own | (0 if sure else R)
 
@@ -124,6 +124,6 @@ def once_until_reset(_bound: NodeView, children: Sequence[int], sure: bool) -> i
     return children[0] | (F if not sure and children[0] & (S | F) else 0)
 
 
-def after_a_failure(_bound: NodeView) -> Mapping[int, Gate]:
+def recovery_gates(_bound: NodeView) -> Mapping[int, Gate]:
     """Return the gates of a recovery: it is ticked if the main child fails."""
     return {1: Gate((0,), F)}

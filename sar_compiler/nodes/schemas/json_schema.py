@@ -147,7 +147,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter) -> Schema:
     elif parameter.role is not ParameterRole.ATTRIBUTE:
         schema = dict(_NAME)
     elif parameter.name in spec.fixed:
-        schema = {"enum": _both_ways(spec.texts_of_fixed(parameter))}
+        schema = {"enum": _both_ways(spec.fixed_value_names(parameter))}
     else:
         schema = _ref(f"value.{parameter.value_type.name}")
     if parameter.help:

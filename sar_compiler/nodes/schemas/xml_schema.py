@@ -117,7 +117,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
     head = f'    <xs:attribute name="{parameter.name}"'
     value_type = parameter.value_type
     if parameter.name in spec.fixed:
-        allowed = _enumeration(spec.texts_of_fixed(parameter))
+        allowed = _enumeration(spec.fixed_value_names(parameter))
         return [f"{head}>", *_simple_type("      ", "", allowed), "    </xs:attribute>"]
     if parameter.role is ParameterRole.NAME:
         head += ' type="xs:string"'

@@ -195,7 +195,7 @@ class ActionLeaf(GoalSender):
             goal.chase()
         self._goals_given_up = [goal for goal in self._goals_given_up if not self._is_over(goal)]
         now = self._exchange
-        return not self._goals_given_up and (now is None or now.in_flight or self._is_over(now))
+        return not self._goals_given_up and (now is None or now.may_be_active or self._is_over(now))
 
     def _is_over(self, goal: ActionGoal) -> bool:
         return goal.has_ended or bool(goal.trouble and goal.server_is_gone)
@@ -222,7 +222,7 @@ class ActionLeaf(GoalSender):
         return self.goal()
 
     def _open(self, message: Any) -> ActionGoal:
-        self._rest_no_longer()
+        self._stop_awaiting_standstill()
         destination = goal_destination(self.interface, message)
         self._arrival = None if destination is None else Arrival(self.node, destination)
         self._set_out_from, self.has_not_arrived = None, False
@@ -239,14 +239,16 @@ class ActionLeaf(GoalSender):
         for rival in self._rivals:
             if rival.has_foreign_goal:
                 self._exchange = None
-                return self._hold_on(None, f"another client's goal is active on '{rival.full_name}'")
-            if self._awaits(rival):
+                return self._wait_for_obstacle(
+                    None, f"another client's goal is active on '{rival.full_name}'"
+                )
+            if self._waits_for_rival(rival):
                 self._exchange = None
                 self.feedback_message = f"waiting for the end of its goal on '{rival.full_name}'"
                 return Status.RUNNING
         return super()._begin()
 
-    def _awaits(self, rival: GoalStatuses) -> bool:
+    def _waits_for_rival(self, rival: GoalStatuses) -> bool:
         """Whether to wait for a goal that this node has sent to a rival action: not longer than for an acceptance."""
         if not cast("ActionPort", self._port).goals.drives({rival.full_name}):
             return False
@@ -261,12 +263,12 @@ class ActionLeaf(GoalSender):
         super().initialise()
 
     def _judge(self, exchange: ActionGoal) -> Status:
-        if (exchange.over or exchange.rejected) and exchange.sent and self._comes_to_rest():
+        if (exchange.over or exchange.rejected) and exchange.sent and self._awaits_standstill():
             return Status.RUNNING
         if exchange.rejected or (exchange.answer is not None and exchange.answer.status != SUCCEEDED):
             return self._fail_or_hold(exchange)
         if exchange.trouble and self._robot is not None:
-            return self._hold_on_for_server(exchange, self._robot.driving_nodes)
+            return self._wait_for_server(exchange, self._robot.driving_nodes)
         if exchange.answer is not None:
             if (status := self._judge_arrival(exchange)) is not None:
                 return status
@@ -287,18 +289,18 @@ class ActionLeaf(GoalSender):
             return self.on_unavailable(f"the server reports success, but {doubt}")
         return self._send_again(goal, doubt)
 
-    def _hold_on_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
+    def _wait_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
         """Wait for a server that has not accepted the goal or has fallen silent, and for its nodes; then send it again."""
         if not self._has_asked:
             self._has_asked = True
-            nodes.ask_again()
+            nodes.ignore_answers()
         obstacle = nodes.obstacle()
         is_there = obstacle == "" and not goal.server_is_gone
         if is_there and self._held is goal and self._hold is not None and not self._hold.passed:
             return self._begin()
-        return self._hold_on(goal, obstacle or goal.trouble)
+        return self._wait_for_obstacle(goal, obstacle or goal.trouble)
 
-    def _comes_to_rest(self) -> bool:
+    def _awaits_standstill(self) -> bool:
         """Whether the leaf still waits for the robot to stand."""
         if self._robot is None:
             return False
@@ -306,7 +308,7 @@ class ActionLeaf(GoalSender):
             self._rest = Standstill(self, self._wake, "the end of its goal")
         return self._rest.is_awaited()
 
-    def _rest_no_longer(self) -> None:
+    def _stop_awaiting_standstill(self) -> None:
         if self._rest is not None:
             self._rest.give_up()
             self._rest = None
@@ -316,12 +318,12 @@ class ActionLeaf(GoalSender):
         if not self._has_asked:
             self._has_asked = True
             if self._robot is not None:
-                self._robot.driving_nodes.ask_again()
+                self._robot.driving_nodes.ignore_answers()
         obstacle = self._obstacle()
         if obstacle is None:
             return Status.RUNNING
         if obstacle:
-            return self._hold_on(goal, obstacle)
+            return self._wait_for_obstacle(goal, obstacle)
         if self._held is goal:
             self._hold = None
             return self._begin()
@@ -385,7 +387,7 @@ class ActionLeaf(GoalSender):
             return False
         return math.dist(here[:2], self._set_out_from[:2]) >= _PROGRESS_M
 
-    def _hold_on(self, goal: ActionGoal | None, obstacle: str) -> Status:
+    def _wait_for_obstacle(self, goal: ActionGoal | None, obstacle: str) -> Status:
         """Wait, within the limit, until the server can accept a goal that was sent, or the next one (None)."""
         if self._hold is None:
             self._hold = Deadline(self.hold_timeout_sec, self._clock)
@@ -421,13 +423,13 @@ class ActionLeaf(GoalSender):
         # The watch of the robot sends the queries. A query is abandoned after 2 s.
         navigator = self._robot.lifecycle(NAVIGATOR) if self._robot is not None else None
         if navigator is not None and navigator.is_silent and not navigator.has_heard_nothing:
-            exchange.lose_if_quiet(NAVIGATOR)
+            exchange.abandon_if_silent(NAVIGATOR)
         status = super()._progress(exchange)
         if not exchange.is_accepted or status is not Status.RUNNING:
             return status
         if self._lost_count and not exchange.over and self._makes_progress():
             self._end_row()
-        self._say_how_long(exchange)
+        self._show_duration(exchange)
         if not exchange.has_feedback:
             return status
         self._hold = None
@@ -435,13 +437,13 @@ class ActionLeaf(GoalSender):
             return status
         if self.feedback_period_sec:
             self._next_feedback = Deadline(self.feedback_period_sec, self._clock)
-        verdict = self.on_feedback(exchange.take_feedback())
+        verdict = self.on_feedback(exchange.pop_feedback())
         if verdict is None or verdict is Status.RUNNING:
             return Status.RUNNING
         self._cancel()
         return verdict
 
-    def _say_how_long(self, goal: ActionGoal) -> None:
+    def _show_duration(self, goal: ActionGoal) -> None:
         """Show how long a goal has been active, unless the leaf has its own feedback message."""
         if self.feedback_message in (self._waits, self._under_way):
             self._under_way = self.feedback_message = f"under way, {clock_text(goal.age_sec)}"
@@ -468,7 +470,7 @@ class ActionLeaf(GoalSender):
 
     def _cancel(self) -> None:
         goal = self._exchange
-        if goal is None or not goal.in_flight:
+        if goal is None or not goal.may_be_active:
             return
         goal.abandon()
         if goal.was_withdrawn:
@@ -482,7 +484,7 @@ class ActionLeaf(GoalSender):
         )
 
     def _drop(self) -> None:
-        self._rest_no_longer()
+        self._stop_awaiting_standstill()
         goal = self._exchange
         self._cancel()
         super()._drop()

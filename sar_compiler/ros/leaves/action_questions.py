@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 
-class ActionQuestions:
+class ActionQueries:
     """Requests results from an action's server, one at a time, and never blocks.
 
     Only for actions that move nothing: unlike an `ActionLeaf`'s, these goals are not stored in the journal and not

@@ -72,7 +72,7 @@ class Arrival:
     @property
     def distance_m(self) -> float | None:
         """The distance of the robot from the goal, metres; None if its localisation does not provide it."""
-        place = self._robot.current_place()
+        place = self._robot.current_pose()
         return None if place is None else math.dist(place[:2], self._destination)
 
     def is_awaited(self) -> bool:

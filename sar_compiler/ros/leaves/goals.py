@@ -16,7 +16,7 @@ from sar_compiler.ros.clock import AWAKE, Deadline
 from sar_compiler.ros.leaves.client_leaf import ClientLeaf, PendingCall
 from sar_compiler.ros.leaves.leaf import alive, of_node, qos_profile
 from sar_compiler.runtime.clock import Clock
-from sar_compiler.tree.showing import in_one_line
+from sar_compiler.tree.display_text import escape_to_one_line
 
 if TYPE_CHECKING:
     from rclpy.client import Client
@@ -205,7 +205,7 @@ class GoalEvent(NamedTuple):
 
 
 class ActiveGoals:
-    """Notifies listeners of the goals that one node sends, by their ids (32 hexadecimal digits); use `goals_under_way`."""
+    """Notifies listeners of the goals that one node sends, by their ids (32 hexadecimal digits); use `active_goals_of`."""
 
     def __init__(self) -> None:
         self._active: dict[str, str] = {}
@@ -259,7 +259,7 @@ class ActiveGoals:
             listener(news)
 
 
-def goals_under_way(node: "Node") -> ActiveGoals:
+def active_goals_of(node: "Node") -> ActiveGoals:
     """Return the goals of a node, one object for each node."""
     return of_node(node, ActiveGoals, ActiveGoals)
 
@@ -308,7 +308,7 @@ class ActionPort:
         self.action_type = action_type
         self.unanswered = 0
         self._node = node
-        self.goals = goals_under_way(node)
+        self.goals = active_goals_of(node)
         self.statuses = goal_statuses_of(node, name)
         self.feedback = goal_feedback_of(node, action_type, name)
         self._connect()
@@ -337,7 +337,7 @@ class ActionPort:
 
     def warn(self, text: str) -> None:
         """Write a warning to the node's log."""
-        self._node.get_logger().warning(in_one_line(text))
+        self._node.get_logger().warning(escape_to_one_line(text))
 
     def count_unanswered(self) -> None:
         """Record that a goal was neither accepted nor rejected in time; replace the clients after the second in a row."""
@@ -360,7 +360,7 @@ class ActionPort:
                 self._node.destroy_client(client)
 
 
-class Pulse:
+class ServerProbe:
     """Heartbeat: requests the result of an unknown goal, which a live server rejects at once.
 
     A server with a single thread does not answer while it works. So it counts as crashed only after it has answered once.
@@ -378,7 +378,7 @@ class Pulse:
         self._due = Deadline(0.0, clock)
         self._limit = Deadline(limit_sec, clock)
 
-    def has_stopped(self) -> bool:
+    def has_server_stopped(self) -> bool:
         """Send the request if due; return whether a server that has answered before has been silent for too long."""
         if self._question is None:
             if self._due.passed:
@@ -460,7 +460,7 @@ class ActionGoal(PendingCall):
         self._silence: Deadline | None = None
         self._doubt: Deadline | None = None
         self._absence: Deadline | None = None
-        self._pulse: Pulse | None = None
+        self._pulse: ServerProbe | None = None
         self._questions: list[tuple[Client, Future]] = []
         self._was_withdrawn = False
         self._granted = False
@@ -470,7 +470,7 @@ class ActionGoal(PendingCall):
         self._servers: frozenset[bytes] = frozenset()
 
     @property
-    def in_flight(self) -> bool:
+    def may_be_active(self) -> bool:
         """Whether the server has or may have the goal, and it has not been abandoned."""
         return self.sent and not self.over and not self._abandoned
 
@@ -513,13 +513,13 @@ class ActionGoal(PendingCall):
         """Whether no server can have the goal any more: a server that disappears takes its goals with it."""
         return not (self._port.usable and self._port.sender.service_is_ready())
 
-    def lose_if_quiet(self, navigator: str) -> None:
+    def abandon_if_silent(self, navigator: str) -> None:
         """Give up the goal if its server has stopped sending feedback: the robot may not stop by itself.
 
         Args:
             navigator: The lifecycle node of the server, which does not answer.
         """
-        if self.in_flight and self._final is None and AWAKE.now() - self._heard_at > _QUIET_SEC:
+        if self.may_be_active and self._final is None and AWAKE.now() - self._heard_at > _QUIET_SEC:
             self._lose(
                 f"the server has sent no feedback for {_QUIET_SEC:g} s, and node {navigator} does not answer"
             )
@@ -529,7 +529,7 @@ class ActionGoal(PendingCall):
         """Whether there is feedback that has not been read."""
         return self._feedback is not None
 
-    def take_feedback(self) -> Any:
+    def pop_feedback(self) -> Any:
         """Return and clear the latest feedback, at most once per message."""
         feedback, self._feedback = self._feedback, None
         return self._port.feedback.read(cast("bytes", feedback))
@@ -544,11 +544,11 @@ class ActionGoal(PendingCall):
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):
             return
         if self._granted:
-            self._ask_after()
+            self._query_result()
         else:
             self._withdraw()
 
-    def _ask_after(self) -> None:
+    def _query_result(self) -> None:
         """Request the result once more: a server that does not know the goal (any more) answers at once."""
         self._chased = self._limit(_CHASE_SEC)
         prober = self._port.prober
@@ -625,7 +625,7 @@ class ActionGoal(PendingCall):
             self._absence = None
             self._doubt = self._limit(self._silence_sec)
             self._request_result()
-        if self._pulse is not None and self._pulse.has_stopped():
+        if self._pulse is not None and self._pulse.has_server_stopped():
             self._lose(f"the server has not answered for {self._silence_sec:g} s")
 
     def _lose(self, trouble: str) -> None:
@@ -645,7 +645,7 @@ class ActionGoal(PendingCall):
             self._final = None
             self._port.goals.sending(self._id, self._port.full_name)
         self._doubt = self._limit(self._silence_sec)
-        self._pulse = Pulse(self._port.prober, self._silence_sec, self._leaf._clock)
+        self._pulse = ServerProbe(self._port.prober, self._silence_sec, self._leaf._clock)
         self._request_result()
         if self._abandoned:
             self._withdraw()
@@ -693,7 +693,7 @@ class ActionGoal(PendingCall):
         if response.return_code == response.ERROR_GOAL_TERMINATED:
             # It has ended, or another client has canceled it: that is no end yet.
             self._granted = True
-            self._ask_after()
+            self._query_result()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
             # Known once and now unknown: another server. Never known long after it was sent: it did not arrive.
             if self._is_accepted or self._is_too_late:

@@ -8,9 +8,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from sar_compiler.errors import SarError
-from sar_compiler.runtime.leaf_protocol import Wake, stay_asleep
+from sar_compiler.runtime.leaf_protocol import Wake, ignore_wake
+from sar_compiler.tree.display_text import shorten_to_line
 from sar_compiler.tree.guessing import did_you_mean, nearest
-from sar_compiler.tree.showing import short_line
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -89,7 +89,7 @@ class RosLeaf(Behaviour):
         super().__init__(name)
         self.answer_label = ""
         self._node: Node | None = None
-        self._wake: Wake = stay_asleep
+        self._wake: Wake = ignore_wake
 
     def setup(self, **kwargs: Any) -> None:
         """Store the node to use, without blocking.
@@ -103,7 +103,7 @@ class RosLeaf(Behaviour):
         if kwargs.get("node") is None:
             raise MissingNodeError(self.name, type(self).__name__)
         self._node = kwargs["node"]
-        self._wake = kwargs.get("wake", stay_asleep)
+        self._wake = kwargs.get("wake", ignore_wake)
 
     def require_definition(self) -> None:
         """Check the attributes from the file that need neither node nor server, before any wait.
@@ -139,12 +139,12 @@ class RosLeaf(Behaviour):
 
     def say(self, text: str) -> None:
         """Write a line to the mission's log; line breaks and unprintable characters are escaped."""
-        self.node.get_logger().info(short_line(text))
+        self.node.get_logger().info(shorten_to_line(text))
 
     def complain(self, text: str) -> None:
         """Log a warning, as `say` does, and store it as the leaf's feedback message."""
         self.feedback_message = text
-        self.node.get_logger().warning(short_line(text))
+        self.node.get_logger().warning(shorten_to_line(text))
 
 
 NAMED_QOS = {

@@ -78,13 +78,13 @@ class TopicLeaf(RosLeaf):
         return self._message if 0.0 <= age_sec <= self.max_age_sec else None
 
     @property
-    def silence_cause(self) -> str:
+    def absence_reason(self) -> str:
         """The reason why there is no usable message, as the end of a sentence.
 
         It describes the last message, or the ROS graph. It is empty if a publisher exists whose messages reach the leaf.
         """
-        if self.why_unusable or self._node is None:
-            return self.why_unusable
+        if self.unusable_reason or self._node is None:
+            return self.unusable_reason
         return explain_absence(self._node, self, "topic", self.topic_name)
 
     def setup(self, **kwargs: Any) -> None:
@@ -153,11 +153,11 @@ class TopicLeaf(RosLeaf):
     def on_silence(self) -> Status:
         """Return the status while there is no message: RUNNING for a leaf that `waits`, else FAILURE."""
         old = "" if self._message is None else f" within {self.max_age_sec:g} s"
-        self.feedback_message = f"no message on '{self.topic_name}'{old}{self.silence_cause}"
+        self.feedback_message = f"no message on '{self.topic_name}'{old}{self.absence_reason}"
         return Status.RUNNING if self.waits else Status.FAILURE
 
     @property
-    def why_unusable(self) -> str:
+    def unusable_reason(self) -> str:
         """The reason why the last message is unusable, as the end of a sentence; empty if it is usable or missing."""
         return f" ({self._problem})" if self._problem else ""
 

@@ -4,8 +4,8 @@ import math
 from itertools import pairwise
 from typing import NamedTuple
 
-from sar_compiler.analysis.simulate import running
-from sar_compiler.analysis.simulate.replaying import ReusedTree
+from sar_compiler.analysis.simulate import scenario_run
+from sar_compiler.analysis.simulate.reused_tree import ReusedTree
 from sar_compiler.analysis.simulate.scenario_files import Scenario
 from tests.analysis.predict.stage import CHANCES, PERIOD_SEC, file_of
 from tests.analysis.verify.stage import bound, simulated_tree
@@ -75,7 +75,7 @@ def every_run(body, monkeypatch, *, most=1500, max_ticks=60):
         TooManyRunsError: If there are more than so many, or some that have not ended by then.
     """
     decided = _Decided()
-    monkeypatch.setattr(running, "Random", lambda _seed: decided)
+    monkeypatch.setattr(scenario_run, "Random", lambda _seed: decided)
     tree = ReusedTree(simulated_tree(bound(body), file_of(body, CHANCES)))
     runs: list[PlayedRun] = []
     while True:

@@ -5,7 +5,7 @@ import re
 
 from sar_compiler.analysis.assumptions import read_assumptions
 from sar_compiler.analysis.predict import predict
-from sar_compiler.analysis.simulate.replaying import ReusedTree
+from sar_compiler.analysis.simulate.reused_tree import ReusedTree
 from sar_compiler.analysis.simulate.scenario_files import Scenario
 from sar_compiler.analysis.simulated_tree import compile_simulated
 from sar_compiler.analysis.verify.properties import parse_property_file
@@ -35,7 +35,7 @@ def file_of(body, chances, rest=""):
 def assumed(body, chances, rest):
     """Return a simulated tree whose leaves have chances, and the file that says them."""
     file, binding = file_of(body, chances, rest), bound(body)
-    with file.document.findings_first():
+    with file.document.prefer_findings():
         plain = compile_simulated(binding, {}, all_runs=True)
         assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
         return compile_simulated(binding, {}, assumptions, all_runs=True), file

@@ -2,8 +2,8 @@
 
 from textwrap import dedent
 
-from sar_compiler.analysis.simulate.running import Run, ScenarioPlayer, failures
-from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, understand
+from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, ScenarioRun, failures
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.nodes.registry import default_registry
 from tests.trees import forest
@@ -21,17 +21,17 @@ PATROL = """
 """
 
 
-def stage(body: str = PATROL) -> Stage:
+def stage(body: str = PATROL) -> ScenarioStage:
     """Return a stage with one tree on it."""
-    return Stage(forest(body), default_registry())
+    return ScenarioStage(forest(body), default_registry())
 
 
-def read(text: str, body: str = PATROL) -> Play:
+def read(text: str, body: str = PATROL) -> ScenarioSimulation:
     """Read a scenario from its text."""
     return understand(parse_yaml(dedent(text), "scenario.yaml", "write something"), stage(body))
 
 
-def played(text: str, body: str = PATROL) -> Run:
+def played(text: str, body: str = PATROL) -> ScenarioRun:
     """Play a scenario to its end."""
     play = read(text, body)
     return ScenarioPlayer(play.simulated, play.scenario).go()
@@ -42,6 +42,6 @@ def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:
     return [(each.expected, each.message, each.line) for each in failures(played(text, body))]
 
 
-def answers(run: Run, leaf: str) -> list[str]:
+def answers(run: ScenarioRun, leaf: str) -> list[str]:
     """Return what a leaf answered, tick by tick; `halted` where it was halted."""
     return [event.deed for event in run.events if event.leaf == leaf and event.what in ("answered", "halted")]

@@ -1,11 +1,11 @@
 """What a set of scenarios has not shown of a tree."""
 
-from sar_compiler.analysis.simulate.running import Coverage
+from sar_compiler.analysis.simulate.scenario_run import OutcomeCoverage
 from tests.analysis.simulate.stage import played
 
 
 def coverage(*scenarios, body):
-    collected = Coverage()
+    collected = OutcomeCoverage()
     for text in scenarios:
         collected.add(played(text, body))
     return collected

@@ -12,14 +12,14 @@ HOME = "zones_left == 0 && at == 'base'"
 def test_a_zone_that_is_not_reached_at_once_is_tried_again():
     home = {"answer": "arrived", "after": "5s"}
     run = simulate(TREE, NavigateToZone=["aborted", "arrived"], NavigateToBase=home, scenario={"until": HOME})
-    run.until_end()
+    run.run_to_end()
     run.expect(order=["NavigateToZone aborted", "NavigateToZone arrived"], count={"AdvanceZone advanced": 3})
 
 
 def test_the_report_that_is_refused_is_lost():
     run = simulate(
         TREE, NotifyBase="refused", scenario={"facts": {"zones_left": 1}, "until": HOME}
-    ).until_end()
+    ).run_to_end()
     run.expect(order=["NotifyBase refused", "LogNoDetection logged", "AdvanceZone advanced"])
 
 
@@ -37,7 +37,7 @@ def test_a_run_without_an_end_fails_the_test():
     with pytest.raises(
         AssertionError, match=r"(?s)ends: the run has not ended by tick 5 .*\n\ntick 1, 0 s: root RUNNING"
     ):
-        run.until_end()
+        run.run_to_end()
 
 
 def test_a_run_that_cannot_go_on_fails_the_test():
@@ -45,11 +45,11 @@ def test_a_run_that_cannot_go_on_fails_the_test():
     with pytest.raises(
         AssertionError, match="run: tick 1 could not be finished: 'DetectSurvivor' cannot return"
     ):
-        run.until_end()
+        run.run_to_end()
 
 
 def test_what_is_expected_and_is_not_so_fails_the_test_with_the_trace():
-    run = simulate(TREE).until_end()
+    run = simulate(TREE).run_to_end()
     with pytest.raises(AssertionError, match=r"(?s)^root: the root is SUCCESS.*expected FAILURE\n\ntick 1, "):
         run.expect(root="FAILURE")
 
@@ -65,17 +65,17 @@ def test_a_slip_in_a_test_is_explained_as_one_in_a_scenario_is():
     with pytest.raises(TreeError, match="did you mean 'aborted'"):
         simulate(TREE, NavigateToZone="abroted")
     with pytest.raises(TreeError, match="did you mean 'order'"):
-        simulate(TREE).until_end().expect(ordr=["NavigateToZone arrived"])
+        simulate(TREE).run_to_end().expect(ordr=["NavigateToZone arrived"])
 
 
 def test_a_trace_can_be_held_against_a_committed_file(tmp_path, monkeypatch):
     golden = tmp_path / "trace.txt"
     monkeypatch.setenv(RENEW, "1")
-    simulate(TREE).until_end().expect(trace=str(golden))
+    simulate(TREE).run_to_end().expect(trace=str(golden))
     monkeypatch.delenv(RENEW)
-    simulate(TREE).until_end().expect(trace=str(golden))
+    simulate(TREE).run_to_end().expect(trace=str(golden))
     with pytest.raises(AssertionError, match=r"(?s)trace: .*aborted"):
-        simulate(TREE, NavigateToZone="aborted").until_end().expect(trace=str(golden))
+        simulate(TREE, NavigateToZone="aborted").run_to_end().expect(trace=str(golden))
 
 
 def test_a_scenario_that_holds_passes():

@@ -6,9 +6,14 @@ from dataclasses import replace
 
 import pytest
 
-from sar_compiler.analysis.simulate.replaying import ReusedTree
-from sar_compiler.analysis.simulate.running import Player, ScenarioPlayer, failures
-from sar_compiler.analysis.simulate.scenario_files import Play, Scenario, Stage, understand
+from sar_compiler.analysis.simulate.reused_tree import ReusedTree
+from sar_compiler.analysis.simulate.scenario_files import (
+    Scenario,
+    ScenarioSimulation,
+    ScenarioStage,
+    understand,
+)
+from sar_compiler.analysis.simulate.scenario_run import Player, ScenarioPlayer, failures
 from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
@@ -31,7 +36,7 @@ leaves:
 ENDS = ("tick == 20", "n == 3", "root == 'SUCCESS'", "time > 1 || b == 0")
 
 
-def understood(stage: Stage, text: str) -> Play:
+def understood(stage: ScenarioStage, text: str) -> ScenarioSimulation:
     """Compile a tree for a scenario, with lists and a queue among its keys."""
     play = understand(parse_yaml(text, "scenario.yaml", ""), stage)
     for key, value in entries().items():
@@ -39,12 +44,12 @@ def understood(stage: Stage, text: str) -> Play:
     return play
 
 
-def random_plays(count: int, *, skips: bool) -> Iterator[tuple[Stage, str, Play]]:
+def random_plays(count: int, *, skips: bool) -> Iterator[tuple[ScenarioStage, str, ScenarioSimulation]]:
     """Yield random trees on stages, each with a scenario, that the checks find nothing wrong with, and what it is understood as."""
     seed = 0
     while count:
         seed += 1
-        stage = Stage(Forest.of(parse_xml(RandomTree(seed, skips=skips).text())), registry())
+        stage = ScenarioStage(Forest.from_file(parse_xml(RandomTree(seed, skips=skips).text())), registry())
         until = random.Random(seed).choice(ENDS)  # noqa: S311 - the same trees in every run
         text = SCENARIO.format(leaf="Skipper" if skips else "Probe", until=until)
         try:

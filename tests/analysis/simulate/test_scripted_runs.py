@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sar_compiler.analysis.simulate.running import ScenarioPlayer, failures
+from sar_compiler.analysis.simulate.scenario_run import ScenarioPlayer, failures
 from tests.analysis.simulate.stage import PATROL, answers, played, read, stage
 
 DRIVE = "<NavigateToZone/>"

@@ -5,15 +5,18 @@ import signal
 from dataclasses import dataclass
 from pathlib import Path
 
-from sar_compiler.analysis.sweep import Played
+from sar_compiler.analysis.sweep import RunResultSample
 
 
 def odd_ones_fail(seeds):
-    return [Played(seed, "odd" if seed % 2 else "", float(seed), {"seen": seed}, (seed,)) for seed in seeds]
+    return [
+        RunResultSample(seed, "odd" if seed % 2 else "", float(seed), {"seen": seed}, (seed,))
+        for seed in seeds
+    ]
 
 
 def all_succeed(seeds):
-    return [Played(seed, "", 1.0) for seed in seeds]
+    return [RunResultSample(seed, "", 1.0) for seed in seeds]
 
 
 @dataclass(frozen=True)

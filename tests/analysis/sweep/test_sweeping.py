@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.analysis.sweep import StoppingRule, SweepError, SweptRow, smallest_failure, sweep
-from sar_compiler.analysis.sweep.workers import Workers, in_processes
+from sar_compiler.analysis.sweep import StoppingRule, SweepError, SweepRow, smallest_failure, sweep
+from sar_compiler.analysis.sweep.workers import ReplaceableExecutor, in_processes
 from tests.analysis.sweep.plays import EndsItsWorker, all_succeed, odd_ones_fail
 
 
@@ -18,7 +18,7 @@ def ignore(_rows):
 
 
 def swept(rule, workers, seed=0, plays=(odd_ones_fail, all_succeed)):
-    rows = [SweptRow({"row": str(number)}, play) for number, play in enumerate(plays)]
+    rows = [SweepRow({"row": str(number)}, play) for number, play in enumerate(plays)]
     with workers:
         sweep(rows, rule, seed, workers, ignore)
     return [row.outcomes for row in rows]
@@ -74,7 +74,7 @@ def test_the_runs_of_a_row_have_one_seed_after_the_other():
 @given(st.integers(0, 99), st.integers(1, 8), st.integers(1, 30), st.sampled_from([0.0, 0.1, 0.2]))
 def test_the_table_does_not_depend_on_who_finishes_first(seed, count, batch, half_width):
     rule = StoppingRule(runs=100, half_width=half_width, batch=batch)
-    workers = Workers(lambda: AnyOrder(Random(seed)), count)  # noqa: S311 - no secret
+    workers = ReplaceableExecutor(lambda: AnyOrder(Random(seed)), count)  # noqa: S311 - no secret
     assert swept(rule, workers) == swept(rule, in_processes(1))
 
 
@@ -110,10 +110,10 @@ def test_an_error_of_a_run_ends_the_sweep():
 
 def test_the_smallest_failure_is_the_one_of_the_smallest_size():
     rows = [
-        SweptRow({}, odd_ones_fail, odd_ones_fail([9, 8, 3])),
-        SweptRow({}, odd_ones_fail, odd_ones_fail([5, 0])),
+        SweepRow({}, odd_ones_fail, odd_ones_fail([9, 8, 3])),
+        SweepRow({}, odd_ones_fail, odd_ones_fail([5, 0])),
     ]
     found = smallest_failure(rows)
     assert found is not None
     assert (found[0], found[1].seed) == (rows[0], 3)
-    assert smallest_failure([SweptRow({}, all_succeed, all_succeed([1]))]) is None
+    assert smallest_failure([SweepRow({}, all_succeed, all_succeed([1]))]) is None

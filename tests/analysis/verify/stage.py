@@ -22,7 +22,7 @@ def simulated_tree(binding, file=None):
     """Compile a bound tree for simulation, with what a file of properties says of the world."""
     if file is None:
         return compile_simulated(binding, {})
-    with file.document.findings_first():
+    with file.document.prefer_findings():
         plain = compile_simulated(binding, file.parameters)
         assumptions = read_assumptions(file.document, file.facts, file.answers, plain)
         return compile_simulated(binding, file.parameters, assumptions)

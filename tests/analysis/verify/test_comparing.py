@@ -7,7 +7,7 @@ from sar_compiler.analysis.verify.verdicts import (
     OTHER,
     SAME,
     WORSE,
-    ComparedAnswer,
+    ComparedVerdict,
     Verdict,
     VerificationComparison,
 )
@@ -32,7 +32,7 @@ from tests.analysis.verify.stage import BROKEN, PROVED, UNDECIDED, verified
 )
 def test_what_is_known_to_hold_is_best_and_what_is_known_not_to_is_worst(before, now, change):
     sides = [None if outcome is None else Verdict("q", outcome) for outcome in (before, now)]
-    assert ComparedAnswer("q", *sides).change == change
+    assert ComparedVerdict("q", *sides).change == change
 
 
 def test_a_property_that_only_one_tree_can_break_is_among_the_answers():

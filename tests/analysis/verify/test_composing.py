@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.analysis.verification_view import verification_as_json, verification_as_text
 from sar_compiler.analysis.verify import verify
 from sar_compiler.analysis.verify.properties import parse_property_file, properties_of
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.analysis.verify.verdicts import NO_ERROR
 from sar_compiler.budget import Budget
@@ -46,7 +46,7 @@ class Case:
 
     def judge(self, question):
         """Return what plays the tree as it is, and whether the question is a property, which it watches."""
-        prepared = Prepared.of(self.prepared())
+        prepared = PreparedTree.prepare(self.prepared())
         properties = properties_of(self.file, prepared, TAGS)
         watched = [number for number, name in enumerate(properties.names) if name == question]
         return TreeStepper(prepared, properties.only(watched).rules, meets=False), bool(watched)

@@ -5,13 +5,13 @@ import itertools
 import pytest
 
 from sar_compiler.analysis.verify.counterfactual import WhatIfSearch, counterfactual
-from sar_compiler.analysis.verify.limits import lift_limits
+from sar_compiler.analysis.verify.limits import remove_limits
 from sar_compiler.analysis.verify.recorded_runs import NotReplayedError, OtherTreeError
 from sar_compiler.errors import UndecidableError
 from sar_compiler.journal.recorded_events import recorded_events
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.answers import nominal
-from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, Event, with_end
+from sar_compiler.runtime.events import ANSWERED, HALTED, RESET, Event, append_end
 from sar_compiler.runtime.walking import pre_order
 from tests.chance import rounds
 from tests.trees import document
@@ -105,7 +105,7 @@ def test_a_run_of_other_nodes_is_refused(path):
 def tick(number, time_sec, root, answers, label=""):
     """Return the events of a tick: what the root came to, and leaves by their numbers."""
     events = [Event((), leaf, ANSWERED, status, label) for leaf, status in answers.items()]
-    return with_end(events, "root", root, number, time_sec)
+    return append_end(events, "root", root, number, time_sec)
 
 
 def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(path):
@@ -137,7 +137,7 @@ def test_a_leaf_that_is_at_rest_is_not_taken_for_one_that_answers_the_same_again
 def test_only_what_nobody_has_said_and_answers_only_lower_is_without_limit(path):
     path.write_text(document("<Sequence><BaseInReach/><NotHeld/></Sequence>"), encoding="utf-8")
     tree = simulated(path, default_registry())
-    assert lift_limits(tree, ["zones_left"])
+    assert remove_limits(tree, ["zones_left"])
     assert tree.fact_values() == {
         "base_lost": False,
         "losses_left": 1e18,
@@ -151,7 +151,7 @@ def test_where_nothing_is_limited_there_is_nothing_to_lift(path):
     path.write_text(document("<DeliverReports/>"), encoding="utf-8")
     tree = simulated(path, default_registry())
     before = tree.fact_values()
-    assert not lift_limits(tree, before)
+    assert not remove_limits(tree, before)
     assert tree.fact_values() == before
 
 

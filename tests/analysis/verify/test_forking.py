@@ -18,7 +18,7 @@ from sar_compiler.analysis.state_search.searching import (
 )
 from sar_compiler.analysis.state_search.trail import Trail
 from sar_compiler.analysis.verify.properties import parse_property_file, properties_of
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from tests.analysis.verify.handmade import HandMade
@@ -52,7 +52,7 @@ def graph_of(binding, properties=None, *, meets):
     """Return all that a search finds, where ticks meet, or are each played to the end."""
     file = None if properties is None else parse_property_file(properties, "props.yaml")
     simulated = simulated_tree(binding, file)
-    prepared = Prepared.of(simulated)
+    prepared = PreparedTree.prepare(simulated)
     wanted = properties_of(file, prepared, TAGS)
     stepper = TreeStepper(prepared, wanted.rules, meets=meets)
     graph = explore(stepper.steps, 3000)
@@ -141,7 +141,7 @@ def steps_of_branches():
     """Return the steps of a tree whose ticks come to thousands of middles, and often to one that was just left."""
     body = random_branches(46)
     file = parse_property_file(random_properties(body, 46), "props.yaml")
-    prepared = Prepared.of(simulated_tree(bound(body), file))
+    prepared = PreparedTree.prepare(simulated_tree(bound(body), file))
     graph = explore(TreeStepper(prepared, properties_of(file, prepared, TAGS).rules).steps, 3000)
     return [[int(target) for target in steps.targets] for steps in (graph.steps, graph.middles)]
 

@@ -4,7 +4,14 @@ import random
 
 import pytest
 
-from sar_compiler.analysis.verify.properties import LIMIT, MAIN, OTHER, Monitor, Monitors, PropertyPattern
+from sar_compiler.analysis.verify.properties import (
+    LIMIT,
+    MAIN,
+    OTHER,
+    MonitorSet,
+    PropertyMonitor,
+    PropertyPattern,
+)
 
 ROLES = {0: MAIN, 1: OTHER, 2: LIMIT}
 EVENTS = {"main": 0, "other": 1, "limit": 2, "else": 3}
@@ -21,7 +28,7 @@ def after_all(monitors, state, events):
 
 def broken_at(form, events, owes=False):
     """Return the places at which events break a property."""
-    monitors, state, places = Monitors([Monitor(form, ROLES, owes)]), Monitors.start, []
+    monitors, state, places = MonitorSet([PropertyMonitor(form, ROLES, owes)]), MonitorSet.start, []
     for place, event in enumerate(events.split()):
         state, broken = monitors.after(state, EVENTS[event])
         if broken:
@@ -52,21 +59,21 @@ def test_a_property_is_broken_where_it_says(form, events, places):
 
 
 def test_what_must_come_one_day_is_owed_until_it_comes():
-    monitors = Monitors([Monitor(PropertyPattern.AFTER, {0: MAIN, 1: OTHER}, owes=True)])
-    after_main, _ = after_all(monitors, Monitors.start, (0, 3))
+    monitors = MonitorSet([PropertyMonitor(PropertyPattern.AFTER, {0: MAIN, 1: OTHER}, owes=True)])
+    after_main, _ = after_all(monitors, MonitorSet.start, (0, 3))
     after_other, _ = after_all(monitors, after_main, (3, 1))
-    assert [monitors.owed(state) for state in (Monitors.start, after_main, after_other)] == [0, 1, 0]
+    assert [monitors.owed(state) for state in (MonitorSet.start, after_main, after_other)] == [0, 1, 0]
 
 
 def test_what_must_come_before_something_is_not_owed_for_ever():
-    monitors = Monitors([Monitor(PropertyPattern.AFTER, ROLES)])
-    assert monitors.owed(after_all(monitors, Monitors.start, (0,))[0]) == 0
+    monitors = MonitorSet([PropertyMonitor(PropertyPattern.AFTER, ROLES)])
+    assert monitors.owed(after_all(monitors, MonitorSet.start, (0,))[0]) == 0
 
 
 def test_the_order_of_events_in_one_tick_counts():
-    monitors = Monitors([Monitor(PropertyPattern.BEFORE, ROLES)])
-    assert after_all(monitors, Monitors.start, (EVENTS["other"], EVENTS["main"]))[1] == 0
-    assert after_all(monitors, Monitors.start, (EVENTS["main"], EVENTS["other"]))[1] == 1
+    monitors = MonitorSet([PropertyMonitor(PropertyPattern.BEFORE, ROLES)])
+    assert after_all(monitors, MonitorSet.start, (EVENTS["other"], EVENTS["main"]))[1] == 0
+    assert after_all(monitors, MonitorSet.start, (EVENTS["main"], EVENTS["other"]))[1] == 1
 
 
 # The same once more, as sentences about a whole run: `run[:i]` is what came before the event at i.
@@ -114,9 +121,9 @@ def test_monitors_say_of_random_runs_what_the_property_s_sentence_says(form):
 
 def test_monitors_together_say_what_each_says_alone():
     chance = random.Random(1)  # noqa: S311 - the same in every run
-    monitors = [Monitor(form, ROLES) for form in PropertyPattern]
-    together, state = Monitors(monitors), Monitors.start
-    alone = [(Monitors([monitor]), Monitors.start) for monitor in monitors]
+    monitors = [PropertyMonitor(form, ROLES) for form in PropertyPattern]
+    together, state = MonitorSet(monitors), MonitorSet.start
+    alone = [(MonitorSet([monitor]), MonitorSet.start) for monitor in monitors]
     for _ in range(300):
         events = tuple(chance.choices(range(4), k=chance.randint(0, 3)))
         state, broken = after_all(together, state, events)

@@ -13,7 +13,7 @@ import pytest
 
 from sar_compiler.analysis.simulated_tree import compile_simulated
 from sar_compiler.analysis.verify.properties import without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.compiler import bind_main
 from sar_compiler.runtime.events import TICKED
@@ -145,7 +145,7 @@ class Proof:
     """
 
     def __init__(self, binding: Any, *, forgets: bool) -> None:
-        prepared = Prepared.of(simulated(binding))
+        prepared = PreparedTree.prepare(simulated(binding))
         # Ticks that come to the same are played all the same: their events differ.
         self._stepper = TreeStepper(prepared, without_properties().rules, forgets=forgets, meets=False)
         self._states: set[Any] = {self._stepper.steps.start()}

@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.analysis.state_search.choices import Choices
 from sar_compiler.analysis.state_search.searching import explore
 from sar_compiler.analysis.verify.properties import without_properties
-from sar_compiler.analysis.verify.state import Prepared
+from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.state_space import StateSpace
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.events import ANSWERED
@@ -46,7 +46,9 @@ class Explored:
     """The states of a tree in flat form, and what can be seen of each."""
 
     def __init__(self, simulated, max_states, *, forgets=False):
-        self.stepper = TreeStepper(Prepared.of(simulated), without_properties().rules, forgets=forgets)
+        self.stepper = TreeStepper(
+            PreparedTree.prepare(simulated), without_properties().rules, forgets=forgets
+        )
         self.graph = explore(self.stepper.steps, max_states)
         self._simulated = simulated
         # As `iterate` of py_trees goes through a tree: children before parents.

@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.analysis.verify.recorded_runs import TreeRuns
 from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK, ProofStatus
 from sar_compiler.errors import UndecidableError
-from sar_compiler.runtime.events import ANSWERED, Event, with_end
+from sar_compiler.runtime.events import ANSWERED, Event, append_end
 from tests.analysis.verify.stage import bound, outcome, simulated_tree, told, verdict, verified
 from tests.analysis.verify.test_composing import Case, guarded
 from tests.cli.running import run
@@ -223,5 +223,5 @@ def test_a_recorded_run_that_depends_on_the_value_is_not_decided():
         Event(("Sequence", name), number, ANSWERED, "SUCCESS") for number, name in ((1, "M"), (3, "A"))
     )
     with pytest.raises(UndecidableError, match="tick 1: ") as caught:
-        runs.locate(with_end([measured, acted], "Sequence", "SUCCESS", 1, 0.0))
+        runs.locate(append_end([measured, acted], "Sequence", "SUCCESS", 1, 0.0))
     assert HINT in str(caught.value)

@@ -57,7 +57,7 @@ def registry() -> Registry:
 def bound(body: str) -> Binding:
     """Bind a tree that is written here."""
     text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
-    return bind_main(Forest.of(parse_xml(text)), registry())
+    return bind_main(Forest.from_file(parse_xml(text)), registry())
 
 
 def random_bindings(count: int, *, skips: bool) -> Iterator[tuple[int, Binding]]:
@@ -66,7 +66,7 @@ def random_bindings(count: int, *, skips: bool) -> Iterator[tuple[int, Binding]]
     while count:
         seed += 1
         try:
-            binding = bind_main(Forest.of(parse_xml(RandomTree(seed, skips=skips).text())), registry())
+            binding = bind_main(Forest.from_file(parse_xml(RandomTree(seed, skips=skips).text())), registry())
         except TreeError:
             continue
         count -= 1
@@ -249,7 +249,7 @@ class FlatStage(Stage):
         """Return the state of the tree: its cells and its blackboard."""
         if self.entries is None:
             self.entries = EntryCells()
-            NumberedBoard.of(self.tree.board, self.entries)
+            NumberedBoard.from_board(self.tree.board, self.entries)
         self.flat.renumber(self.ticker)
         self.entries.settle()
         return Saved(cells_of(self.ticker), self.entries.now[:], self.clock.now())

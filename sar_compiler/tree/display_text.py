@@ -26,14 +26,14 @@ def visible(text: str) -> str:
     return re.sub(UNSEEN, _code, text)
 
 
-def in_one_line(text: str) -> str:
+def escape_to_one_line(text: str) -> str:
     r"""Return a text as `visible` does, with line breaks as `\n`, so that no part of it looks like a separate line."""
     return visible(text).replace("\n", "\\n")
 
 
-def short_line(text: str) -> str:
+def shorten_to_line(text: str) -> str:
     """Return a foreign text for a log: on one line, without its middle if it is very long."""
-    return in_one_line(shortened(text))
+    return escape_to_one_line(shortened(text))
 
 
 def _code(match: re.Match[str]) -> str:

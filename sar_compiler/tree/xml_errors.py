@@ -19,7 +19,7 @@ _OPENED = re.compile(rf"\s*{_ATTRIBUTE_NAME.pattern}\s*=\s*([\"'])")
 _OPEN_VALUE = re.compile(r"=\s*(\"[^\"<]*|'[^'<]*)\Z")
 
 
-class XmlMistake(NamedTuple):
+class XmlFault(NamedTuple):
     """An error in a file that is not well-formed.
 
     Attributes:
@@ -37,7 +37,7 @@ class XmlMistake(NamedTuple):
     hint: str | None = None
 
 
-def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
+def find_xml_fault(text: str, place: int, words: str) -> XmlFault | None:
     """Return the probable error at the position where expat stopped.
 
     Returns:
@@ -52,10 +52,10 @@ def mistake_at(text: str, place: int, words: str) -> XmlMistake | None:
     return by_words[words](text, place) if words in by_words else None
 
 
-def _invalid(text: str, place: int) -> XmlMistake | None:
+def _invalid(text: str, place: int) -> XmlFault | None:
     if place < len(text) and text[place] < " " and not text[place].isspace():
         message = f"the character U+{ord(text[place]):04X} is not allowed in XML"
-        return XmlMistake(message, place, place + 1, hint="delete it")
+        return XmlFault(message, place, place + 1, hint="delete it")
     if text.rfind("<!--", 0, place) > text.rfind("-->", 0, place):
         return _in_comment(text, place)
     if _UNSEEN.match(text, place):
@@ -63,32 +63,32 @@ def _invalid(text: str, place: int) -> XmlMistake | None:
     return _out_of_place(text, place) or _in_tag(text, place)
 
 
-def _unseen(text: str, place: int) -> XmlMistake:
+def _unseen(text: str, place: int) -> XmlFault:
     what = "looks like a blank, but XML does not treat it as one" if text[place].isspace() else "is invisible"
     hint = "write a blank in its place" if text[place].isspace() else "delete it"
     import unicodedata
 
     name = unicodedata.name(text[place], "").lower()
-    return XmlMistake(f"the character U+{ord(text[place]):04X} ({name}) {what}", place, place + 1, hint=hint)
+    return XmlFault(f"the character U+{ord(text[place]):04X} ({name}) {what}", place, place + 1, hint=hint)
 
 
-def _in_comment(text: str, place: int) -> XmlMistake:
+def _in_comment(text: str, place: int) -> XmlFault:
     start = text.rfind("--", 0, place)
-    return XmlMistake("-- is not allowed in an XML comment", start, start + len("--"), "- -")
+    return XmlFault("-- is not allowed in an XML comment", start, start + len("--"), "- -")
 
 
-def _out_of_place(text: str, place: int) -> XmlMistake | None:
+def _out_of_place(text: str, place: int) -> XmlFault | None:
     before = text[max(text.rfind("<", 0, place), 0) : place]
     if before.startswith("</") and ">" in before:
         hint = "put it in a comment, or delete it"
-        return XmlMistake("text is not allowed after the root", place, place + 1, hint=hint)
+        return XmlFault("text is not allowed after the root", place, place + 1, hint=hint)
     if text[place : place + 1] in (",", ";"):
         message = f"a {text[place]} is not allowed between the attributes of a tag"
-        return XmlMistake(message, place, place + 1, hint="write a blank in its place")
+        return XmlFault(message, place, place + 1, hint="write a blank in its place")
     return None
 
 
-def _in_tag(text: str, place: int) -> XmlMistake | None:
+def _in_tag(text: str, place: int) -> XmlFault | None:
     tag = max(text.rfind("<", 0, place), 0)
     before = text[tag:place]
     near = max(tag, place - _NEAR)
@@ -97,49 +97,49 @@ def _in_tag(text: str, place: int) -> XmlMistake | None:
         start = near + ampersands.start()
         end = start + len(ampersands[1])
         end += text[end : end + 1] == "&"
-        return XmlMistake("an & is written &amp; in XML", start, end, "&amp;" * (end - start))
+        return XmlFault("an & is written &amp; in XML", start, end, "&amp;" * (end - start))
     value = _OPEN_VALUE.search(before)
     if text[place : place + 1] == "<" and value is not None:
         return _in_value(text, place, tag + value.start(1))
     if before.rstrip().endswith("="):
-        return XmlMistake("the value of an attribute must be in quotes", place, place + 1)
+        return XmlFault("the value of an attribute must be in quotes", place, place + 1)
     if text.startswith("<!--", place):
         hint = "move it in front of the tag or after it"
-        return XmlMistake("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
+        return XmlFault("a comment is not allowed in a tag", place, place + len("<!--"), hint=hint)
     return _in_attributes(text, tag, place)
 
 
-def _in_attributes(text: str, tag: int, place: int) -> XmlMistake | None:
+def _in_attributes(text: str, tag: int, place: int) -> XmlFault | None:
     """Return the error after the last complete attribute."""
     name = NAME.match(text, tag)
     if name is None:
         message = "a tag's name must follow its < directly; write a < in a text as &lt;"
-        return XmlMistake(message, tag, place + 1) if text.startswith("<", tag) else None
+        return XmlFault(message, tag, place + 1) if text.startswith("<", tag) else None
     end = attributes_end(text, name.end(), place)
     valueless = _VALUELESS.fullmatch(text, end, place)
     if valueless is not None:
         message, written = f"the attribute '{valueless[1]}' has no value", valueless[1]
-        return XmlMistake(message, *valueless.span(1), hint=f'write {written}="..."')
+        return XmlFault(message, *valueless.span(1), hint=f'write {written}="..."')
     if text.startswith("<", place):
-        return XmlMistake("the tag that begins here has no >", tag, name.end())
+        return XmlFault("the tag that begins here has no >", tag, name.end())
     if end == place and text[place - 1] in "\"'":
         message = "a blank is missing, or there is an extra quotation mark, to the left of this"
-        return XmlMistake(message, place, place + 1)
+        return XmlFault(message, place, place + 1)
     return None
 
 
-def _twice(text: str, place: int) -> XmlMistake | None:
+def _twice(text: str, place: int) -> XmlFault | None:
     name = _ATTRIBUTE_NAME.match(text, place)
     if name is None:
         return None
     message = f"the attribute '{name[0]}' is given twice in this tag"
-    return XmlMistake(message, *name.span(), hint="delete one of the two")
+    return XmlFault(message, *name.span(), hint="delete one of the two")
 
 
-def _unclosed(text: str, place: int) -> XmlMistake | None:
+def _unclosed(text: str, place: int) -> XmlFault | None:
     """Return the error if a comment, value or tag never ends."""
     if text.startswith("<!--", place):
-        return XmlMistake(
+        return XmlFault(
             "the comment that begins here has no -->", place, place + len("<!--"), hint="write --> after it"
         )
     name = NAME.match(text, place)
@@ -147,23 +147,23 @@ def _unclosed(text: str, place: int) -> XmlMistake | None:
         return None
     quote = _OPENED.match(text, attributes_end(text, name.end()))
     if quote is not None:
-        return XmlMistake("the value that begins here has no closing quotation mark", *quote.span(1))
-    return XmlMistake("the tag that begins here has no >", place, name.end())
+        return XmlFault("the value that begins here has no closing quotation mark", *quote.span(1))
+    return XmlFault("the tag that begins here has no >", place, name.end())
 
 
-def _in_value(text: str, place: int, quote: int) -> XmlMistake:
+def _in_value(text: str, place: int, quote: int) -> XmlFault:
     """Return the error of a < in a value: unescaped, or after a missing closing quote."""
     value = text[quote:place].rstrip(" \t")
     if value.rstrip().endswith((">", "/")) or value.endswith("\n") or text.startswith("</", place):
-        return XmlMistake("the value that begins here has no closing quotation mark", quote, quote + 1)
-    return XmlMistake("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
+        return XmlFault("the value that begins here has no closing quotation mark", quote, quote + 1)
+    return XmlFault("a < in a value is written &lt; in XML", place, place + 1, "&lt;")
 
 
-def _undefined(text: str, place: int) -> XmlMistake | None:
+def _undefined(text: str, place: int) -> XmlFault | None:
     for entity in _ENTITY.finditer(text, place):
         if entity[1] not in _BUILT_IN:
             message = (
                 f"XML does not know '{entity[0]}'; an & is written &amp;, other characters as themselves"
             )
-            return XmlMistake(message, entity.start(), entity.end())
+            return XmlFault(message, entity.start(), entity.end())
     return None

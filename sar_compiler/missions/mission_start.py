@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.missions.choosing import mission_of
 from sar_compiler.missions.faults import NAVIGATION_FAULTS, Fault, parse_fault
 from sar_compiler.missions.mission import Mission, MissionRun
+from sar_compiler.missions.mission_choice import mission_of
 from sar_compiler.missions.parameter_file import read_parameter_file
 from sar_compiler.missions.parameter_reader import (
     RUN_PARAMETER_NAMES,
@@ -14,7 +14,7 @@ from sar_compiler.missions.parameter_reader import (
     RunParameters,
     lookalikes,
     read_run,
-    unread_files,
+    report_unused_files,
 )
 from sar_compiler.nodes.binding.bound import Binding
 from sar_compiler.opener import admit
@@ -25,7 +25,7 @@ from sar_compiler.runtime.expressions import name_uses
 _PLAIN_NODE_NAME = "sar_run"
 
 
-class Beginning(NamedTuple):
+class MissionStart(NamedTuple):
     """The start of a run.
 
     Attributes:
@@ -44,7 +44,7 @@ def node_name(mission: Mission | None) -> str:
     return mission.name if mission is not None else _PLAIN_NODE_NAME
 
 
-def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding) -> Beginning:
+def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding) -> MissionStart:
     """Start a run.
 
     Args:
@@ -66,7 +66,7 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     keys = (key.removeprefix("@") for key in (*_keys(binding), *_script_keys(binding)))
     names = (*RUN_PARAMETER_NAMES, *own, *keys)
     typos = lookalikes(reader.parameters, names, reader.place_of)
-    return Beginning(run, parameters, (*typos, *unread_files(reader, names), *reader.notes))
+    return MissionStart(run, parameters, (*typos, *report_unused_files(reader, names), *reader.notes))
 
 
 class FileStart(NamedTuple):
@@ -80,10 +80,10 @@ class FileStart(NamedTuple):
 
     parameters: dict[str, object]
     reader: ParameterReader
-    beginning: Beginning
+    beginning: MissionStart
 
 
-def begin_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) -> FileStart:
+def start_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) -> FileStart:
     """Start a run of a loaded tree with the parameters of a file, without ROS.
 
     Raises:
@@ -93,7 +93,7 @@ def begin_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) 
     mission = mission_of(tree, binding)
     node = f"/{node_name(mission)}"
     values = read_parameter_file(params, node) if params is not None else {}
-    reader = ParameterReader.of_files(values, [] if params is None else [params], node)
+    reader = ParameterReader.from_files(values, [] if params is None else [params], node)
     return FileStart(values, reader, begin_run(mission, reader, binding))
 
 
@@ -117,7 +117,7 @@ def read_parameters(
         params = mission.default_parameters()
         if params is not None:
             admit(params)
-    return begin_without_ros(tree, params, binding).reader
+    return start_without_ros(tree, params, binding).reader
 
 
 def parse_faults(texts: Iterable[str], mission: Mission | None) -> list[Fault]:

@@ -9,15 +9,15 @@ from py_trees.common import Status
 from sar_compiler.nodes.ros_fields import (
     Destinations,
     FieldPath,
-    Fields,
-    Ready,
+    MessageFields,
+    MessageReference,
     keys_of,
     read_fields,
     value_of,
 )
 from sar_compiler.nodes.ros_interfaces import (
-    Filler,
     InterfaceError,
+    MessageFiller,
     check_path,
     full_type,
     generated_type,
@@ -41,7 +41,7 @@ _FLUSH_SEC = 0.5
 """How long the end of a run waits for subscribers that have not acknowledged a message."""
 
 
-class _Sent:
+class _OutgoingFields:
     """The fields of an outgoing message, which may contain keys.
 
     Args:
@@ -52,11 +52,11 @@ class _Sent:
     """
 
     def __init__(self, leaf: RosLeaf, attribute: str, port: Input[object] | None, scope: Scope) -> None:
-        port = port or Input(Fields({}))
+        port = port or Input(MessageFields({}))
         self._leaf, self._attribute, self._port, self._scope = leaf, attribute, port, scope
         constant = None if port.entry is not None else port.get()
         self._fields = read_fields(constant) if isinstance(constant, str) else constant
-        for key in keys_of(self._fields) if isinstance(self._fields, Fields) else ():
+        for key in keys_of(self._fields) if isinstance(self._fields, MessageFields) else ():
             scope.resolve(key).declare()
 
     def check(self, cls: Any) -> None:
@@ -65,8 +65,8 @@ class _Sent:
         Raises:
             InterfaceError: If a field does not exist, or a value does not fit.
         """
-        if isinstance(self._fields, Fields):
-            Filler().fill(cls(), self._fields)
+        if isinstance(self._fields, MessageFields):
+            MessageFiller().fill(cls(), self._fields)
 
     def message(self, cls: Any) -> Any:
         """Return a message with the current values of the keys.
@@ -77,11 +77,11 @@ class _Sent:
         source = f"{{{self._port.entry.key}}}" if self._port.entry is not None else ""
         try:
             found = self._fields if self._port.entry is None else self._held(self._port.get())
-            if isinstance(found, Ready) and isinstance(found.message, cls):
+            if isinstance(found, MessageReference) and isinstance(found.message, cls):
                 return found.message
-            if not isinstance(found, Fields):
+            if not isinstance(found, MessageFields):
                 raise InterfaceError(f"its value has no fields of {cls.__name__}")  # noqa: TRY301 - as those of a filler
-            return Filler(self._read_key, self._now).fill(cls(), found)
+            return MessageFiller(self._read_key, self._now).fill(cls(), found)
         except (InterfaceError, ConversionError) as error:
             message = f"{self._attribute}: {source and f'{source}: '}{error}"
             raise PortError(message, self._attribute, source.strip("{}")) from error
@@ -98,7 +98,7 @@ class _Sent:
         return int(seconds), int(nanoseconds)
 
 
-class _Received:
+class _IncomingFields:
     """The fields of an incoming message, each with the key it is written to.
 
     Args:
@@ -194,14 +194,14 @@ class _GraphName:
         """
         name = self._port.get()
         if self._port.entry is not None:
-            reason = _objection_to(name)
+            reason = _name_error(name)
             if reason:
                 source = self._port.entry.key
                 raise PortError(f"{self._attribute}: {{{source}}}: {reason}", self._attribute, source)
         return name
 
 
-def _objection_to(name: object) -> str:
+def _name_error(name: object) -> str:
     """Return why a value is not a valid name of a server or topic; empty if it is valid."""
     from rclpy.exceptions import NameValidationException
     from rclpy.validate_topic_name import validate_topic_name
@@ -218,7 +218,7 @@ def _objection_to(name: object) -> str:
 
 def _defined(kind: str, name: _GraphName, written: str) -> Any:
     """Return the class of a leaf's type; the name of its server or topic is used if it is known."""
-    objection = name.is_fixed and _objection_to(name.known)
+    objection = name.is_fixed and _name_error(name.known)
     if objection:
         raise InterfaceError(objection)
     return generated_type(kind, written)
@@ -270,8 +270,8 @@ class RosService(ServiceLeaf):
         self.service_name, self.service_type = self._name.known, full_type("srv", type_)
         self.server_timeout_sec, self.timeout_sec = server_timeout_sec, timeout_sec
         self._success = success
-        self._sent = _Sent(self, "request", request, scope)
-        self._received = _Received(scope, fields, field, value)
+        self._sent = _OutgoingFields(self, "request", request, scope)
+        self._received = _IncomingFields(scope, fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
         """Create the client of a service type."""
@@ -316,7 +316,7 @@ class RosService(ServiceLeaf):
         """Write the response's fields; return SUCCESS unless the response reports failure."""
         missing = self._received.write(response)
         if self._success and not self._is_true(response, self._success):
-            said = _reason_beside(response, self._success) or str(self._success)
+            said = _failure_reason(response, self._success) or str(self._success)
             self.complain(f"'{self.name}': '{self.service_name}' reports a failure: {said}")
             return self.answer(Status.FAILURE, "refused")
         if missing:
@@ -331,7 +331,7 @@ class RosService(ServiceLeaf):
             return False
 
 
-def _reason_beside(response: Any, field: FieldPath) -> str:
+def _failure_reason(response: Any, field: FieldPath) -> str:
     """Return why a field of a response is not true, from the neighbouring text fields or from the whole response."""
     around, dot, _ = field.text.rpartition(".")
     beside = ""
@@ -381,9 +381,9 @@ class RosAction(ActionLeaf):
         self._name = _GraphName(action, "action")
         self.action_name, self.action_type = self._name.known, full_type("action", type_)
         self.server_timeout_sec, self.acceptance_timeout_sec = server_timeout_sec, acceptance_timeout_sec
-        self._sent = _Sent(self, "goal", goal, scope)
-        self._received = _Received(scope, fields, field, value)
-        self._feedback = _Received(scope, feedback)
+        self._sent = _OutgoingFields(self, "goal", goal, scope)
+        self._received = _IncomingFields(scope, fields, field, value)
+        self._feedback = _IncomingFields(scope, feedback)
         self._former_ports: dict[str, ActionPort] = {}
 
     def setup(self, **kwargs: Any) -> None:
@@ -504,7 +504,7 @@ class RosTopic(TopicLeaf):
         is_limited = max_age_sec is None and qos != "transient_local"
         self.max_age_sec = _MAX_AGE_SEC if is_limited else max_age_sec
         self.qos, self.waits = qos, waits
-        self._received = _Received(scope or Scope(Board(name)), fields, field, value)
+        self._received = _IncomingFields(scope or Scope(Board(name)), fields, field, value)
 
     def setup(self, **kwargs: Any) -> None:
         """Subscribe to a topic of a message type."""
@@ -571,7 +571,7 @@ class RosPublish(RosLeaf):
         self._name = _GraphName(topic, "topic")
         self._type, self._qos, self.timeout_sec = full_type("msg", type_), qos, timeout_sec
         self._waits = waits and qos != "transient_local"
-        self._sent = _Sent(self, "message", message, scope or Scope(Board(name)))
+        self._sent = _OutgoingFields(self, "message", message, scope or Scope(Board(name)))
         self._publisher: Any = None
         self._deadline = Deadline(timeout_sec)
 

@@ -23,7 +23,7 @@ _UNKNOWN_AUTHOR = "the operator"
 
 
 @mission_context
-class OperatorOrders:
+class OperatorCommands:
     """The operator's commands with their authors, until they take effect.
 
     The services belong to the leaves that execute the commands: a tree without these leaves offers none.
@@ -78,7 +78,7 @@ class OperatorOrders:
         # Repeating a command in effect changes nothing, not even its author.
         lasts = self.held if command == "pause" else command != "resume"
         if not (lasts and command in self.given):
-            self.given[command] = str(CommandAuthor.of(fact.data))
+            self.given[command] = str(CommandAuthor.from_data(fact.data))
         # A mission that returns home or was aborted is no longer paused.
         self.held = command == "pause"
 

@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.journal.errors import JournalError
 from sar_compiler.journal.journal import Journal
-from sar_compiler.missions.parameter_reader import ParameterError, Problem
+from sar_compiler.missions.parameter_reader import ParameterError, ParameterProblem
 from sar_compiler.nodes.collector import FindingCollector
 from sar_compiler.tree.diagnostic import TreeError
 
@@ -45,7 +45,9 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
         )
     then = _mapping(there.get("identity"))
     problems = [
-        Problem(key, f"is {now!r}, but {then.get(key)!r} in the journal {journal.place}: use that, {_ADVICE}")
+        ParameterProblem(
+            key, f"is {now!r}, but {then.get(key)!r} in the journal {journal.place}: use that, {_ADVICE}"
+        )
         for key, now in about["identity"].items()
         if now != then.get(key)
     ]

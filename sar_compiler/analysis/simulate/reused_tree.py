@@ -7,8 +7,8 @@ like the first one, and depends on its scenario alone.
 from functools import partial
 
 from sar_compiler.analysis.numbered_board import NumberedBoard
-from sar_compiler.analysis.simulate.running import Player, RunVariables
 from sar_compiler.analysis.simulate.scenario_files import Scenario
+from sar_compiler.analysis.simulate.scenario_run import Player, RunVariables
 from sar_compiler.analysis.simulated_tree import SimulatedTree
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.table import NotFlatError, flatten
@@ -38,7 +38,7 @@ class ReusedTree:
         self.simulated = simulated
         self._entries = EntryCells()
         for board in (simulated.facts.board, simulated.compiled.board):
-            NumberedBoard.of(board, self._entries)
+            NumberedBoard.from_board(board, self._entries)
         self._flat = flatten(simulated.root)
         for node in self._flat.nodes:
             if isinstance(node, UserNode):
@@ -48,7 +48,7 @@ class ReusedTree:
         self._choices = 0
 
     @property
-    def is_worn(self) -> bool:
+    def needs_replacement(self) -> bool:
         """Whether the tree should be replaced, because its cache is too large."""
         return self._choices >= _MOST_CHOICES
 

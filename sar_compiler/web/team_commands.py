@@ -9,10 +9,10 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from sar_compiler.journal.journal_entries import JournalEntry
-from sar_compiler.missions.choosing import load_missions
-from sar_compiler.missions.mission import MissionRun, OperatorCommand, VerbError
+from sar_compiler.missions.mission import CommandError, MissionRun, OperatorCommand
+from sar_compiler.missions.mission_choice import load_missions
 from sar_compiler.missions.parameter_reader import ParameterReader
-from sar_compiler.web.page_server import OrderGiver
+from sar_compiler.web.page_server import CommandSender
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sar_compiler.execution.command_client import CommandClient
 
 
-class TeamOrders:
+class TeamCommands:
     """Carries out commands to several robots.
 
     Args:
@@ -33,14 +33,14 @@ class TeamOrders:
 
     def know(self, robot: int, began: JournalEntry) -> list[OperatorCommand]:
         """Process the start of a robot's run; return its mission's commands, empty if that is not installed."""
+        from sar_compiler.execution.command_authors import RemoteCommandAuthor
         from sar_compiler.execution.command_client import CommandClient
-        from sar_compiler.execution.order_record import RemoteSignature
 
         mission, name = run_of(began), str(began.data["run"].get("node") or "")
         verbs = [*mission.verbs()] if mission is not None and name else []
         # A node that returns has the same services.
         if verbs and self._calls.get(robot, ("",))[0] != name:
-            sign = RemoteSignature(self._node, name).sign
+            sign = RemoteCommandAuthor(self._node, name).sign
             self._calls[robot] = name, CommandClient(self._node, verbs, sign, name)
         return verbs
 
@@ -48,19 +48,19 @@ class TeamOrders:
         """Return the commands that a robot accepts now."""
         return self._calls[robot][1].available() if robot in self._calls else []
 
-    def give(self, verb: str, values: Mapping[str, Any], giver: OrderGiver) -> "Future[tuple[bool, str]]":
+    def give(self, verb: str, values: Mapping[str, Any], giver: CommandSender) -> "Future[tuple[bool, str]]":
         """Send a command; see `CommandClient.give`.
 
         Raises:
-            VerbError: If it is invalid, or its robot is unknown.
+            CommandError: If it is invalid, or its robot is unknown.
         """
         if giver.robot not in self._calls:
-            raise VerbError("no commands to this robot: its mission is not installed here")
+            raise CommandError("no commands to this robot: its mission is not installed here")
         return self._calls[giver.robot][1].give(verb, values, giver.author(self._page), giver.seen)
 
 
 @contextmanager
-def ordering(complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
+def ordering(complain: Callable[[str], object]) -> Iterator[TeamCommands | None]:
     """Yield the object that carries out commands; None without ROS, with a warning if ROS is broken."""
     from sar_compiler.ros.middleware import MiddlewareError, require_middleware
     from sar_compiler.ros.serving import spinning_node
@@ -75,7 +75,7 @@ def ordering(complain: Callable[[str], object]) -> Iterator[TeamOrders | None]:
         yield None
         return
     with spinning_node("sar_journal_watch") as node:
-        yield TeamOrders(node)
+        yield TeamCommands(node)
 
 
 def run_of(began: JournalEntry) -> MissionRun | None:

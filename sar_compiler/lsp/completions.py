@@ -42,7 +42,7 @@ _ROOT_ATTRIBUTES = {
 _NAMES_TREE = {(SUBTREE_TAG, "ID"), (ROOT_TAG, "main_tree_to_execute")}
 
 
-class WrittenPlace(NamedTuple):
+class CompletionContext(NamedTuple):
     """The context of a position.
 
     Attributes:
@@ -56,7 +56,7 @@ class WrittenPlace(NamedTuple):
     value: str = ""
 
 
-class Offer(NamedTuple):
+class Completion(NamedTuple):
     """A completion.
 
     Attributes:
@@ -70,38 +70,38 @@ class Offer(NamedTuple):
     doc: str = ""
 
 
-def place_in(text: str, offset: int, form: Form) -> WrittenPlace | None:
+def place_in(text: str, offset: int, form: Form) -> CompletionContext | None:
     """Return the context of a position; None if there are no completions."""
     return _in_xml(text[:offset]) if form is Form.XML else _in_yaml(text[:offset])
 
 
-def _in_xml(before: str) -> WrittenPlace | None:
+def _in_xml(before: str) -> CompletionContext | None:
     tag = before.rfind("<")
     if tag < 0:
         return None
     if _WORD.match(before, tag + 1):
-        return WrittenPlace()
+        return CompletionContext()
     name = NAME.match(before, tag)
     if name is None or before.startswith(("<!", "<?", "</"), tag):
         return None
     offset = attributes_end(before, name.end())
     written = name[0].removeprefix("<")
     if value := _IN_VALUE.match(before, offset):
-        return WrittenPlace(written, value[1], value[2] if value[2] is not None else value[3])
-    return WrittenPlace(written) if _IN_TAG.match(before, offset) else None
+        return CompletionContext(written, value[1], value[2] if value[2] is not None else value[3])
+    return CompletionContext(written) if _IN_TAG.match(before, offset) else None
 
 
-def _in_yaml(before: str) -> WrittenPlace | None:
+def _in_yaml(before: str) -> CompletionContext | None:
     start = before.rfind("\n") + 1
     line = before[start:]
     if flow := _YAML_FLOW.match(line):
-        return WrittenPlace(flow[1], flow[2], flow[3] or "")
+        return CompletionContext(flow[1], flow[2], flow[3] or "")
     if _YAML_TAG.match(line):
-        return WrittenPlace()
+        return CompletionContext()
     value = _YAML_VALUE.match(line)
     if value or _YAML_KEY.match(line):
         tag = _yaml_tag_around(before[:start], len(line) - len(line.lstrip(" ")))
-        return None if tag is None else WrittenPlace(tag, *(value.groups() if value else ()))
+        return None if tag is None else CompletionContext(tag, *(value.groups() if value else ()))
     return None
 
 
@@ -115,7 +115,9 @@ def _yaml_tag_around(before: str, indent: int) -> str | None:
     return None
 
 
-def offers_at(place: WrittenPlace, registry: Registry, tree: ProjectTree | None, form: Form) -> list[Offer]:
+def completions_at(
+    place: CompletionContext, registry: Registry, tree: ProjectTree | None, form: Form
+) -> list[Completion]:
     """Return the completions at a position.
 
     Args:
@@ -127,55 +129,57 @@ def offers_at(place: WrittenPlace, registry: Registry, tree: ProjectTree | None,
     if place.tag is None:
         return [*_tags(registry)]
     if place.attribute is None:
-        children = [Offer("attribute", CHILDREN_KEY)] if form is Form.YAML else []
+        children = [Completion("attribute", CHILDREN_KEY)] if form is Form.YAML else []
         return [*_attributes(place.tag, registry, tree), *children]
     return [*_values(place, registry, tree)]
 
 
-def _tags(registry: Registry) -> Iterator[Offer]:
+def _tags(registry: Registry) -> Iterator[Completion]:
     for tag, specs in registry.by_tag().items():
-        yield Offer("tag", tag, specs[0].doc)
-    yield Offer("tag", SUBTREE_TAG, subtree().doc)
-    yield from (Offer("tag", tag) for tag in (TREE_TAG, INCLUDE_TAG, MODEL_TAG))
+        yield Completion("tag", tag, specs[0].doc)
+    yield Completion("tag", SUBTREE_TAG, subtree().doc)
+    yield from (Completion("tag", tag) for tag in (TREE_TAG, INCLUDE_TAG, MODEL_TAG))
 
 
-def _attributes(tag: str, registry: Registry, tree: ProjectTree | None) -> Iterator[Offer]:
+def _attributes(tag: str, registry: Registry, tree: ProjectTree | None) -> Iterator[Completion]:
     if tag in _ROOT_ATTRIBUTES:
-        yield from (Offer("attribute", name) for name in _ROOT_ATTRIBUTES[tag])
+        yield from (Completion("attribute", name) for name in _ROOT_ATTRIBUTES[tag])
         return
     if tag == SUBTREE_TAG:
-        yield Offer("attribute", "ID", "The tree that is ticked as its child.")
-        yield Offer("attribute", AUTOREMAP, "Remaps every key to that of the same name around the subtree.")
-        yield from (Offer("attribute", key, "A key of the subtree.") for key in _keys(tree))
+        yield Completion("attribute", "ID", "The tree that is ticked as its child.")
+        yield Completion(
+            "attribute", AUTOREMAP, "Remaps every key to that of the same name around the subtree."
+        )
+        yield from (Completion("attribute", key, "A key of the subtree.") for key in _keys(tree))
     for parameter in _parameters(registry.variants(tag)).values():
-        yield Offer("attribute", parameter.name, parameter.help)
-    yield Offer("attribute", ONESHOT, ONESHOT_HELP)
-    yield from (Offer("attribute", name, text) for name, text in CONDITIONS.items())
+        yield Completion("attribute", parameter.name, parameter.help)
+    yield Completion("attribute", ONESHOT, ONESHOT_HELP)
+    yield from (Completion("attribute", name, text) for name, text in CONDITIONS.items())
 
 
 def _parameters(specs: Iterable[NodeSpec]) -> dict[str, Parameter]:
     return {parameter.name: parameter for spec in specs for parameter in spec.attributes}
 
 
-def _values(place: WrittenPlace, registry: Registry, tree: ProjectTree | None) -> Iterator[Offer]:
+def _values(place: CompletionContext, registry: Registry, tree: ProjectTree | None) -> Iterator[Completion]:
     tag, attribute = place.tag or "", place.attribute or ""
     if (tag, attribute) in _NAMES_TREE:
-        yield from (Offer("tree", name) for name in (tree.forest.known_ids if tree else ()))
+        yield from (Completion("tree", name) for name in (tree.forest.known_ids if tree else ()))
         return
     if "{" in place.value:
-        yield from (Offer("key", key) for key in _keys(tree))
+        yield from (Completion("key", key) for key in _keys(tree))
         return
     if tag in {kind.value for kind in Kind} and attribute == "ID":
-        yield from (Offer("value", spec.tag, spec.doc) for spec in registry if spec.kind.value == tag)
+        yield from (Completion("value", spec.tag, spec.doc) for spec in registry if spec.kind.value == tag)
     parameter = _parameters(registry.variants(tag)).get(attribute)
     choices = (
         ONESHOT_TYPE.choices if attribute == ONESHOT else parameter.value_type.choices if parameter else ()
     )
-    yield from (Offer("value", choice) for choice in choices)
+    yield from (Completion("value", choice) for choice in choices)
     if parameter is not None and parameter.role is ParameterRole.REFERENCE:
-        yield from (Offer("value", name) for name in _nodes_meant(parameter, tree))
+        yield from (Completion("value", name) for name in _nodes_meant(parameter, tree))
     elif parameter is not None and parameter.direction is not None:
-        yield from (Offer("key", f"{{{key}}}") for key in _keys(tree))
+        yield from (Completion("key", f"{{{key}}}") for key in _keys(tree))
 
 
 def _keys(tree: ProjectTree | None) -> list[str]:
@@ -188,7 +192,7 @@ def _keys(tree: ProjectTree | None) -> list[str]:
 def _nodes_meant(parameter: Parameter, tree: ProjectTree | None) -> list[str]:
     """Return the names of the nodes to which a reference can refer."""
     nodes = (node for each in (tree.context.trees if tree else ()) for node in each.nodes)
-    return sorted({node.name for node in nodes if node.spec.is_of(parameter)})
+    return sorted({node.name for node in nodes if node.spec.is_class_of(parameter)})
 
 
 def page_of_tag(tag: str, registry: Registry) -> str | None:

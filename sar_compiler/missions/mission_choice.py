@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from sar_compiler.commands import not_installed
+from sar_compiler.commands import missing_library_message
 from sar_compiler.errors import SarError
 from sar_compiler.missions import DEFAULT, ENTRY_POINTS
 from sar_compiler.nodes.binding.bound import Binding, BoundNode
@@ -49,7 +49,7 @@ class _GuardedMission:
             raise
         except Exception as error:
             # A missing library is not the mission's fault: the command names the extra that provides it.
-            if isinstance(error, ImportError) and not_installed(error):
+            if isinstance(error, ImportError) and missing_library_message(error):
                 raise
             place = traceback.extract_tb(error.__traceback__)[-1]
             message = f"{failed}: {type(error).__name__}: {error} ({place.filename}:{place.lineno})"

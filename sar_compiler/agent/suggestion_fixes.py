@@ -15,7 +15,7 @@ _ROUNDS = 20
 """The largest number of passes: a fix may reveal another error."""
 
 
-def mend(
+def apply_suggestions(
     path: Path,
     load: Callable[[Read], ProjectTree],
     is_meant: Callable[[Diagnostic], bool] = lambda _finding: True,

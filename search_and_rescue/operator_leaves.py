@@ -18,9 +18,9 @@ from sar_compiler.leaves import (
     stamped_pose,
 )
 from search_and_rescue.actions.survivors import MapExtent, map_extent_of
-from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.operator_commands import OperatorCommands
 from search_and_rescue.record import DetectionVerdict, MissionRecord
-from search_and_rescue.zone_manager import MAP_FRAME, Fence, Zone, ZoneManager
+from search_and_rescue.zone_manager import MAP_FRAME, Geofence, Zone, ZoneManager
 
 _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 
@@ -53,10 +53,10 @@ class NotHeld(RosLeaf):
     """
 
     name: str
-    orders: OperatorOrders
+    orders: OperatorCommands
     zone_manager: ZoneManager
     _: KW_ONLY
-    fence: Fence = field(default_factory=Fence)
+    fence: Geofence = field(default_factory=Geofence)
     record: MissionRecord = field(default_factory=MissionRecord)
 
     def __post_init__(self) -> None:

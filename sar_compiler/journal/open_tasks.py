@@ -47,7 +47,7 @@ class OpenTask(NamedTuple):
     is_alarm: bool = False
 
 
-def open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
+def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
     """Return the open tasks of a mission, errors first, otherwise in the order of urgency."""
     if not state.runs:
         return ()
@@ -65,7 +65,9 @@ def open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
 
 def severity(state: MissionState) -> str:
     """Return the severity of a mission: the worst of its status line and its open tasks."""
-    return max((condition(state).level, *(task.level for task in open_tasks(state))), key=_SEVERITY.index)
+    return max(
+        (condition(state).level, *(task.level for task in find_open_tasks(state))), key=_SEVERITY.index
+    )
 
 
 def _of_robot(state: MissionState) -> Iterator[OpenTask]:

@@ -20,9 +20,9 @@ from sar_compiler.leaves import (
     robot_estimate,
     value_reports,
 )
-from search_and_rescue.actions.navigation import NavigateToBase, drive_answers
-from search_and_rescue.homing import Homing
-from search_and_rescue.planned_paths import PlannedWays
+from search_and_rescue.actions.navigation import NavigateToBase, drive_outcomes
+from search_and_rescue.homing_estimates import HomingEstimator
+from search_and_rescue.planned_paths import PathRequests
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.zone_manager import MapPose
 
@@ -46,7 +46,7 @@ class BatteryMeter:
         homing: Receives the readings.
     """
 
-    def __init__(self, node: "Node", homing: Homing) -> None:
+    def __init__(self, node: "Node", homing: HomingEstimator) -> None:
         from sensor_msgs.msg import BatteryState
 
         self._node, self._homing, self._robot = node, homing, robot_estimate(node)
@@ -93,7 +93,7 @@ class _HomingLeaf(RosLeaf):
     """
 
     name: str
-    homing: Homing
+    homing: HomingEstimator
     clock: Clock
     _: KW_ONLY
     record: MissionRecord = field(default_factory=MissionRecord)
@@ -167,7 +167,7 @@ class ReturnInReach(_HomingLeaf):
 
     def _refuse(self, reason: str) -> Status:
         stop, pose = self.homing.charging_stop()
-        near, home = self.homing.way_to(pose).metres, self.homing.home().metres
+        near, home = self.homing.trip_to(pose).metres, self.homing.home().metres
         self.complain(
             f"{reason}: {f'{stop} first, {near:.0f} m; home is {home:.0f} m' if stop else 'home first'}."
         )
@@ -208,20 +208,20 @@ class FullBatterySuffices(RosLeaf):
     """
 
     name: str
-    homing: Homing
+    homing: HomingEstimator
     _: KW_ONLY
     ways_timeout_sec: Seconds = 5.0
     planner_id: str = ""
 
     def __post_init__(self) -> None:
         super().__init__(self.name)
-        self._ways: PlannedWays | None = None
+        self._ways: PathRequests | None = None
 
     def setup(self, **kwargs: Any) -> None:
         """Create the planner client."""
         self._release()
         super().setup(**kwargs)
-        self._ways = PlannedWays(
+        self._ways = PathRequests(
             self.node, self.homing.zones, self.ways_timeout_sec, self.planner_id, self._wake
         )
 
@@ -264,7 +264,7 @@ class FullBatterySuffices(RosLeaf):
     kind=Kind.ACTION,
     effects="drives the robot to the base station or a charging place",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_answers(Answer("SUCCESS", "arrived", then="at = 'charging'; navigation_lost = false")),
+    answers=drive_outcomes(Answer("SUCCESS", "arrived", then="at = 'charging'; navigation_lost = false")),
     facts={"at": "", "navigation_lost": False},
 )
 @dataclass(eq=False, repr=False, kw_only=True)
@@ -278,7 +278,7 @@ class NavigateToCharge(NavigateToBase):
         homing: Estimates the way home.
     """
 
-    homing: Homing
+    homing: HomingEstimator
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -289,7 +289,7 @@ class NavigateToCharge(NavigateToBase):
         self._stop, pose = self.homing.charging_stop()
         if not self._stop:
             return super().goal()
-        trip = self.homing.way_to(pose)
+        trip = self.homing.trip_to(pose)
         headline = (
             f"{self._stop} is {trip.metres:.0f} m away and takes {self.homing.energy.need(trip):.0%} of the battery, "
             f"which is at {self.homing.energy.share:.0%}."

@@ -3,10 +3,10 @@
 import math
 
 from sar_compiler.missions import Figure, ParameterReader, mission_context
-from search_and_rescue.energy import EnergyModel, Rates, Trip
-from search_and_rescue.search_theory import Area
-from search_and_rescue.sweep_record import Sweeps
-from search_and_rescue.zone_manager import Fence, MapPose, PosePair, ZoneManager
+from search_and_rescue.energy import ConsumptionRates, EnergyModel, TripEstimate
+from search_and_rescue.search_theory import SearchExpectation
+from search_and_rescue.sweep_record import SweepStates
+from search_and_rescue.zone_manager import Geofence, MapPose, PosePair, ZoneManager
 
 CHARGING = "charging"
 """The group of parameters with the poses of charging places."""
@@ -14,21 +14,21 @@ ENERGY = "energy"
 """The group of parameters for battery consumption."""
 RESERVE = 0.15
 """Default reserve in the battery on arrival at home, 1 for a full battery."""
-PRIOR = Rates(per_m=0.0005, per_sec=0.0001)
+PRIOR = ConsumptionRates(per_m=0.0005, per_sec=0.0001)
 """Default consumption of a robot."""
 _WRONG_BY = EnergyModel.wrong_by
 _NEAR_M = 1.5
 _POSE = ("x", "y", "yaw")
-_NAMES = (*Rates._fields, "wrong_by", "reserve")
+_NAMES = (*ConsumptionRates._fields, "wrong_by", "reserve")
 
 
-def _preview() -> "Homing":
+def _preview() -> "HomingEstimator":
     base = MapPose(x=0.0, y=0.0, yaw=0.0)
-    return Homing(ZoneManager([{"id": "zone_a", **base}], base))
+    return HomingEstimator(ZoneManager([{"id": "zone_a", **base}], base))
 
 
 @mission_context(preview=_preview)
-class Homing:
+class HomingEstimator:
     """Estimates battery and time for the way home, now and after the next leg to the current zone or the open piece of its sweep.
 
     Path lengths come from the `ZoneManager`. The search of a piece takes its share of the zone's `look_sec`.
@@ -55,11 +55,11 @@ class Homing:
         zones: ZoneManager,
         energy: EnergyModel | None = None,
         *,
-        sweeps: Sweeps | None = None,
+        sweeps: SweepStates | None = None,
         reserve: float = RESERVE,
         speed_mps: float = 1.0,
     ) -> None:
-        self.zones, self._sweeps, self._speed_mps = zones, sweeps or Sweeps(), speed_mps
+        self.zones, self._sweeps, self._speed_mps = zones, sweeps or SweepStates(), speed_mps
         self.energy, self.reserve, self.ends_below = energy or EnergyModel(PRIOR), reserve, 0.0
         self.place: MapPose | None = None
         self.is_asked = False
@@ -101,7 +101,7 @@ class Homing:
     def _target(self) -> tuple[MapPose, float]:
         """Return the target of the next leg, and the duration of a search there, seconds."""
         zone = self.zones.current_zone()
-        look_sec = self.zones.areas.get(zone["id"], Area(0.0, 0.0)).look_sec
+        look_sec = self.zones.areas.get(zone["id"], SearchExpectation(0.0, 0.0)).look_sec
         sweep = self._sweeps.of(zone["id"])
         return (sweep.pieces[sweep.done], look_sec / len(sweep.pieces)) if sweep.left else (zone, look_sec)
 
@@ -114,11 +114,11 @@ class Homing:
         """Whether the battery has been charged or swapped since `await_charge`."""
         return self.energy.charges > self._charges
 
-    def home(self) -> Trip:
+    def home(self) -> TripEstimate:
         """Return the trip home."""
-        return self._drive(self._way_from_here(self.zones.base_pose()))
+        return self._drive(self._trip_from_robot(self.zones.base_pose()))
 
-    def leg(self, start: MapPose | None = None) -> Trip:
+    def leg(self, start: MapPose | None = None) -> TripEstimate:
         """Return the trip to the current zone or piece, including a search there and the way home from it.
 
         Args:
@@ -128,19 +128,19 @@ class Homing:
             IndexError: If every zone is visited.
         """
         target, look_sec = self._target()
-        out = self.zones.way_m(start, target) if start is not None else self._way_from_here(target)
-        return self._drive(out + self.zones.way_m(target, self.zones.base_pose()), look_sec)
+        out = self.zones.path_length_m(start, target) if start is not None else self._trip_from_robot(target)
+        return self._drive(out + self.zones.path_length_m(target, self.zones.base_pose()), look_sec)
 
-    def _way_from_here(self, target: MapPose) -> float:
+    def _trip_from_robot(self, target: MapPose) -> float:
         looked = self.zones.here()
-        apart = self.zones.way_m(self.place, looked) if self.place is not None else 0.0
+        apart = self.zones.path_length_m(self.place, looked) if self.place is not None else 0.0
         # The planner's path starts where the robot searched last, and is more accurate than a straight line from nearby.
         if self.place is None or apart <= _NEAR_M:
-            return apart + self.zones.way_m(looked, target)
-        return self.zones.way_m(self.place, target)
+            return apart + self.zones.path_length_m(looked, target)
+        return self.zones.path_length_m(self.place, target)
 
-    def _drive(self, metres: float, waited_sec: float = 0.0) -> Trip:
-        return Trip(metres, metres / self._speed_mps + waited_sec)
+    def _drive(self, metres: float, waited_sec: float = 0.0) -> TripEstimate:
+        return TripEstimate(metres, metres / self._speed_mps + waited_sec)
 
     @property
     def spare(self) -> float:
@@ -193,21 +193,21 @@ class Homing:
         stops = self._stops()
         useful = {name: pose for name, pose in stops.items() if self.has_next and self._suffices_from(pose)}
         among = useful or stops
-        name = min(among, key=lambda each: self._way_from_here(among[each]))
+        name = min(among, key=lambda each: self._trip_from_robot(among[each]))
         return name, among[name]
 
-    def way_to(self, pose: MapPose) -> Trip:
+    def trip_to(self, pose: MapPose) -> TripEstimate:
         """Return the trip from the robot to a pose."""
-        return self._drive(self._way_from_here(pose))
+        return self._drive(self._trip_from_robot(pose))
 
     def _stops(self) -> dict[str, MapPose]:
         """Return home and the charging places reached with the reserve; without home if only charging places are reached."""
-        near = {name: pose for name, pose in self.zones.charging.items() if self._is_reached(pose)}
+        near = {name: pose for name, pose in self.zones.charging.items() if self._is_at_charging_place(pose)}
         base = self.zones.base_pose()
-        return {"": base, **near} if not near or self._is_reached(base) else near
+        return {"": base, **near} if not near or self._is_at_charging_place(base) else near
 
-    def _is_reached(self, pose: MapPose) -> bool:
-        return self.energy.need(self.way_to(pose)) <= self.spare
+    def _is_at_charging_place(self, pose: MapPose) -> bool:
+        return self.energy.need(self.trip_to(pose)) <= self.spare
 
     def _suffices_from(self, start: MapPose) -> bool:
         return self.energy.need(self.leg(start)) <= 1.0 - self._kept
@@ -255,7 +255,7 @@ class Homing:
         left = max(0.0, self.spare - need)
         # Every metre driven away from home must be driven back.
         metres = left / (2 * self.energy.need(self._drive(1.0)))
-        seconds = left / self.energy.need(Trip(0.0, 1.0))
+        seconds = left / self.energy.need(TripEstimate(0.0, 1.0))
         return [
             Figure("battery to come home", round(100 * need, 1), unit="%"),
             Figure("metres to the point of no return", round(metres), unit="m"),
@@ -263,12 +263,16 @@ class Homing:
         ]
 
 
-def read_homing(reader: ParameterReader, zones: ZoneManager, sweeps: Sweeps, speed_mps: float) -> Homing:
+def read_homing(
+    reader: ParameterReader, zones: ZoneManager, sweeps: SweepStates, speed_mps: float
+) -> HomingEstimator:
     """Read the parameters `energy.{per_m,per_sec,wrong_by,reserve}`, which all have defaults."""
     reader.only(ENERGY, _NAMES)
-    prior = Rates(*(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in Rates._fields))
+    prior = ConsumptionRates(
+        *(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in ConsumptionRates._fields)
+    )
     wrong_by = _share(reader, "wrong_by", _WRONG_BY)
-    return Homing(
+    return HomingEstimator(
         zones,
         EnergyModel(prior, wrong_by),
         sweeps=sweeps,
@@ -277,7 +281,7 @@ def read_homing(reader: ParameterReader, zones: ZoneManager, sweeps: Sweeps, spe
     )
 
 
-def read_charging(reader: ParameterReader, fence: Fence) -> dict[str, MapPose]:
+def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose]:
     """Read the poses of charging places, `charging.<id>.{x,y,yaw}`, in addition to the base station."""
     places = dict[str, MapPose]()
     for name, given in reader.group(CHARGING, _POSE).items():

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sar_compiler.analysis.leaf_vocabulary import EventPattern, LeafVocabulary
-from sar_compiler.analysis.simulate.replaying import ReusedTree
-from sar_compiler.analysis.simulate.running import Drawn, Failure, Player, ScenarioPlayer, failures
-from sar_compiler.analysis.simulate.scenario_files import Play, Stage, understand
+from sar_compiler.analysis.simulate.reused_tree import ReusedTree
+from sar_compiler.analysis.simulate.scenario_files import ScenarioSimulation, ScenarioStage, understand
+from sar_compiler.analysis.simulate.scenario_run import DrawnChoice, Failure, Player, ScenarioPlayer, failures
 from sar_compiler.analysis.simulated_tree import SimulatedTree
-from sar_compiler.analysis.sweep import Played
+from sar_compiler.analysis.sweep import RunResultSample
 from sar_compiler.analysis.tree_analysis import stage_of
-from sar_compiler.documents.yaml_files import as_yaml, document_of, parse_yaml
+from sar_compiler.documents.yaml_files import as_yaml, document_from_data, parse_yaml
 from sar_compiler.errors import SarError, UndecidableError
 from sar_compiler.project import CommandLineSettings, ProjectTree, Workspace
 
@@ -59,13 +59,13 @@ class ScenarioRuns:
     unusual: float = 0.0
     counted: tuple[str, ...] = ()
 
-    def __call__(self, seeds: Sequence[int]) -> list[Played]:
+    def __call__(self, seeds: Sequence[int]) -> list[RunResultSample]:
         """Return the result of a run for each seed."""
         with _ALONE:
             replays = _replays(self)
             return [replays.outcome(seed) for seed in seeds]
 
-    def understood(self) -> Play:
+    def understood(self) -> ScenarioSimulation:
         """Return the tree and the scenario.
 
         Raises:
@@ -75,7 +75,7 @@ class ScenarioRuns:
         stage = _stage(self.tree, self.content, self.additions)
         return understand(parse_yaml(self.scenario, self.path, ""), stage)
 
-    def are_random(self) -> bool:
+    def has_randomness(self) -> bool:
         """Return whether two runs can differ."""
         play = self.understood()
         steps = [step for script in play.scenario.scripts.values() for step in script]
@@ -91,7 +91,7 @@ class ScenarioRuns:
         """
         if not self.counted:
             return []
-        document = document_of({"count": list(self.counted)}, "--count", "")
+        document = document_from_data({"count": list(self.counted)}, "--count", "")
         words = LeafVocabulary(document, simulated)
         found = [words.deed(item) for item in document.root.mapping["count"].listed]
         document.raise_findings()
@@ -125,7 +125,7 @@ class _Replays:
         except UndecidableError:
             self._tree = None
 
-    def outcome(self, seed: int) -> Played:
+    def outcome(self, seed: int) -> RunResultSample:
         """Return the result of a run."""
         player = self._player(seed)
         run, choices = player.run, player.scripted.choices
@@ -136,13 +136,13 @@ class _Replays:
         counts = {each.text: sum(map(each.matches, run.events)) for each in self._events}
         size = (sum(not choice.usual for choice in choices), len(run.ticks), len(choices))
         missed = "; ".join(f"{each.expected}: {each.message}" for each in failures(run))
-        return Played(seed, missed, run.time_sec, counts, size)
+        return RunResultSample(seed, missed, run.time_sec, counts, size)
 
     def _player(self, seed: int) -> Player:
         """Return a run that was played."""
         if self._tree is None:
             return self._runs.play(seed)
-        if self._tree.is_worn:
+        if self._tree.needs_replacement:
             self._compile()
         return self._tree.play(replace(self._scenario, seed=seed))
 
@@ -158,7 +158,7 @@ def content_of(tree: ProjectTree) -> str:
 
 
 @functools.lru_cache
-def _stage(path: Path, content: str, additions: CommandLineSettings) -> Stage:
+def _stage(path: Path, content: str, additions: CommandLineSettings) -> ScenarioStage:
     tree = Workspace(additions).load(path)
     if content_of(tree) != content:
         raise ChangedTreeError(f"{path}, or one of its files, has changed since the sweep started")
@@ -235,7 +235,7 @@ def _groups(player: ScenarioPlayer) -> list[_Group]:
     """Return the choices for each leaf in order, as short as possible."""
     leaves = player.run.simulated.leaves
     names = Counter(word for leaf in leaves for word in {leaf.name, leaf.tag})
-    by_leaf: dict[str, list[Drawn]] = {}
+    by_leaf: dict[str, list[DrawnChoice]] = {}
     for choice in player.scripted.choices:
         leaf = choice.leaf
         key = leaf.name if names[leaf.name] == 1 else "/".join(leaf.path)
@@ -243,7 +243,7 @@ def _groups(player: ScenarioPlayer) -> list[_Group]:
     return [_group(key, list(same)) for key, choices in by_leaf.items() for _, same in groupby(choices)]
 
 
-def _group(key: str, same: Sequence[Drawn]) -> _Group:
+def _group(key: str, same: Sequence[DrawnChoice]) -> _Group:
     step: dict[str, object] = {"answer": same[0].answer}
     if same[0].after_sec:
         step["after"] = same[0].after_sec

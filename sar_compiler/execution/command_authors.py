@@ -44,7 +44,7 @@ class _Announcement(NamedTuple):
     at: float = 0.0
 
 
-class OrderRecord:
+class CommandAuthors:
     """Records each command to a mission in its journal, with its author.
 
     Args:
@@ -81,7 +81,7 @@ class OrderRecord:
         then()
 
     def _store(self, verb: str, author: CommandAuthor, seen: SeenObjects) -> None:
-        signature = _Announcement(CommandAuthor(*map(one_line, author)), seen, time.monotonic())
+        signature = _Announcement(CommandAuthor(*map(escape_to_single_line, author)), seen, time.monotonic())
         self._signed[verb].append(signature)
         if seen:
             self._last_seen[verb] = signature
@@ -138,12 +138,12 @@ class OrderRecord:
         return answered
 
 
-def one_line(text: str) -> str:
+def escape_to_single_line(text: str) -> str:
     """Return untrusted text as part of a sentence: one line, limited in length, without a full stop."""
     return "".join(filter(str.isprintable, text))[:_LONGEST].strip().removesuffix(".")
 
 
-class RemoteSignature:
+class RemoteCommandAuthor:
     """Announces the author of a command to a mission in another process.
 
     Args:

@@ -20,7 +20,7 @@ from sar_compiler.nodes.binding.bound import BoundNode
 from sar_compiler.runtime.answers import STATUSES, Answer, middle, nominal, probabilities
 from sar_compiler.runtime.clock import Clock
 from sar_compiler.runtime.evaluation import EvaluationError, Program
-from sar_compiler.runtime.events import Event, TickRecord, value_changes, with_end
+from sar_compiler.runtime.events import Event, TickRecord, append_end, value_changes
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.kernel.tree_nodes import Visit
@@ -62,7 +62,7 @@ class ScriptedError(SarError):
     """A scenario demands an answer that a leaf cannot give at this point of the run."""
 
 
-class Drawn(NamedTuple):
+class DrawnChoice(NamedTuple):
     """One choice that was made for a leaf.
 
     Attributes:
@@ -78,7 +78,7 @@ class Drawn(NamedTuple):
     usual: bool = True
 
 
-class Scripted:
+class ScenarioPolicy:
     """Chooses the outcomes of leaves by a scenario; other leaves use their probabilities, or the default.
 
     Args:
@@ -91,13 +91,14 @@ class Scripted:
     """
 
     def __init__(self, scenario: Scenario, variables: RunVariables, clock: Clock) -> None:
-        self.choices: list[Drawn] = []
+        self.choices: list[DrawnChoice] = []
         self._random = Random(scenario.seed)  # noqa: S311 - it must be possible to repeat a run
         self._unusual = scenario.unusual
         scripts = scenario.scripts.items()
         self._clock = clock
         self._plans: dict[StubLeaf, _Plan | _RandomOutcomes] = {
-            leaf: _Plan(leaf, [*map(_Left, steps)], self._random, variables, clock) for leaf, steps in scripts
+            leaf: _Plan(leaf, [*map(_RemainingUses, steps)], self._random, variables, clock)
+            for leaf, steps in scripts
         }
 
     def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
@@ -115,7 +116,7 @@ class Scripted:
         if self._unusual and self._random.random() < self._unusual:
             others = [each for each in options if each.status != "RUNNING" and each != usual]
             answer = self._random.choice(others or [usual])
-        self.choices.append(Drawn(leaf, answer.name, usual=answer == usual))
+        self.choices.append(DrawnChoice(leaf, answer.name, usual=answer == usual))
         return answer
 
 
@@ -129,7 +130,7 @@ class _RandomOutcomes:
     _answer: Answer | None = None
     _until: float = 0.0
 
-    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
+    def choose(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> Answer:
         """Return the leaf's next answer, and record the choice."""
         now = self.clock.now() + TOLERANCE_SEC
         if self.leaf.status is not Status.RUNNING or (now >= self._until and self._answer not in options):
@@ -139,7 +140,7 @@ class _RandomOutcomes:
             return running[0]
         return self._answer
 
-    def _draw(self, options: Sequence[Answer], choices: list[Drawn]) -> None:
+    def _draw(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> None:
         ending = [answer for answer in options if answer.status != "RUNNING"]
         self._answer = None
         if ending:
@@ -147,20 +148,20 @@ class _RandomOutcomes:
             after_sec = round(self.random.uniform(*self._answer.sec), 3)
             self._until = self.clock.now() + after_sec
             usual = self._answer == nominal(options) and not after_sec
-            choices.append(Drawn(self.leaf, self._answer.name, after_sec, usual=usual))
+            choices.append(DrawnChoice(self.leaf, self._answer.name, after_sec, usual=usual))
 
 
 @dataclass(eq=False)
 class _Plan:
     leaf: StubLeaf
-    steps: "Sequence[_Left]"
+    steps: "Sequence[_RemainingUses]"
     random: Random
     variables: RunVariables
     clock: Clock
-    _current: Drawn | None = None
+    _current: DrawnChoice | None = None
     _since: float = 0.0
 
-    def choose(self, options: Sequence[Answer], choices: list[Drawn]) -> Answer:
+    def choose(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> Answer:
         """Return the leaf's next answer, and record the choice."""
         if self.leaf.status is not Status.RUNNING:
             self._current = None  # an interrupted step counts as done
@@ -175,16 +176,16 @@ class _Plan:
         at_once = choice.usual and not choice.after_sec
         return nominal(options) if at_once else self._named_outcome(choice.answer, options)
 
-    def _next(self, options: Sequence[Answer]) -> Drawn:
+    def _next(self, options: Sequence[Answer]) -> DrawnChoice:
         """Return the choice from the remaining steps, or else the default one."""
         step = next((left.step for left in self.steps if left.take(self._holds, self.random)), None)
         usual = nominal(options)
         if step is None:
-            return Drawn(self.leaf, usual.name)
+            return DrawnChoice(self.leaf, usual.name)
         after_sec = step.after_sec
         if step.longest_sec > after_sec:
             after_sec = round(self.random.uniform(after_sec, step.longest_sec), 3)
-        return Drawn(
+        return DrawnChoice(
             self.leaf, step.answer, after_sec, _default_outcomes(step.answer, options)[:1] == [usual]
         )
 
@@ -217,7 +218,7 @@ def _default_outcomes(name: str, options: Sequence[Answer]) -> list[Answer]:
 _Holds = Callable[[AnswerStep], bool]
 
 
-class _Left:
+class _RemainingUses:
     """The number of times that a step can still be used."""
 
     def __init__(self, step: AnswerStep) -> None:
@@ -247,7 +248,7 @@ class UntilError(SarError):
 
 
 @dataclass
-class Run:
+class ScenarioRun:
     """A run so far.
 
     Attributes:
@@ -303,13 +304,13 @@ class Player:
         variables: RunVariables,
         tick_tree: Callable[[], int],
     ) -> None:
-        self.run = Run(simulated, scenario)
+        self.run = ScenarioRun(simulated, scenario)
         self._simulated = simulated
         self._variables = variables
         self._tick_tree = tick_tree
         self._start_sec = simulated.clock.now()
         self._until = scenario.until or _ROOT_IS_DONE
-        self.scripted = Scripted(scenario, variables, simulated.clock)
+        self.scripted = ScenarioPolicy(scenario, variables, simulated.clock)
         simulated.policy = self.scripted
 
     def tick(self) -> TickRecord:
@@ -328,7 +329,7 @@ class Player:
         try:
             root = WORDS[self._tick_tree()]
         finally:
-            events = with_end(simulated.events, simulated.root.name, root, number, time_sec)
+            events = append_end(simulated.events, simulated.root.name, root, number, time_sec)
             run.ticks.append(self._record(events))
         self._variables.now = {"root": root, "tick": number, "time": time_sec}
         return run.ticks[-1]
@@ -349,7 +350,7 @@ class Player:
             raise UntilError(f"until '{self._until.script.text}': {error}") from error
         return self.run.ended
 
-    def go(self, is_spent: Callable[[], bool] = lambda: False) -> Run:
+    def go(self, is_spent: Callable[[], bool] = lambda: False) -> ScenarioRun:
         """Tick until the end, an error, or an exhausted budget, which is checked before each tick."""
         run = self.run
         try:
@@ -409,7 +410,7 @@ class Failure:
     line: int = 0
 
 
-def failures(run: Run) -> list[Failure]:
+def failures(run: ScenarioRun) -> list[Failure]:
     """Return the violated expectations of a run's scenario, except for its trace."""
     if run.trouble:
         return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
@@ -417,7 +418,7 @@ def failures(run: Run) -> list[Failure]:
     return [Failure(place.split()[0], message, lines.get(place, 0)) for place, message in _all(run)]
 
 
-def _all(run: Run) -> Iterator[tuple[str, str]]:
+def _all(run: ScenarioRun) -> Iterator[tuple[str, str]]:
     """Yield the key of each failed expectation in `Expectations.lines`, and the actual result."""
     expect = run.scenario.expect
     yield from _end_mismatches(run)
@@ -441,7 +442,7 @@ def _all(run: Run) -> Iterator[tuple[str, str]]:
             yield f"count {deed.text}", f"'{deed.text}' {_times(number)}, expected {bounds}"
 
 
-def _end_mismatches(run: Run) -> Iterator[tuple[str, str]]:
+def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
     expect, last = run.scenario.expect, f"tick {len(run.ticks)} ({run.time_sec:g} s)"
     if run.ended != expect.ends:
         until = run.scenario.until
@@ -457,7 +458,7 @@ def _end_mismatches(run: Run) -> Iterator[tuple[str, str]]:
         yield "within", f"the run ends with {last}, not by {expect.within_sec:g} s"
 
 
-def _order(run: Run) -> Iterator[tuple[str, str]]:
+def _order(run: ScenarioRun) -> Iterator[tuple[str, str]]:
     """Search for the events of an order, each after the one before."""
     events = run.events
     before: EventPattern | None = None
@@ -474,7 +475,7 @@ def _times(number: int) -> str:
 
 
 @dataclass
-class Covered:
+class NodeCoverage:
     """The observed outcomes of one node of the file, in all instances of its tree.
 
     Attributes:
@@ -495,37 +496,37 @@ class Covered:
         return [outcome for outcome in self.outcomes if outcome not in self.seen]
 
 
-class Coverage:
+class OutcomeCoverage:
     """Collects the outcomes of a file's nodes in runs."""
 
     def __init__(self) -> None:
-        self._nodes: dict[tuple[str, int, int], Covered] = {}
+        self._nodes: dict[tuple[str, int, int], NodeCoverage] = {}
 
     @property
-    def nodes(self) -> list[Covered]:
+    def nodes(self) -> list[NodeCoverage]:
         """The nodes, file by file, in the order of each."""
         return [self._nodes[place] for place in sorted(self._nodes)]
 
     @property
-    def never_ticked(self) -> list[Covered]:
+    def never_ticked(self) -> list[NodeCoverage]:
         """The nodes that no run has ticked."""
         return [node for node in self.nodes if not node.ticked]
 
     @property
-    def unseen(self) -> list[Covered]:
+    def unseen(self) -> list[NodeCoverage]:
         """The leaves that were ticked, with outcomes that no run has shown."""
         return [node for node in self.nodes if node.ticked and node.unseen]
 
-    def add(self, run: Run) -> None:
+    def add(self, run: ScenarioRun) -> None:
         """Add the outcomes that a run has shown."""
         origins = run.simulated.compiled.origins
-        nodes: dict[UUID, Covered] = {}
+        nodes: dict[UUID, NodeCoverage] = {}
         leaves = {leaf.number: leaf.id for leaf in run.simulated.leaves}
         for behaviour in run.simulated.root.iterate():
             bound = origins[behaviour.id].bound
             # The wrappers of a node (conditions, a OneShot) have other names, and are not the node.
             if behaviour.name == bound.name:
-                covered = nodes[behaviour.id] = self._nodes.setdefault(_place(bound), Covered(bound))
+                covered = nodes[behaviour.id] = self._nodes.setdefault(_place(bound), NodeCoverage(bound))
                 covered.outcomes = list(dict.fromkeys([*covered.outcomes, *_outcomes(behaviour, bound)]))
         for event in run.events:
             if event.answer:

@@ -44,10 +44,10 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
     earlier = [path for path in _by_age(place.parent) if own.fullmatch(path.name)]
     if resume:
         return earlier[-1] if earlier else place
-    return _aside(place, time.time())
+    return _backup_path(place, time.time())
 
 
-def forget_simulated(place: Path) -> None:
+def delete_old_simulated(place: Path) -> None:
     """Delete old journals of simulated runs before a new one, except the last ten and those that are written to."""
     others = [path for path in _by_age(place.parent) if path != place]
     for path in others[: 1 - _KEPT_SIMULATED]:
@@ -109,7 +109,7 @@ def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> J
             f"the mission in the journal {file.path} is not over: it {_told(last)}. Resume it with --resume, or "
             "start over with --new, which keeps that journal under another name"
         )
-    return Journal(file, _aside(file.path, runs[0].began))
+    return Journal(file, _backup_path(file.path, runs[0].began))
 
 
 def _told(run: JournalRun) -> str:
@@ -119,7 +119,7 @@ def _told(run: JournalRun) -> str:
     return f"was stopped on {day}" if run.ending is Ending.STOPPED else f"failed on {day}"
 
 
-def _aside(place: Path, began: float) -> Path:
+def _backup_path(place: Path, began: float) -> Path:
     """Return a free backup name for a journal, with the time when its mission started."""
     stamp = day_and_time(began, "%Y%m%d-%H%M%S")
     names = (

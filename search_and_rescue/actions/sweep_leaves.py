@@ -19,22 +19,22 @@ from sar_compiler.leaves import (
     RosLeaf,
     Use,
     at_least,
-    poses_left,
     register,
+    remaining_poses,
     robot_estimate,
     sensible,
 )
-from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, code_of, drive_answers
+from search_and_rescue.actions.navigation import OF_PLANNER, NavigateTo, drive_outcomes, error_code
 from search_and_rescue.actions.survivors import DetectSurvivor, map_extent_of
 from search_and_rescue.background_calls import run_in_background
 from search_and_rescue.drawn_areas import DrawingError, DrawnAreas
-from search_and_rescue.homing import Homing
-from search_and_rescue.orders import OperatorOrders
+from search_and_rescue.homing_estimates import HomingEstimator
+from search_and_rescue.operator_commands import OperatorCommands
 from search_and_rescue.record import MissionRecord
-from search_and_rescue.search_theory import COVERAGE, Corners, pod_at_random, pod_of_parallel_sweep
-from search_and_rescue.sweep_record import Sweep, Sweeps
+from search_and_rescue.search_theory import COVERAGE, Corners, parallel_sweep_pod, random_search_pod
+from search_and_rescue.sweep_record import SweepState, SweepStates
 from search_and_rescue.sweeps import SweepPattern, sweep
-from search_and_rescue.zone_manager import Fence, MapPose, ZoneManager
+from search_and_rescue.zone_manager import Geofence, MapPose, ZoneManager
 
 Passes = Annotated[int, at_least(1)]
 Share = Annotated[float, sensible(0, 1)]
@@ -63,7 +63,7 @@ class _SweepLeaf(RosLeaf):
 
     name: str
     zone_manager: ZoneManager
-    sweeps: Sweeps
+    sweeps: SweepStates
 
     def __post_init__(self) -> None:
         super().__init__(self.name)
@@ -173,7 +173,7 @@ class _PlanLeaf(_SweepLeaf):
             return self._refused(f"{zone} cannot be swept: {error}.")
         self.sweeps.plan(zone, told, spacing, pieces)
         coverage = self.sweeps.grounds[zone].sweep_width / spacing
-        least, most = pod_at_random(coverage), pod_of_parallel_sweep(coverage)
+        least, most = random_search_pod(coverage), parallel_sweep_pod(coverage)
         self.say(
             f"{zone} is swept in {len(pieces)} pieces ({told}, {spacing:.2f} m apart): "
             f"POD {least:.0%} at random, {most:.0%} if legs are kept."
@@ -212,8 +212,8 @@ class PlanSweep(_PlanLeaf):
 
     pattern: SweepPattern = "parallel"
     coverage: Annotated[float, sensible(0, is_open=True)] = COVERAGE
-    orders: OperatorOrders = field(default_factory=OperatorOrders)
-    fence: Fence = field(default_factory=Fence)
+    orders: OperatorCommands = field(default_factory=OperatorCommands)
+    fence: Geofence = field(default_factory=Geofence)
 
     def setup(self, **kwargs: Any) -> None:
         """Subscribe to the map and offer the operator's service."""
@@ -295,7 +295,7 @@ class RefineSweep(_PlanLeaf):
     kind=Kind.ACTION,
     effects="drives the robot to the current piece",
     uses=(Use.action("{action}"), Use.nav2()),
-    answers=drive_answers(
+    answers=drive_outcomes(
         Answer("SUCCESS", "arrived", _OPEN, "at = 'zone'; navigation_lost = false"),
         Answer("FAILURE", "no piece", f"!({_OPEN})"),
     ),
@@ -311,7 +311,7 @@ class NavigateToPiece(NavigateTo):
         sweeps: The mission's sweeps.
     """
 
-    sweeps: Sweeps
+    sweeps: SweepStates
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -339,7 +339,7 @@ class NavigateToPiece(NavigateTo):
         again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
         return self._set_out(zone, sweep, again)
 
-    def _set_out(self, zone: str, sweep: Sweep, again: str) -> Any:
+    def _set_out(self, zone: str, sweep: SweepState, again: str) -> Any:
         piece = f"{sweep.told(zone)}{again}"
         if self.record.before.has_searched(zone):
             self.feedback_message = f"{piece} was searched by an earlier run"
@@ -385,7 +385,7 @@ class NavigateToPiece(NavigateTo):
     effects="drives the robot through the pieces, and marks them as swept",
     # Without the action: the start must not wait for a server that may not offer it.
     uses=(Use.nav2(),),
-    answers=drive_answers(
+    answers=drive_outcomes(
         Answer("SUCCESS", "all done", _OPEN, "piece_open = false; at = 'zone'; navigation_lost = false"),
         Answer("FAILURE", "no piece", f"!({_OPEN})"),
         Answer("FAILURE", "piece by piece", _OPEN),
@@ -406,7 +406,7 @@ class NavigateThroughPieces(NavigateToPiece):
         until_pod: Ground with a lower probability of detection than this, 0 to 1, is a gap.
     """
 
-    homing: Homing
+    homing: HomingEstimator
     clock: Clock
     action: str = "navigate_through_poses"
     until_pod: Share = 0.8
@@ -418,11 +418,11 @@ class NavigateThroughPieces(NavigateToPiece):
         self._end = 0
         self._refused: tuple[str, int, int] | None = None
 
-    def _set_out(self, zone: str, sweep: Sweep, again: str) -> Any:
+    def _set_out(self, zone: str, sweep: SweepState, again: str) -> Any:
         served = self._port is not None and self._port.statuses.servers()
         refused = self._refused == _plan_of(zone, sweep)
         if not served or refused or self.record.before.has_searched(zone):
-            return self._piece_by_piece()
+            return self._mark_remaining()
         self._note_start(zone)
         self._end = len(sweep.pieces)
         pieces = f"pieces {sweep.done + 1} to {self._end} of {zone}{again}"
@@ -442,18 +442,18 @@ class NavigateThroughPieces(NavigateToPiece):
         super().on_feedback(feedback)
         self._look()
         # Nav2 never reports the last pose as passed; the result does.
-        passed = (left := poses_left(feedback)) > 0 and self._pass(left)
+        passed = (left := remaining_poses(feedback)) > 0 and self._pass(left)
         if not (passed and self.homing.is_asked):
             return None
         if (here := self._here()) is not None:
             self.homing.place = MapPose(x=here[0], y=here[1], yaw=here[2])
-        return self._piece_by_piece() if self.homing.shortage(self.clock.now()) else None
+        return self._mark_remaining() if self.homing.shortage(self.clock.now()) else None
 
     def on_result(self, status: int, result: Any) -> Status:
         """Return SUCCESS at the end, with all pieces marked; otherwise FAILURE, and log Nav2's reason."""
         self._look()
         if status != SUCCEEDED:
-            if code_of(result) in OF_PLANNER:
+            if error_code(result) in OF_PLANNER:
                 self._refused = _plan_of(self._zone_id, self.sweeps.of(self._zone_id))
             return super().on_result(status, result)
         self._pass(0)
@@ -466,7 +466,7 @@ class NavigateThroughPieces(NavigateToPiece):
         before = self.sweeps.of(self._zone_id).done
         for number in range(before, self._end - left):
             # The arrival at the last piece was checked against the localisation.
-            if left and not self._was_near(self.sweeps.of(self._zone_id).pieces[number]):
+            if left and not self._passed_near(self.sweeps.of(self._zone_id).pieces[number]):
                 return number > before
             # A detection on the way has ended the drive.
             self.record.zone_searched(self._zone_id, None)
@@ -474,13 +474,13 @@ class NavigateThroughPieces(NavigateToPiece):
             self._track = self._track[-1:]
         return self._end - left > before
 
-    def _was_near(self, piece: MapPose) -> bool:
+    def _passed_near(self, piece: MapPose) -> bool:
         """Return whether the localisation shows that the robot passed a piece, or is unknown."""
         there, track = (piece["x"], piece["y"]), self._track
         steps = itertools.pairwise(track if len(track) > 1 else track * 2)
         return not track or min(_distance_to(there, *step) for step in steps) <= _PASSES_M
 
-    def _piece_by_piece(self) -> Status:
+    def _mark_remaining(self) -> Status:
         self.feedback_message = "piece by piece"
         return self.answer(Status.FAILURE, "piece by piece")
 
@@ -494,7 +494,7 @@ def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tu
     return math.dist(point, (x + share * along[0], y + share * along[1]))
 
 
-def _plan_of(zone: str, sweep: Sweep) -> tuple[str, int, int]:
+def _plan_of(zone: str, sweep: SweepState) -> tuple[str, int, int]:
     """Return the identity of a zone's plan, which stays the same except for skipped pieces."""
     return zone, sweep.passes, sweep.skipped
 
@@ -600,7 +600,7 @@ class IsFindNew(RosLeaf):
         place = self.detect_node.survivor_pose()
         if place is None:
             return self.answer(Status.FAILURE, "nobody")
-        known = self.record.named_near(*place, self.same_within)
+        known = self.record.survivors_near(*place, self.same_within)
         near = next((each for each in known if each.counts), None)
         if near is None or self.record.before.has_open_name(*place):
             return self.answer(Status.SUCCESS, "new")
