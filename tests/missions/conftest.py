@@ -16,7 +16,7 @@ __all__ = ["make_ros", "ros", "said"]
 
 def _stage(*contexts: Any) -> "Stage":
     # Imported late: this file is read on machines without ROS too.
-    stage: Stage = import_module("mission_stage").ScenarioStage(*contexts)
+    stage: Stage = import_module("mission_stage").Stage(*contexts)
     return stage
 
 
