@@ -4,6 +4,7 @@ The recorded run is located among all runs of the tree, tick by tick. From the l
 tries other continuations.
 """
 
+import functools
 import itertools
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
@@ -82,9 +83,10 @@ def counterfactual(
     moments: dict[int, FoundTick] = {}
     for moment in reversed(runs.locate_all(record)):
         moments.setdefault(id(moment.ways), moment)
-    for unusual, moment in itertools.product(range(_MOST_UNUSUAL + 1), moments.values()):
-        for change in _changes(moment, runs):
-            rest = after.way_to_success(change.way, unusual - change.unusual)
+    changes = functools.cache(lambda ways: [(each, each.unusual) for each in _changes(moments[ways], runs)])
+    for unusual, (ways, moment) in itertools.product(range(_MOST_UNUSUAL + 1), moments.items()):
+        for change, own in changes(ways):
+            rest = after.way_to_success(change.way, unusual - own)
             if rest is not None:
                 later = (answer for way in rest for answer in way.answers)
                 then = [*change.way.answers[change.place + 1 :], *later]
@@ -162,11 +164,12 @@ def _changes(moment: FoundTick, runs: TreeRuns) -> list[_OtherOutcome]:
     changes = []
     for state, was in moment.ways:
         for way in runs.ways(state):
-            pairs = enumerate(zip(was.answers, way.answers, strict=False))
-            place, other = next(((place, pair) for place, pair in pairs if pair[0] != pair[1]), (0, None))
-            # If another leaf follows, a timer caused the difference.
-            if other is not None and other[0].number == other[1].number:
-                changes.append(_OtherOutcome(way, place, other[0]))
+            for place, (one, other) in enumerate(zip(was.answers, way.answers, strict=False)):
+                if one != other:
+                    # If another leaf follows, a timer caused the difference.
+                    if one.number == other.number:
+                        changes.append(_OtherOutcome(way, place, one))
+                    break
     return sorted(changes, key=lambda change: -change.place)
 
 

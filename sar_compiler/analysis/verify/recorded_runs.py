@@ -117,16 +117,7 @@ class PossibleTick(NamedTuple):
             noted: The recorded outcomes.
             before: The state recorded before that tick.
         """
-        told = ObservedPrefix({}, {})
-        count = 0
-        for place, answer in enumerate(self.answers):
-            known = told if answer.number in told.statuses else before
-            if count < len(noted) and _is_noted(answer, noted[count]):
-                told.statuses[answer.number], told.labels[answer.number] = answer.status, answer.label
-                count += 1
-            elif not known.is_known(answer):
-                return count, place
-        return count, len(self.answers)
+        return _common(self.answers, noted, before)
 
     def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
         """Return the first node whose recorded status differs from this tick, with that status; None if all match.
@@ -159,6 +150,20 @@ class PossibleTick(NamedTuple):
             and self.halted == halted
             and self.common(noted, before) == (len(noted), len(self.answers))
         )
+
+
+def _common(answers: Sequence[Event], noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
+    """Return what `PossibleTick.common` returns for a tick with these outcomes."""
+    told = ObservedPrefix({}, {})
+    count = 0
+    for place, answer in enumerate(answers):
+        known = told if answer.number in told.statuses else before
+        if count < len(noted) and _is_noted(answer, noted[count]):
+            told.statuses[answer.number], told.labels[answer.number] = answer.status, answer.label
+            count += 1
+        elif not known.is_known(answer):
+            return count, place
+    return count, len(answers)
 
 
 def _is_noted(answer: Event, noted: Event) -> bool:
@@ -337,12 +342,25 @@ class TreeRuns:
             noted: The answers that were noted in the tick.
             before: The statuses before it.
         """
+        if self._has_few_ticks(state):
+            return self._known[state]
+        return [way for way in self._play_ticks(state, noted, before) if way.state is not _NOWHERE]
+
+    def _ticks_with(
+        self, state: bytes, noted: Sequence[Event], before: ObservedPrefix
+    ) -> Iterable[PossibleTick]:
+        """Return the ticks of a state that have the recorded answers and no others; of a state with few ticks all."""
+        if self._has_few_ticks(state):
+            return self._known[state]
+        ways = self._play_ticks(state, noted, before, is_whole=True)
+        return (way for way in ways if way.state is not _NOWHERE)
+
+    def _has_few_ticks(self, state: bytes) -> bool:
+        """Return whether a state has so few ticks that all are known."""
         if state not in self._known and state not in self._wide and not self._know(state, _MOST_WAYS):
             del self._known[state]
             self._wide.add(state)
-        if state in self._known:
-            return self._known[state]
-        return [way for way in self._play_ticks(state, noted, before) if way.state is not _NOWHERE]
+        return state in self._known
 
     def _know(self, state: bytes, most: int) -> bool:
         """Note the ticks of a state; return whether these are all, and no more than some."""
@@ -356,23 +374,41 @@ class TreeRuns:
         return not found or count < most
 
     def _play_ticks(
-        self, state: bytes, noted: Sequence[Event] | None = None, before: ObservedPrefix | None = None
+        self,
+        state: bytes,
+        noted: Sequence[Event] | None = None,
+        before: ObservedPrefix | None = None,
+        *,
+        is_whole: bool = False,
     ) -> Iterator[PossibleTick]:
-        """Play the ticks of a state until too many were tried; given recorded answers, those like it (see `ticks_like`)."""
+        """Play the ticks of a state until too many were tried.
+
+        Args:
+            state: The state.
+            noted: Recorded answers: only ticks like it are played (see `ticks_like`).
+            before: The statuses before it.
+            is_whole: Whether only ticks with no other answers are yielded.
+        """
         self.stepper.steps.restore(state)
         running = frozenset(number for number, status in enumerate(self._statuses()) if status == _RUNNING)
         for step in self.stepper.ticks(state):
             if self.is_spent:
                 return
             self._left -= 1
-            way = self._way(step.state or _NOWHERE)._replace(running=running)
             if step.error is not None and unknown_value_of(step.error) is not None:
                 self._unknown[state] = step.error
+            way: PossibleTick | None = None
+            if not is_whole:
+                way = self._way(step.state or _NOWHERE)._replace(running=running)
             if noted is not None and before is not None:
-                _, place = way.common(noted, before)
-                if place < len(way.answers):
+                answers = self.stepper.answers()
+                count, place = _common(answers, noted, before)
+                if is_whole and (count, place) == (len(noted), len(answers)):
+                    way = self._way(step.state or _NOWHERE)._replace(running=running)
+                if place < len(answers):
                     self.stepper.pass_over(place)
-            yield way
+            if way is not None:
+                yield way
 
     def beginnings(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
         """Return the ticks of a state as `ticks_like` does, including those in which a node raises."""
@@ -450,7 +486,7 @@ class TreeRuns:
         return [
             (state, way)
             for state in sorted(position.states)
-            for way in self.ticks_like(state, noted, position.told)
+            for way in self._ticks_with(state, noted, position.told)
             if way.fits(noted, halted, position.told, end.status) and way.other_status(end.statuses) is None
         ]
 

@@ -208,6 +208,12 @@ class TreeStepper:
             error="" if steps.error is None else f"{type(steps.error).__name__}: {steps.error}",
         )
 
+    def answers(self) -> list[Event]:
+        """Return the outcomes of leaves in the last tick, without their changes of facts."""
+        events = self._alphabet.events
+        numbers = (number for number in self._trail.numbers if number < len(events))
+        return [event for event in map(events.__getitem__, numbers) if event.answer]
+
     def unusual(self) -> tuple[bool, ...]:
         """Return which outcomes of the last tick were unusual."""
         entries, unusual = self.ticker.entries, []
