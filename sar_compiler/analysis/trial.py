@@ -1,6 +1,5 @@
 """Search of a tree file's runs before its first run; other modules are imported only if that is needed."""
 
-import shlex
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -79,6 +78,8 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
     bound = {id(each.element): each for each in tree.context.bound.trees}
     if not tree.palettes and all(id(each) in bound and is_plain(bound[id(each)]) for each in executable):
         return []
+    from shlex import quote
+
     from sar_compiler.analysis.proofs import try_runs
 
     limit, is_chosen = budget(), forest.main_tree() is None
@@ -88,7 +89,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
     for number, element in enumerate(executable):
         limit.allot(len(executable) - number)
         tree_id = element.attributes.get("ID") if is_chosen else None
-        chosen = "" if tree_id is None else f" --tree {shlex.quote(tree_id)}"
+        chosen = "" if tree_id is None else f" --tree {quote(tree_id)}"
         try:
             binding = tree.binding(tree_id)
         except TreeError:

@@ -5,7 +5,6 @@ is ignored. The files that it names must be in its own repository.
 """
 
 import dataclasses
-import glob
 import itertools
 import os
 import re
@@ -155,6 +154,8 @@ def project_paths(folders: Iterable[Path]) -> list[Path]:
 
 def _folder_of(folder: Path, pattern: str) -> Path:
     """Return the folder that contains all files of a pattern, or the file itself if the pattern is one file."""
+    import glob
+
     return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
 
 

@@ -12,9 +12,9 @@ SELF = "self"
 """The placeholder for the node's own name."""
 NOBODY = "nobody"
 """The replacement for a node's name if an optional reference is not written."""
-_PLACEHOLDER = re.compile(r"\{(\w+)\}")
-_FACT = re.compile(r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*")
-_NO_WORD = re.compile(r"[^A-Za-z0-9_]")
+_PLACEHOLDER = r"\{(\w+)\}"
+_FACT = r"([A-Za-z_]|\{\w+\})([A-Za-z0-9_]|\{\w+\})*"
+_NO_WORD = r"[^A-Za-z0-9_]"
 
 
 def answers_of(outcomes: Collection[str]) -> tuple[Answer, ...]:
@@ -25,12 +25,12 @@ def answers_of(outcomes: Collection[str]) -> tuple[Answer, ...]:
 
 def is_fact_name(text: str) -> bool:
     """Return whether a text is the name of a fact: a variable of scripts, perhaps with placeholders."""
-    return _FACT.fullmatch(text) is not None
+    return re.fullmatch(_FACT, text) is not None
 
 
 def placeholders(text: str) -> list[str]:
     """Return the names of the placeholders in a script or in the name of a fact."""
-    return _PLACEHOLDER.findall(text)
+    return re.findall(_PLACEHOLDER, text)
 
 
 def fill_outcome(answer: Answer, names: Mapping[str, str]) -> Answer:
@@ -42,7 +42,7 @@ def fill_outcome(answer: Answer, names: Mapping[str, str]) -> Answer:
 
 def fill_placeholders(text: str, names: Mapping[str, str]) -> str:
     """Return a text with its placeholders replaced by identifiers; unknown ones are kept."""
-    return _PLACEHOLDER.sub(lambda match: names.get(match[1], match[0]), text)
+    return re.sub(_PLACEHOLDER, lambda match: names.get(match[1], match[0]), text)
 
 
 def number_text(value: object) -> str:
@@ -78,7 +78,7 @@ class Identifiers:
 
         If an earlier node has it, a number is appended: `Drive`, `Drive_2`.
         """
-        word = _NO_WORD.sub("_", name)
+        word = re.sub(_NO_WORD, "_", name)
         # A hundred thousand leaves of one name must not each try all numbers.
         number = self._last.get(word, 1)
         candidate = f"{word}_{number}" if number > 1 else word

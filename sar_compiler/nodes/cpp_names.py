@@ -21,6 +21,8 @@ _ALIASES = {
     "uint32_t": UNSIGNED_INT,
     "size_t": "uint64_t",
 }
+_NORMAL = frozenset({"", "bool", TEXT, ANY, STATUS, REAL, INT, LONG, UNSIGNED_INT})
+"""Names that are normal forms, as nearly all are."""
 _STD = r"\bstd::(?=(?:u?int\d+_t|size_t)\b)"
 _TEXT_IN_FULL = r"std::basic_string<char(?:,std::char_traits<char>)?(?:,std::allocator<char>)?>"
 _ALLOCATOR = r",std::allocator<[^<>]*(?:<[^<>]*>[^<>]*)*>"
@@ -35,6 +37,8 @@ def normalized(name: str) -> str:
     Aliases and compiler-specific spellings have one normal form: `unsigned` and `uint32_t`, `std::string` and
     `std::__cxx11::basic_string<char, ...>`.
     """
+    if name in _NORMAL:
+        return name
     text = re.sub(r"\b(?:class|struct|enum) ", "", " ".join(name.split()))
     text = re.sub(r" ?([<>,*&:]) ?", r"\1", text).replace("std::__cxx11::", "std::").removeprefix("::")
     text = re.sub(_TEXT_IN_FULL, TEXT, re.sub(r"_<std::allocator<void>>", "", text))

@@ -202,7 +202,13 @@ def _installed_folders(checkout: Path | None) -> list[str]:
         return any(folder.is_relative_to(prefix) for prefix in sourced) or folder in _trusted_folders()
 
     # An entry that is not absolute depends on the current folder, or marks an editable installation.
-    return [entry for entry in sys.path if os.path.isabs(entry) and is_installed_in(Path(entry).resolve())]  # noqa: PTH117
+    return [entry for entry in sys.path if os.path.isabs(entry) and is_installed_in(_resolved(entry))]  # noqa: PTH117
+
+
+@functools.cache
+def _resolved(folder: str) -> Path:
+    """Return a folder without links, which takes a moment for each part of its path."""
+    return Path(folder).resolve()
 
 
 def _current_folders() -> set[Path]:
@@ -216,11 +222,8 @@ def _current_folders() -> set[Path]:
 def _trusted_folders() -> Iterator[Path]:
     """Yield the folders of the interpreter's packages, and of this package."""
     yield _OWN_FOLDER
-    yield from (Path(folder).resolve() for folder in (*site.getsitepackages(), site.getusersitepackages()))
-    import sysconfig
-
-    paths = sysconfig.get_paths()
-    yield from (Path(paths[kind]).resolve() for kind in ("purelib", "platlib", "stdlib"))
+    packages = *site.getsitepackages(), site.getusersitepackages()
+    yield from map(_resolved, (*packages, os.path.dirname(os.__file__)))  # noqa: PTH120
 
 
 def _parts(variable: str) -> list[str]:

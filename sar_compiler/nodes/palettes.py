@@ -18,7 +18,7 @@ from sar_compiler.tree.guessing import nearest
 ENTRY_POINTS = "sar_compiler.palettes"
 _OWN_PACKAGE = "sar_compiler.nodes."
 # A single letter before the colon is a drive of Windows.
-_NAME = re.compile(r"[A-Za-z][\w-]+:[\w.-]*")
+_NAME = r"[A-Za-z][\w-]+:[\w.-]*"
 
 
 class PaletteError(SarError):
@@ -34,7 +34,7 @@ class KnownSpec(NodeSpec):
 
 def is_palette_name(text: str) -> bool:
     """Return whether a text names an installed palette and not a file: `nav2:jazzy`."""
-    return _NAME.fullmatch(text) is not None
+    return re.fullmatch(_NAME, text) is not None
 
 
 def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[NodeSpec]:

@@ -189,7 +189,7 @@ class Use:
         return cls("nav2")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Parameter:
     """One constructor parameter of a node's class.
 
@@ -317,7 +317,7 @@ class Signature(NamedTuple):
     from_use: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NodeSpec:
     """The meaning of a tag.
 

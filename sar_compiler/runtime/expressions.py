@@ -7,30 +7,48 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Union
 
 
-# Instances are never changed. Freezing them would double the time to parse a script.
-@dataclass(slots=True, kw_only=True, unsafe_hash=True)
+# Instances are never changed. Freezing them would double the time to parse a script, and methods that are generated for each class
+# would take half of the time to import this module.
+@dataclass(slots=True, kw_only=True, eq=False, repr=False)
 class ScriptPart:
     """A part of a script's text, from its start to the first character after it; parts at other locations may be equal."""
 
-    start: int = field(compare=False)
-    end: int = field(compare=False)
+    start: int
+    end: int
+
+    def _content(self) -> list[object]:
+        names: tuple[str, ...] = self.__match_args__  # without the location, which is given by keywords
+        return [getattr(self, name) for name in names]
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, ScriptPart)
+            and type(other) is type(self)
+            and self._content() == other._content()
+        )
+
+    def __hash__(self) -> int:
+        return hash((type(self), *self._content()))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(map(repr, self._content()))})"
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Literal(ScriptPart):
     """A number or a string; `true` and `false` are 1.0 and 0.0."""
 
     value: int | float | str
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Name(ScriptPart):
     """A variable, or a name of an enumeration."""
 
     name: str
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Prefix(ScriptPart):
     """An operand with a leading `-`, `~` or `!`."""
 
@@ -38,7 +56,7 @@ class Prefix(ScriptPart):
     operand: "Expression"
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class OperatorTerm(ScriptPart):
     """An operator with the operand on its right; the location is the operator's."""
 
@@ -46,7 +64,7 @@ class OperatorTerm(ScriptPart):
     operand: "Expression"
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Operation(ScriptPart):
     """Operators of one rank, applied from left to right: `a + b - c`."""
 
@@ -54,7 +72,7 @@ class Operation(ScriptPart):
     steps: tuple[OperatorTerm, ...]
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ComparisonChain(ScriptPart):
     """A chain of comparisons: `a < b <= c` is true if `a < b` and `b <= c` are."""
 
@@ -62,7 +80,7 @@ class ComparisonChain(ScriptPart):
     steps: tuple[OperatorTerm, ...]
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Conditional(ScriptPart):
     """One of two values: `condition ? then : otherwise`."""
 
@@ -71,7 +89,7 @@ class Conditional(ScriptPart):
     otherwise: "Expression"
 
 
-@dataclass(slots=True, unsafe_hash=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Assignment(ScriptPart):
     """An assignment to a variable, by one of `:= = += -= *= /=`."""
 

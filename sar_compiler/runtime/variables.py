@@ -18,7 +18,7 @@ LARGEST_EXACT = 2**53 - 1
 """The limit above which not every integer is a real number."""
 
 _NUMBER = r"(?i)-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+\-]?[0-9]+)?|-?(?:inf|infinity|nan)"
-_WHOLE = re.compile(r"-?[0-9]+")
+_WHOLE = r"-?[0-9]+"
 # No number of 64 bits has more digits.
 _LONGEST_WHOLE = len(str(LARGEST_INTEGER)) + 1
 _BITS = 64
@@ -212,7 +212,7 @@ def number_of(text: str) -> int | float:
     Raises:
         RefusedValueError: If there is none.
     """
-    if len(text) <= _LONGEST_WHOLE and _WHOLE.fullmatch(text):
+    if len(text) <= _LONGEST_WHOLE and re.fullmatch(_WHOLE, text):
         return int(text)
     if re.fullmatch(_NUMBER, text):
         value = float(text)

@@ -1,6 +1,5 @@
 """Discovery and reading of tree files: by path, by name, or in folders by their first element or key."""
 
-import glob
 import itertools
 import os
 import re
@@ -75,13 +74,12 @@ _BEGINNING = TREE._replace(limit=65_536)
 """The number of bytes that suffices to recognise a file."""
 
 # The first element, after the declaration, comments, a DOCTYPE and text; the first key, after comments.
-_FIRST_ELEMENT = re.compile(rb"(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)", re.DOTALL)
-_FIRST_KEY = re.compile(rb"(?:\s|#[^\n]*\n|---|%[^\n]*\n)*\{?\s*[\"']?root[\"']?\s*:")
-_ROOT_ATTRIBUTES = re.compile(rb"\b(?:BTCPP_format|main_tree_to_execute)\b")
-_SECTIONS = re.compile(rb"\b(?:BehaviorTree|TreeNodesModel|include)\b")
+_FIRST_ELEMENT = rb"(?s)(?:[^<]|<\?.*?\?>|<!--.*?-->|<![^>]*>)*<([\w:.-]+)([^>]*)"
+_FIRST_KEY = rb"(?:\s|#[^\n]*\n|---|%[^\n]*\n)*\{?\s*[\"']?root[\"']?\s*:"
+_ROOT_ATTRIBUTES = rb"\b(?:BTCPP_format|main_tree_to_execute)\b"
+_SECTIONS = rb"\b(?:BehaviorTree|TreeNodesModel|include)\b"
 _MODEL, _TREE = (
-    re.compile(rb"<%s\b|^[ \"']*(?:- *)?%s[\"']?\s*:" % (tag, tag), re.MULTILINE)
-    for tag in (b"TreeNodesModel", b"BehaviorTree")
+    rb"(?m)<%s\b|^[ \"']*(?:- *)?%s[\"']?\s*:" % (tag, tag) for tag in (b"TreeNodesModel", b"BehaviorTree")
 )
 _PROJECT = ".btproj"
 """The file extension of Groot2's projects."""
@@ -121,8 +119,8 @@ def is_palette(path: Path) -> bool:
         data = read_file(path, TREE).data.replace(b"\0", b"")
     except UnreadableFileError:
         return False
-    is_alone = path.suffix.lower() == _PROJECT or not _TREE.search(data)
-    return is_alone and _MODEL.search(data) is not None
+    is_alone = path.suffix.lower() == _PROJECT or not re.search(_TREE, data)
+    return is_alone and re.search(_MODEL, data) is not None
 
 
 def matching_files(folder: Path, pattern: str) -> list[Path]:
@@ -140,6 +138,8 @@ def matching_files(folder: Path, pattern: str) -> list[Path]:
     path = folder / pattern
     if is_folder(path):
         return tree_files_in(path)
+    import glob
+
     if not glob.has_magic(pattern):
         return [path]
     found: list[Path] = []
@@ -171,25 +171,25 @@ def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
     # A byte order mark and the zero bytes of UTF-16 are irrelevant here.
     data = beginning.lstrip(b"\xef\xbb\xbf\xff\xfe").replace(b"\0", b"")
     if form is Form.YAML:
-        return _FIRST_KEY.match(data) is not None and _SECTIONS.search(data) is not None
-    first = _FIRST_ELEMENT.match(data)
+        return re.match(_FIRST_KEY, data) is not None and re.search(_SECTIONS, data) is not None
+    first = re.match(_FIRST_ELEMENT, data)
     if first is None:
         return False
     tag, attributes = first.groups()
-    is_root = _ROOT_ATTRIBUTES.search(attributes) is not None
-    return is_root or tag in _ALONE or (tag == b"root" and _SECTIONS.search(data) is not None)
+    is_root = re.search(_ROOT_ATTRIBUTES, attributes) is not None
+    return is_root or tag in _ALONE or (tag == b"root" and re.search(_SECTIONS, data) is not None)
 
 
 def is_other_file_type(text: str, form: Form) -> bool:
     """Return whether a text can be neither a tree file nor the beginning of one."""
     data = text[: _BEGINNING.limit].lstrip("\ufeff").encode("utf-8", "replace")
     if form is Form.YAML:
-        return bool(data.strip()) and _FIRST_KEY.match(data) is None
-    first = _FIRST_ELEMENT.match(data)
+        return bool(data.strip()) and re.match(_FIRST_KEY, data) is None
+    first = re.match(_FIRST_ELEMENT, data)
     if first is None:
         return False
     tag, attributes = first.groups()
-    return tag not in (b"root", *_ALONE) and _ROOT_ATTRIBUTES.search(attributes) is None
+    return tag not in (b"root", *_ALONE) and re.search(_ROOT_ATTRIBUTES, attributes) is None
 
 
 def _files_in(folder: Path, *, is_whole: bool = True, is_sought: bool = False) -> Iterator[Path]:

@@ -23,6 +23,8 @@ def shortened(text: str) -> str:
 
 def visible(text: str) -> str:
     r"""Return a text with control characters, and those that change the direction of writing, as `\x1b`, `\u202e`."""
+    if text.isascii() and text.replace("\n", "").isprintable():  # nearly every text
+        return text
     return re.sub(UNSEEN, _code, text)
 
 

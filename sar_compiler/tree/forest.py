@@ -34,7 +34,7 @@ Read = Callable[[Path], TreeFile]
 """A function that reads one file."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Forest:
     """A file and everything that it includes.
 
@@ -52,10 +52,10 @@ class Forest:
     main: TreeFile
     files: tuple[TreeFile, ...]
     findings: tuple[Diagnostic, ...] = ()
-    homes: "Mapping[int, Forest]" = field(default_factory=dict, repr=False)
-    targets: Mapping[int, Element] = field(default_factory=dict, repr=False)
+    homes: "Mapping[int, Forest]" = field(default_factory=dict)
+    targets: Mapping[int, Element] = field(default_factory=dict)
     clashes: tuple[Diagnostic, ...] = ()
-    tree_set: "TreeSet | None" = field(default=None, repr=False)
+    tree_set: "TreeSet | None" = None
 
     @classmethod
     def from_file(cls, tree_file: TreeFile) -> "Forest":

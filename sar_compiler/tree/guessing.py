@@ -31,12 +31,12 @@ _WORDS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\dA-Za-z_]+|\d+"
 _BETWEEN = r"_|(?<=[^\W\d])[\s-]+(?=[^\W\d])"
 """The separators between the words of a name; `-5` is not `5`."""
 _LETTER = r"[^\W\d_]"
-_PARTS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
+_PARTS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])"
 
 
 def unit_suffix(name: str) -> str:
     """Return the unit that a name ends with: `ms` for `delay_msec`; empty if there is none."""
-    parts = _PARTS.findall(name)
+    parts = re.findall(_PARTS, name)
     return UNIT_OF.get(parts[-1].lower(), "") if parts else ""
 
 
@@ -46,7 +46,7 @@ def has_same_unit(written: str, meant: str) -> bool:
     if unit == unit_suffix(written):
         return True
     # A typo in the unit itself (`mesc`) leaves no unit, and the same number of parts.
-    return not unit_suffix(written) and len(_PARTS.findall(written)) == len(_PARTS.findall(meant))
+    return not unit_suffix(written) and len(re.findall(_PARTS, written)) == len(re.findall(_PARTS, meant))
 
 
 def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:

@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import re
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 from sar_compiler.gc_pause import gc_paused
@@ -31,11 +32,11 @@ from sar_compiler.tree.model import (
     UnfinishedFileError,
     xml_comment_text,
 )
-from sar_compiler.tree.xml_recovery import ATTRIBUTE, NAME, REFERENCE, RecoveredText, recover
 
-_DECLARED_ENCODING = re.compile(rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']""")
-# The written form of one character of a value.
-_CHARACTER = re.compile(rf"{REFERENCE}|\r\n|.", re.DOTALL)
+if TYPE_CHECKING:
+    from sar_compiler.tree.xml_recovery import RecoveredText
+
+_DECLARED_ENCODING = rb"""^<\?xml\b[^>]*?\bencoding\s*=\s*["']([A-Za-z0-9._\-]+)["']"""
 
 
 def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
@@ -45,7 +46,9 @@ def parse_xml(data: bytes | str, path: str = "<text>") -> TreeFile:
         TreeError: If it is not well-formed XML, too large, too deep, or has a DOCTYPE. The error of a malformed file
             contains the elements before the error.
     """
-    declared = _DECLARED_ENCODING.match(data) if isinstance(data, bytes) else None
+    declared = None
+    if isinstance(data, bytes) and data.startswith(b"<?xml"):
+        declared = re.match(_DECLARED_ENCODING, data)
     encoding = declared.group(1).decode("ascii") if declared else None
     return _XmlReader(make_source(data, path, _SPANS, encoding, _EMPTY_HINT)).read()
 
@@ -54,11 +57,15 @@ class _XmlSpans(Spans):
     """Finds the parts of a start tag in the text."""
 
     def tag(self, element: ElementView) -> tuple[int, int]:
+        from sar_compiler.tree.xml_recovery import NAME
+
         start = element.offset
         name = NAME.match(element.source.text, start)
         return start, name.end() if name else start + 1
 
     def attributes(self, element: ElementView) -> Iterator[tuple[str, AttributePlaces]]:
+        from sar_compiler.tree.xml_recovery import ATTRIBUTE
+
         text, offset = element.source.text, self.tag(element)[1]
         while match := ATTRIBUTE.match(text, offset):
             yield match[1], (*match.span(1), *match.span(3))
@@ -72,7 +79,9 @@ class _XmlSpans(Spans):
 
 @functools.lru_cache(maxsize=4)  # each error in a long value asks for them
 def _offsets(text: str, start: int, end: int) -> list[int]:
-    return [found.start() for found in _CHARACTER.finditer(text, start, end)] + [end]
+    from sar_compiler.tree.xml_recovery import CHARACTER
+
+    return [found.start() for found in CHARACTER.finditer(text, start, end)] + [end]
 
 
 _SPANS = _XmlSpans()
@@ -87,7 +96,7 @@ _HINTS = {
 class _XmlReader:
     """One pass over a text; creates each element at its end tag, so that it can be frozen."""
 
-    def __init__(self, source: Source, recovered: RecoveredText | None = None) -> None:
+    def __init__(self, source: Source, recovered: "RecoveredText | None" = None) -> None:
         self._source = source
         self._recovered = recovered
         self._parser = parser = expat.ParserCreate(encoding="utf-8")
@@ -113,6 +122,8 @@ class _XmlReader:
                 self._parser.Parse(text.encode("utf-8", "surrogatepass"), True)  # noqa: FBT003
         except expat.ExpatError as error:
             if recovered is None:
+                from sar_compiler.tree.xml_recovery import recover
+
                 recovered = recover(self._source)
                 if recovered is not None:
                     return _XmlReader(self._source, recovered).read()

@@ -17,6 +17,8 @@ from sar_compiler.tree.model import TreeFile
 
 REFERENCE = r"&(?:amp|lt|gt|apos|quot|#[0-9]+|#x[0-9a-fA-F]+);"
 """A regular expression for a reference, which is read as another character."""
+CHARACTER = re.compile(rf"{REFERENCE}|\r\n|.", re.DOTALL)
+"""A regular expression for the written form of one character of a value."""
 NAME = re.compile(r"<[^\s/>]+")
 """A regular expression for the beginning of a tag."""
 ATTRIBUTE = re.compile(r"""\s*([^\s=/>]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)

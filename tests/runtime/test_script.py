@@ -93,6 +93,7 @@ def marked(text):
 )
 def test_a_literal_has_the_value_that_it_says(text, value):
     (literal,) = parse(text).statements
+    assert isinstance(literal, Literal)
     assert literal == Literal(value, start=0, end=len(text))
     assert type(literal.value) is type(value)
 
@@ -477,3 +478,13 @@ def outcome_of(read, text):
 @given(SIMPLE.map("".join))
 def test_a_script_of_one_operator_is_read_as_any_other(text):
     assert outcome_of(parse, text) == outcome_of(lambda text: _ScriptParser(text).script(), text)
+
+
+def test_expressions_at_other_locations_are_equal():
+    one, other = parse("x := y + 1").statements, parse(" x  :=  y + 1").statements
+    assert one == other
+    assert hash(one) == hash(other)
+
+
+def test_a_name_differs_from_a_string_of_the_same_text():
+    assert Name("a", start=0, end=1) != Literal("a", start=0, end=1)

@@ -24,7 +24,7 @@ from sar_compiler.tree.model import SECTIONS, Element, TreeFile
 _OfSpec = TypeVar("_OfSpec")
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class CheckContext:
     """A forest with the results of its analysis, each computed at most once.
 

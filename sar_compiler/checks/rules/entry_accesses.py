@@ -71,7 +71,7 @@ class KeyAccess(NamedTuple):
         return None if found is None else found.span(1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class KeyAccesses:
     """All accesses of a tree's nodes to keys, without its subtrees.
 
@@ -232,7 +232,7 @@ def is_root_key(key: str) -> bool:
 _READS = (AccessKind.READ, AccessKind.PEEK, AccessKind.BOTH, AccessKind.FIXED)
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class TreePosition:
     """The position of a node in a tree with its subtrees expanded.
 
@@ -297,7 +297,7 @@ class PositionFinder:
         return places
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class EntryAccess:
     """An access to an entry by a node in one instance of a tree."""
 
@@ -364,7 +364,7 @@ class OrderedAccesses:
         )
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class EntryAccesses:
     """All accesses to an entry, in the order of the tree.
 
@@ -419,7 +419,7 @@ class EntryAccesses:
         return frozenset(use.bound for use in self.readers)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class EntryTable:
     """All entries of a tree with its subtrees expanded.
 

@@ -104,7 +104,7 @@ def _units(spec: NodeSpec) -> dict[str, str]:
 
 
 # A separator next to a blank is punctuation.
-_SEPARATOR = re.compile(r"(?<=\S)[/.](?=\S)")
+_SEPARATOR = r"(?<=\S)[/.](?=\S)"
 _SEPARATES = {
     "/": "separates the names of a path: scenarios, properties and py_trees' blackboard read two names",
     ".": "separates a key from its attributes on py_trees' blackboard, whose tools read two names",
@@ -123,7 +123,7 @@ def check_names(context: CheckContext) -> Iterator[Diagnostic]:
 
 def _separators(nodes: Sequence[BoundNode]) -> Iterator[Diagnostic]:
     for bound in nodes:
-        found = None if bound.name.isidentifier() else _SEPARATOR.search(bound.name)
+        found = None if bound.name.isidentifier() else re.search(_SEPARATOR, bound.name)
         if found is None or "name" not in bound.element.attributes:
             continue
         sign = found[0]

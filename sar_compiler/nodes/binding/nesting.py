@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterable, Iterator
-from shlex import quote
 from typing import NamedTuple
 
 from sar_compiler.nodes.binding.bound import BoundNode, BoundTree
@@ -140,14 +139,14 @@ def _first_too_deep(main: BoundTree, heights: dict[BoundTree, int]) -> BoundNode
                 break
 
 
-_REFUSED = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f]""")
+_REFUSED = r"""[\s<>&"'/\\:*?|.\x00-\x1f]"""
 RESERVED = ("Root", "root")
 """IDs that BehaviorTree.CPP reserves."""
 
 
 def invalid_id_part(name: str) -> str | None:
     """Return the part of a tree's or node's ID that is not allowed; None if the ID is valid."""
-    found = _REFUSED.search(name)
+    found = re.search(_REFUSED, name)
     if found is None:
         return None
     character = found.group()
@@ -224,5 +223,7 @@ def _missing(forest: Forest, tree_id: str | None) -> Diagnostic:
     what = "this Groot2 project" if is_groot2_project(forest.main) else "the file"
     message = f"{what} has {count} trees, but does not define which one to execute: {join_with_commas(ids)}"
     first = ids[0] if ids else "..."
+    from shlex import quote
+
     hint = f'choose one by --tree {quote(first)}, or write main_tree_to_execute="{first}"'
     return root.finding("no-main-tree", message, hint=hint)

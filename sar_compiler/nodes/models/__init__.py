@@ -38,12 +38,10 @@ _DIRECTIONS = {direction.value: direction for direction in Direction}
 METADATA_TAG = "MetadataFields"
 ENUM_TAG = "Enum"
 """An enumeration of the C++ program: the name, and its number if known; BehaviorTree.CPP does not read it."""
-_SCRIPT = re.compile(
-    r"code|if|case_\d+|_(?:(?:failure|success|skip)If|while|on(?:Success|Failure|Halted)|post)"
-)
-_NAME = re.compile(r"(?<![\w'{@.])[A-Za-z_]\w*(?![\w'}])")
-_KEY = re.compile(r"\{(\w+)\}|(\w+)\s*(?::=|[-+*/]?=(?!=))")
-_QUOTED = re.compile(r"'[^']*'")
+_SCRIPT = r"code|if|case_\d+|_(?:(?:failure|success|skip)If|while|on(?:Success|Failure|Halted)|post)"
+_NAME = r"(?<![\w'{@.])[A-Za-z_]\w*(?![\w'}])"
+_KEY = r"\{(\w+)\}|(\w+)\s*(?::=|[-+*/]?=(?!=))"
+_QUOTED = r"'[^']*'"
 FROM_USE = {"made": "from use"}
 """The marker of a description derived from the use of a node, with guessed types and directions."""
 LIBRARY = {"library": "py_trees"}
@@ -224,11 +222,11 @@ def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
         if element.tag == SUBTREE_TAG:
             keys.update(element.attributes)
         for name, value in element.attributes.items():
-            is_script = _SCRIPT.fullmatch(name) is not None
+            is_script = re.fullmatch(_SCRIPT, name) is not None
             if is_script or "{" in value:
-                keys.update(*_KEY.findall(value))
+                keys.update(*re.findall(_KEY, value))
             if is_script:
-                names.update(_NAME.findall(_QUOTED.sub("", value)))
+                names.update(re.findall(_NAME, re.sub(_QUOTED, "", value)))
             elif value.strip("{} ") == "=":
                 keys.add(name)
             elif element.tag.endswith("_port") or name.endswith(("key", "variable")):
