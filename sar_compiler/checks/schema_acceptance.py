@@ -176,9 +176,10 @@ def _is_tag(part: str) -> bool:
         return False
     _, end, after = part.partition(">")
     if after.strip(_SPACE):
-        *outside, last = part.split('"')[::2]
+        pieces = part.split('"')
+        *outside, last = pieces[::2]
         _, end, after = last.partition(">")
-        if "'" in part or any(">" in each for each in outside):
+        if len(pieces) % 2 == 0 or "'" in part or any(">" in each for each in outside):
             return False
     return bool(end) and not after.strip(_SPACE)
 

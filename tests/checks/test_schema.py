@@ -111,6 +111,7 @@ UNUSUAL = {
     "an unbound prefix": document('<SubTree ID="Other" a:b="1"/>'),
     "text after a tag": document("<Sequence><AlwaysSuccess/> text </Sequence>"),
     "text that looks like a value": document('<Sequence><AlwaysSuccess/> " > " </Sequence>'),
+    "a single quotation mark": document('<Sequence><AlwaysSuccess name="a"/> " </Sequence>'),
     "text that ends like a tag": document("<Sequence><AlwaysSuccess/> text > </Sequence>"),
     "text with an apostrophe and quotes": document("<Sequence><AlwaysSuccess/> ' > \" </Sequence>"),
     "an include with a line break": '<root BTCPP_format="4"><include path="a.xml">\n</include></root>',
@@ -134,7 +135,7 @@ def test_a_file_that_is_unusual_is_left_to_the_schema(name):
     assert not is_surely_accepted(parse_xml(UNUSUAL[name]), default_registry())
 
 
-@given(ELEMENTS, st.sampled_from(["", "\n", " x", "<!-- > \" ' -->", "&#160;"]))
+@given(ELEMENTS, st.sampled_from(["", "\n", " x", ' " ', ' " > " ', "<!-- > \" ' -->", "&#160;"]))
 def test_a_file_that_is_accepted_without_the_schema_is_accepted_by_it(element, text):
     tree = parse_xml(document(f"<Sequence>{written(element)}{text}<AlwaysSuccess/></Sequence>"))
     assert not is_surely_accepted(tree, default_registry()) or not schema_errors(tree, default_registry())
