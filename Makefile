@@ -40,7 +40,7 @@ COSTS := build/test_costs.tsv
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help env demo test nav2-test test-costly test-costs test-matrix lint format lock schemas golden pictures site bench soak mutants wheels release clean require
+.PHONY: help env demo test nav2-test test-costly test-costs test-matrix lint format lock schemas golden pictures site bench editor soak mutants wheels release clean require
 
 help:
 	@echo "make demo         run the search-and-rescue mission in the embedded simulator (SPEED=$(SPEED) times real time)"
@@ -168,6 +168,14 @@ pictures: env
 	$(BIN)/python docs/pictures/mission.py
 	$(BIN)/python docs/pictures/demo.py
 	$(BIN)/python docs/pictures/page.py
+
+# The text editor of the page of `sar-compile edit`, which wheels contain.
+EDITOR := sar_compiler/studio/static/codemirror.js
+editor: $(EDITOR)
+$(EDITOR): editors/page/package.json editors/page/codemirror.mjs
+	@mkdir -p build/editor && cp $^ build/editor
+	@cd build/editor && npm install --ignore-scripts --no-fund --no-audit --silent \
+	  && node_modules/.bin/esbuild codemirror.mjs --bundle --minify --format=esm --legal-comments=eof --log-level=warning --outfile=$(CURDIR)/$@
 
 # What mkdocstrings has to say is a warning of its own, which does not end the build.
 site: env

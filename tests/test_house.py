@@ -47,7 +47,8 @@ PARTS = {
     "reports": {"analysis", "journal", "ros", "views"},
     "sim": {"analysis", "missions", "ros"},
     "execution": {"analysis", "journal", "missions", "ros", "sim", "views"},
-    "web": {"analysis", "execution", "journal", "missions", "reports", "ros", "views"},
+    "studio": {"analysis", "editing", "missions", "views"},
+    "web": {"analysis", "execution", "journal", "missions", "reports", "ros", "studio", "views"},
     "agent": {"analysis", "missions", "views"},
     "editing": set(),
     "lsp": {"analysis", "editing", "missions", "views"},
@@ -485,6 +486,7 @@ OPENS = re.compile(
 OWN, TEXT, WRITTEN = "a file of the package", "no file, but a text or bytes", "written, not read"
 OPENED_ELSEWHERE = {
     "budget.py": {"Path('/proc/self/statm').read_text": "the system's count of this process's memory"},
+    "web/edit_page.py": {"path.read_bytes": OWN},
     "web/run_page.py": {"webbrowser.open": "an address"},
     "cli/repeated_runs.py": {"os.fdopen": "a descriptor of its own"},
     "execution/supervisor.py": {"open": "a descriptor of its own"},

@@ -62,6 +62,7 @@ _COMMANDS = {
     "explain": "Explain a finding, with an example.",
     "nodes": "List the nodes of tree files, or describe one with its attributes.",
     "schema": "Print the schema of tree files, for editors and other tools.",
+    "edit": "Edit a tree file in the browser: drawing and text side by side, with findings, runs and proofs.",
     "lsp": "Serve an editor by the Language Server Protocol: findings, completion, names, and more.",
     "mcp": "Serve an agent by the Model Context Protocol: these commands as tools.",
     "completion": "Print the code for completion of these commands with the Tab key.",

@@ -351,8 +351,14 @@ class Block:
         return self.top + self.high
 
 
-def svg(tree: Drawable, *, folded: bool = False) -> str:
-    """Return a tree as a picture, with subtrees as single nodes if they are folded."""
+def svg(tree: Drawable, *, folded: bool = False, is_styled: bool = True) -> str:
+    """Return a tree as a picture.
+
+    Args:
+        tree: The tree.
+        folded: Whether a subtree is one node, without its content.
+        is_styled: Whether the picture contains its style; a page that has it as a file needs none.
+    """
     nodes = drawn_nodes(tree, folded=folded)
     blocks = _place_blocks(nodes)
     width, height = (math.ceil(size + 2 * _MARGIN) for size in (blocks[0].width, blocks[0].height))
@@ -361,7 +367,7 @@ def svg(tree: Drawable, *, folded: bool = False) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}" role="img">',
         f"<title>{_text(title)}</title>",
-        f"<style>\n{literal(files(__package__).joinpath('drawing.css').read_text('utf-8'))}</style>",
+        *([f"<style>\n{literal(drawing_style())}</style>"] if is_styled else []),
         f'<rect class="ground" {size}/>',
         *(_frame(block) for block in blocks if block.frame),
         f'<path class="line" d="{"".join(_connections(nodes, blocks))}"/>',
@@ -369,6 +375,11 @@ def svg(tree: Drawable, *, folded: bool = False) -> str:
         "</svg>",
     ]
     return "".join(f"{line}\n" for line in lines)
+
+
+def drawing_style() -> str:
+    """Return the style of pictures, with the names of colours that `style` defines."""
+    return files(__package__).joinpath("drawing.css").read_text("utf-8")
 
 
 def _place_blocks(nodes: Sequence[DrawnNode]) -> list[Block]:

@@ -4,5 +4,5 @@ A page receives entries, as from `Journal.listen` and `JournalFile.stream`. They
 receives the state and its changes, and draws them. Nothing here imports ROS or knows a mission.
 """
 
-PUBLIC_MODULES = ("run_page",)
+PUBLIC_MODULES = ("edit_page", "run_page")
 """The modules that other parts may import."""

@@ -128,7 +128,7 @@ def page_app(
 
     def page(name: str) -> Callable[[Request], Awaitable[Response]]:
         async def answer(_: Request) -> Response:
-            return _static(name, static[name])
+            return static_response(name, static[name])
 
         return answer
 
@@ -136,7 +136,7 @@ def page_app(
         name = request.path_params["name"]
         if name not in static:
             raise HTTPException(404)
-        return _static(name, static[name])
+        return static_response(name, static[name])
 
     async def events(_: Request) -> Response:
         return StreamingResponse(feed.stream(), media_type="text/event-stream")
@@ -151,10 +151,10 @@ def page_app(
         Route("/report", partial(_report, tools or {})),
         Route("/tools/{tool}", partial(_ask, tools or {}, token), methods=["POST"]),
     ]
-    return _guard(Starlette(routes=routes, exception_handlers={HTTPException: _refuse}))
+    return guard(Starlette(routes=routes, exception_handlers={HTTPException: refuse}))
 
 
-def _knows(token: str, request: Request) -> bool:
+def has_token(token: str, request: Request) -> bool:
     """Return whether a request has the access token."""
     given = request.headers.get("authorization", "")
     return compare_digest(given.encode(), f"Bearer {token}".encode())
@@ -168,9 +168,9 @@ async def _order(orders: CommandHandler | None, token: str, request: Request) ->
     """
     if orders is None:
         raise HTTPException(404)
-    if not _knows(token, request):
+    if not has_token(token, request):
         return _answer(403, _ONLY_LOOKS)
-    values = await _values(request)
+    values = await json_values(request)
     robot = _robot(request)
     by, reason = (
         "".join(filter(str.isprintable, unquote(request.headers.get(header, ""))[:longest])).strip()
@@ -195,9 +195,9 @@ async def _ask(tools: Tools, token: str, request: Request) -> Response:
     tool = tools.get(request.path_params["tool"])
     if tool is None:
         raise HTTPException(404)
-    if not (tool.is_free or _knows(token, request)):
+    if not (tool.is_free or has_token(token, request)):
         return PlainTextResponse(_ONLY_LOOKS, 403)
-    values = await _values(request)
+    values = await json_values(request)
     try:
         return Response(as_json(await asyncio.to_thread(tool.ask, values)), media_type="application/json")
     except SarError as error:
@@ -248,11 +248,13 @@ async def _moment(feed: Feed, request: Request) -> Response:
         return PlainTextResponse(f"{error}\n", 500)
 
 
-def _static(name: str, content: bytes) -> Response:
+def static_response(name: str, content: bytes) -> Response:
+    """Return a file of a page."""
     return Response(content, media_type=_TYPES[name.rpartition(".")[2]])
 
 
-async def _refuse(_: Request, error: Exception) -> Response:
+async def refuse(_: Request, error: Exception) -> Response:
+    """Return the answer to a request that is refused."""
     status = error.status_code if isinstance(error, HTTPException) else 500
     return PlainTextResponse("page not found\n" if status == 404 else "not like this\n", status)  # noqa: PLR2004
 
@@ -261,8 +263,8 @@ def _answer(status: int, text: str) -> Response:
     return JSONResponse({"accepted": False, "message": text}, status)
 
 
-async def _values(request: Request) -> Mapping[str, Any]:
-    """Return the values of a command.
+async def json_values(request: Request, longest: int = _LONGEST_ORDER) -> Mapping[str, Any]:
+    """Return the values of a command, of at most so many bytes.
 
     Raises:
         HTTPException: If they are too long, or not a JSON object.
@@ -272,7 +274,7 @@ async def _values(request: Request) -> Mapping[str, Any]:
     text = b""
     async for part in request.stream():
         text += part
-        if len(text) > _LONGEST_ORDER:
+        if len(text) > longest:
             raise HTTPException(413)
     try:
         values = json.loads(text)
@@ -298,7 +300,7 @@ async def _give_order(
     return JSONResponse({"accepted": accepted, "message": said})
 
 
-def _guard(app: ASGIApp) -> ASGIApp:
+def guard(app: ASGIApp) -> ASGIApp:
     """Rejects requests from other origins, and restricts by headers how a browser may use an answer.
 
     Args:
@@ -383,36 +385,27 @@ class _Protocol(H11Protocol):
             self._deadline = None
 
 
-class PageServer:
-    """Serves a page, from `start` to `close`.
+class AppServer:
+    """Serves an application on this machine, from `start` to `close`.
 
     Args:
-        feed: The source of the page's events.
+        app: Returns the application, given the access token.
         port: The port; None for the default one, or a free one if that is in use; 0 for any free one.
-        orders: Carries out the operator's commands; None if there are none.
-        tools: The queries for engineers.
 
     Attributes:
         port: The port that it has.
-        token: The access token for commands, a part of the address.
+        token: The access token, a part of the address.
 
     Raises:
         PageError: If the port cannot be used.
     """
 
-    def __init__(
-        self,
-        feed: Feed,
-        port: int | None = None,
-        orders: CommandHandler | None = None,
-        tools: Tools | None = None,
-    ) -> None:
+    def __init__(self, app: Callable[[str], ASGIApp], port: int | None = None) -> None:
         self.token = secrets.token_urlsafe(16)
-        self._feed = feed
         self._socket = _bind(port)
         self.port: int = self._socket.getsockname()[1]
         config = uvicorn.Config(
-            page_app(feed, self.token, orders, tools),
+            app(self.token),
             loop="asyncio",
             http=_Protocol,
             backlog=_BACKLOG,
@@ -425,14 +418,12 @@ class PageServer:
             timeout_graceful_shutdown=1,
         )
         self._server = uvicorn.Server(config)
-        self._is_secret = orders is not None or not all(tool.is_free for tool in (tools or {}).values())
-        self._told = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="page", daemon=True)
 
     @property
     def url(self) -> str:
-        """The address to open; the browser sends the part after the # only with commands."""
-        return f"http://{_ADDRESS}:{self.port}/{f'#{self.token}' if self._is_secret else ''}"
+        """The address to open; the browser does not send the part after the # by itself."""
+        return f"http://{_ADDRESS}:{self.port}/#{self.token}"
 
     def start(self) -> None:
         """Start the server."""
@@ -444,17 +435,53 @@ class PageServer:
         return not self._thread.is_alive()
 
     def close(self) -> None:
-        """Send the rest to the browsers, and end the server."""
-        self._feed.end()
+        """End the server."""
         if self._thread.is_alive():
-            self._told.wait(_LAST_WORDS_SEC)
             self._server.should_exit = True
             self._thread.join(2 * _LAST_WORDS_SEC)
         self._socket.close()
 
     async def _serve(self) -> None:
+        await self._server.serve(sockets=[self._socket])
+
+
+class PageServer(AppServer):
+    """Serves the page of a run.
+
+    Args:
+        feed: The source of the page's events.
+        port: As for `AppServer`.
+        orders: Carries out the operator's commands; None if there are none.
+        tools: The queries for engineers.
+    """
+
+    def __init__(
+        self,
+        feed: Feed,
+        port: int | None = None,
+        orders: CommandHandler | None = None,
+        tools: Tools | None = None,
+    ) -> None:
+        super().__init__(lambda token: page_app(feed, token, orders, tools), port)
+        self._feed = feed
+        self._is_secret = orders is not None or not all(tool.is_free for tool in (tools or {}).values())
+        self._told = threading.Event()
+
+    @property
+    def url(self) -> str:
+        """The address to open; the browser sends the part after the # only with commands."""
+        return super().url if self._is_secret else super().url.partition("#")[0]
+
+    def close(self) -> None:
+        """Send the rest to the browsers, and end the server."""
+        self._feed.end()
+        if self._thread.is_alive():
+            self._told.wait(_LAST_WORDS_SEC)
+        super().close()
+
+    async def _serve(self) -> None:
         telling = asyncio.create_task(self._feed.run())
-        serving = asyncio.create_task(self._server.serve(sockets=[self._socket]))
+        serving = asyncio.create_task(super()._serve())
         await telling
         self._told.set()
         await serving

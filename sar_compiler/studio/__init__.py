@@ -1,0 +1,7 @@
+"""The graphical editor: a page with the tree drawn beside its text, and the answers to its questions.
+
+The page is in `static`. It asks `tree_studio` by a server on this machine (`web.edit_page`).
+"""
+
+PUBLIC_MODULES = ("tree_studio",)
+"""The modules that other parts may import."""

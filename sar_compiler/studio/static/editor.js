@@ -1,0 +1,71 @@
+// The text: CodeMirror in a shadow root, in which it may set its styles without inline ones in the page.
+import {
+  bracketMatching, defaultKeymap, drawSelection, EditorState, EditorView, foldGutter, foldKeymap, highlightActiveLine,
+  highlightSelectionMatches, HighlightStyle, history, historyKeymap, isolateHistory, keymap, lineNumbers, lintGutter, lintKeymap, redo,
+  searchKeymap, setDiagnostics, syntaxHighlighting, tags, undo, xml, yaml,
+} from "./codemirror.js";
+
+const colours = HighlightStyle.define([
+  { tag: [tags.tagName, tags.definition(tags.propertyName)], color: "var(--mark)" },
+  { tag: [tags.attributeName, tags.propertyName], fontWeight: "600" },
+  { tag: [tags.attributeValue, tags.string, tags.content], color: "var(--success)" },
+  { tag: tags.comment, color: "var(--quiet)", fontStyle: "italic" },
+]);
+const theme = EditorView.theme({
+  "&": { height: "100%", color: "var(--text)", backgroundColor: "var(--ground)", fontSize: "13px" },
+  ".cm-gutters": { color: "var(--quiet)", backgroundColor: "var(--raised)" },
+  ".cm-activeLine": { backgroundColor: "color-mix(in srgb, var(--mark) 8%, transparent)" },
+  ".cm-cursor": { borderLeftColor: "var(--text)" },
+  "&.cm-focused > .cm-scroller > .cm-selectionLayer .cm-selectionBackground, .cm-selectionBackground": {
+    backgroundColor: "color-mix(in srgb, var(--mark) 30%, transparent)",
+  },
+  ".cm-panels, .cm-tooltip": { color: "var(--text)", backgroundColor: "var(--raised)" },
+});
+
+export class TextEditor {
+  constructor(place, form, { onChange, onSelect }) {
+    const root = place.attachShadow({ mode: "open" });
+    this.view = new EditorView({ parent: root, root });
+    this.extensions = [
+      lineNumbers(), foldGutter(), lintGutter(), history(), drawSelection(), bracketMatching(), highlightActiveLine(),
+      highlightSelectionMatches(), syntaxHighlighting(colours), theme, form === "yaml" ? yaml() : xml(),
+      // A line end of the file is a line end here, and other characters stay as they are.
+      EditorState.lineSeparator.of("\n"),
+      EditorView.contentAttributes.of({ "aria-label": "The tree file" }),
+      keymap.of([...defaultKeymap, ...historyKeymap, ...foldKeymap, ...searchKeymap, ...lintKeymap]),
+      EditorView.updateListener.of((update) => {
+        if (update.docChanged) onChange();
+        else if (update.selectionSet && this.view.hasFocus) onSelect(update.state.selection.main.head);
+      }),
+    ];
+  }
+
+  // A new file has no history.
+  open(text) {
+    this.view.setState(EditorState.create({ doc: text, extensions: this.extensions }));
+  }
+
+  get text() {
+    return this.view.state.sliceDoc();
+  }
+
+  apply(changes) {
+    this.view.dispatch({ changes: changes.map(({ from, to, insert }) => ({ from, to, insert })), annotations: isolateHistory.of("full") });
+  }
+
+  select(from, to) {
+    this.view.dispatch({ selection: { anchor: from, head: to }, effects: EditorView.scrollIntoView(from, { y: "center" }) });
+  }
+
+  show(findings, onFix) {
+    const shown = findings.filter((each) => !each.file).map((each) => ({
+      from: each.from, to: each.to, severity: each.severity, message: each.advice ? `${each.message}\n${each.advice}` : each.message,
+      actions: each.fix ? [{ name: "Fix", apply: () => onFix(each.fix) }] : [],
+    }));
+    this.view.dispatch(setDiagnostics(this.view.state, shown));
+  }
+
+  focus() { this.view.focus(); }
+  undo() { undo(this.view); }
+  redo() { redo(this.view); }
+}

@@ -1,0 +1,412 @@
+// The page: the text is the only document. Operations are edits of it, and everything else is shown from it.
+import { Server } from "./backend.js";
+import "./drawing.js";
+import { TextEditor } from "./editor.js";
+import { keyPlace } from "./places.js";
+
+const at = (id) => document.getElementById(id);
+const drawing = document.querySelector("tree-drawing");
+const engine = new Server(location.hash.slice(1));
+const looked = { elements: [], findings: [], keys: [] };
+let editor;
+let specs = new Map();
+let version = "";
+let saved = "";
+let chosen = null;
+let cursor = null;
+let shownTree = null;
+let walk = { events: [], at: -1 };
+const script = {};
+
+const make = (tag, properties = {}, ...children) => {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+};
+const button = (text, onclick, properties = {}) => make("button", { type: "button", textContent: text, onclick, ...properties });
+const say = (text, isError = false) => {
+  at("state").textContent = text;
+  at("state").classList.toggle("error", isError);
+};
+const nameOf = ({ tag, attributes }) => attributes.name ?? attributes.ID ?? tag;
+const canHold = (number) => {
+  const spec = specs.get(looked.elements[number]?.tag);
+  return !spec || spec.most !== 0;
+};
+
+// Asks a question in a dialog; the answer is what is written, or the choice.
+function question(text, choices, written = null) {
+  at("question").textContent = text;
+  at("answer").hidden = written === null;
+  at("answer").value = written ?? "";
+  at("choices").replaceChildren(...choices.map((each) => make("button", { value: each, textContent: each })));
+  at("dialog").returnValue = "";
+  at("dialog").showModal();
+  return new Promise((resolve) => {
+    at("dialog").onclose = () => {
+      const choice = at("dialog").returnValue;
+      resolve(written === null ? choice : choice === choices[0] ? at("answer").value : "");
+    };
+  });
+}
+
+// Looking: findings, drawing and forms of the present text.
+let waiting;
+let isLooking = false;
+const isDirty = () => editor.text !== saved;
+
+function changed() {
+  at("save").disabled = !isDirty();
+  clearTimeout(waiting);
+  waiting = setTimeout(look, 60);
+}
+
+// Numbers of elements are those of the text that was looked at last: a key waits until that is the present one.
+let settling = [];
+const settled = () => (looked.text === editor.text ? Promise.resolve() : new Promise((resolve) => settling.push(resolve)));
+
+async function look() {
+  if (isLooking) return changed();
+  isLooking = true;
+  const text = editor.text;
+  const told = await engine.ask("look", { text, tree: shownTree });
+  isLooking = false;
+  if (text !== editor.text) return changed();
+  if (told.error) return say(told.error, true);
+  Object.assign(looked, told, { text });
+  const isSound = Boolean(told.svg);
+  at("picture").classList.toggle("stale", !isSound);
+  at("stale").hidden = isSound;
+  editor.show(told.findings, (fix) => editor.apply([fix]));
+  showFindings();
+  at("play").disabled = at("verify").disabled = !isSound || told.findings.some((each) => each.severity === "error");
+  if (isSound) {
+    drawing.show(told, canHold, severities());
+    at("tree").replaceChildren(...told.trees.map((each) => make("option", { textContent: each, selected: each === told.tree })));
+    at("keys").replaceChildren(...told.keys.map((each) => make("option", { value: `{${each}}` })));
+    if (cursor !== null) choose(elementAt(cursor), true);
+    else if (chosen !== null) choose(chosen < told.elements.length ? chosen : null);
+    cursor = null;
+    begin([]);
+  }
+  const count = told.findings.length;
+  say(count ? `${count} ${count === 1 ? "finding" : "findings"}` : "No findings");
+  document.body.classList.add("ready");
+  settling.forEach((resolve) => resolve());
+  settling = [];
+  return undefined;
+}
+
+const elementAt = (offset) => {
+  const after = looked.elements.findIndex((each) => each.from > offset);
+  return (after < 0 ? looked.elements.length : after) - 1;
+};
+
+function severities() {
+  const found = new Map();
+  for (const each of [...looked.findings].reverse()) {
+    const number = elementAt(each.from);
+    if (!each.file && each.severity !== "info" && found.get(number) !== "error") found.set(number, each.severity);
+  }
+  return found;
+}
+
+function showFindings() {
+  at("findings").replaceChildren(
+    ...looked.findings.map((each) => {
+      const place = each.file ? `${each.file}:${each.line}` : `line ${each.line}`;
+      const advice = each.advice ? ` ${each.advice}` : "";
+      const go = () => {
+        if (each.file) return;
+        editor.select(each.from, each.to);
+        choose(elementAt(each.from));
+      };
+      const item = make("li", {}, button(`${each.severity}, ${place}: ${each.message}${advice}`, go, { className: `to ${each.severity}` }));
+      if (each.fix) item.append(" ", button("Fix", () => editor.apply([each.fix])));
+      return item;
+    }),
+  );
+}
+
+// Operations.
+async function operate(operation, values, followed = true) {
+  const text = editor.text;
+  if (text !== looked.text) return say("The drawing is behind the text. Try again", true);
+  const told = await engine.ask("edit", { text, operation, arguments: values });
+  if (told.error) return say(told.error, true);
+  if (text !== editor.text) return say("The text has changed meanwhile. Try again", true);
+  apply(told.edits, followed);
+  return undefined;
+}
+
+function apply(edits, followed = true) {
+  if (!edits.length) return;
+  const first = edits.find((each) => each.insert.trim());
+  const growth = first ? edits.filter((each) => each.from < first.from).reduce((sum, each) => sum + each.insert.length - (each.to - each.from), 0) : 0;
+  const lead = first?.insert.match(/^(?:>\s*)?(?:\s*(?:<!--[^]*?-->|#[^\n]*\n|children:))*\s*(?:- )?/)[0].length ?? 0;
+  cursor = followed && first ? first.from + growth + lead : null;
+  editor.apply(edits);
+}
+
+function insert(spec, place) {
+  const number = chosen ?? looked.elements.findIndex((each) => each.tag === "BehaviorTree");
+  if (at("around").checked && !place && chosen !== null) return operate("wrap", { element: chosen, tag: spec.tag });
+  const { parent, index, children } = looked.elements[number] ?? {};
+  const inside = { parent: number, index: children?.length ?? 0 };
+  return operate("insert", { ...(place ?? (canHold(number) || parent === null ? inside : { parent, index: index + 1 })), tag: spec.tag });
+}
+
+async function newTree(element) {
+  const name = await question("Name of the new tree", ["Extract", "Cancel"], nameOf(looked.elements[element]).replace(/[^\w.-]/g, ""));
+  if (name) operate("extract", { element, tree: name });
+}
+
+async function rename(element) {
+  const { attributes, tag, from } = looked.elements[element];
+  const key = tag === "BehaviorTree" || tag === "SubTree" ? "ID" : "name";
+  const name = await question(key === "ID" ? "New name of the tree" : "New name of the node", ["Rename", "Cancel"], attributes[key] ?? tag);
+  if (!name) return;
+  if (key === "name") return operate("set_attribute", { element, name: "name", value: name }, false);
+  const text = editor.text;
+  const told = await engine.ask("rename", { text, offset: text.indexOf(attributes.ID, text.indexOf("ID", from)), name });
+  if (told.error) say(told.error, true);
+  else apply(told.edits, false);
+}
+
+// The selected node: its operations and its attributes.
+function choose(number, focus = false) {
+  chosen = number !== null && number > 0 ? number : null;
+  drawing.choose(chosen, focus);
+  const element = looked.elements[chosen];
+  at("chosen").textContent = element ? `<${element.tag}> ${nameOf(element)}` : "No node is selected";
+  at("actions").replaceChildren(...(element ? actions(element) : []));
+  at("form").replaceChildren(...(element ? fields(element) : []));
+  at("scripted").replaceChildren(...(element && specs.get(element.tag)?.most === 0 ? [outcomes(nameOf(element))] : []));
+}
+
+function pick(number) {
+  choose(number);
+  const element = looked.elements[number];
+  if (element) editor.select(element.from, element.to);
+}
+
+function actions(element) {
+  const self = chosen;
+  const siblings = looked.elements[element.parent].children.length;
+  const simple = (text, operation) => button(text, () => operate(operation, { element: self }));
+  const moved = (text, index, isPossible) => button(text, () => operate("move", { element: self, parent: element.parent, index }), { disabled: !isPossible });
+  const isTree = element.tag === "BehaviorTree";
+  return [
+    moved("Up", element.index - 1, element.index > 0),
+    moved("Down", element.index + 2, element.index + 1 < siblings),
+    simple("Duplicate", "duplicate"),
+    ...(element.children.length && !isTree ? [simple("Unwrap", "unwrap")] : []),
+    ...(isTree ? [] : [button("Extract…", () => newTree(self))]),
+    ...(element.tag === "SubTree" ? [simple("Inline", "inline")] : []),
+    button("Rename…", () => rename(self)),
+    simple("Delete", "delete"),
+  ];
+}
+
+function fields(element) {
+  const self = chosen;
+  const declared = specs.get(element.tag)?.attributes ?? [];
+  const others = Object.keys(element.attributes).filter((name) => !declared.some((each) => each.name === name));
+  return [...declared, ...others.map((name) => ({ name, doc: "", choices: [] }))].map((each) => {
+    const value = element.attributes[each.name] ?? "";
+    const field = each.choices?.length && !value.includes("{") ? choice(each, value) : make("input", { value });
+    if (each.takes_key) field.setAttribute("list", "keys");
+    field.name = each.name;
+    field.required = Boolean(each.required);
+    field.onchange = () => operate("set_attribute", { element: self, name: each.name, value: field.value === "" ? null : field.value }, false);
+    return make("label", { title: each.doc }, make("span", { textContent: each.required ? `${each.name} (required)` : each.name }), field, make("small", { textContent: each.doc }));
+  });
+}
+
+const choice = ({ choices }, value) =>
+  make("select", {}, ...["", ...new Set([...choices, ...(value ? [value] : [])])].map((each) => make("option", { value: each, textContent: each, selected: each === value })));
+
+// Palette.
+function showPalette() {
+  const sought = at("search").value.toLowerCase();
+  const found = [...specs.values()].filter((each) => `${each.tag} ${each.kind} ${each.doc}`.toLowerCase().includes(sought));
+  at("specs").replaceChildren(
+    ...found.map((each) => {
+      const describe = () => (at("doc").textContent = `${each.tag} (${each.kind}): ${each.doc}`);
+      const made = button(each.tag, () => insert(each), { onfocus: describe, onpointerenter: describe });
+      made.onpointerdown = (event) => drawing.drag({ spec: each }, event);
+      return make("li", {}, made);
+    }),
+  );
+}
+
+// Runs.
+function begin(ticks, loop = 0) {
+  const events = ticks.flatMap((tick, number) =>
+    tick.events.map((event, place) => ({ ...event, tick: number + 1, root: tick.root, isLast: place === tick.events.length - 1, isLoop: number >= ticks.length - loop })),
+  );
+  walk = { events, at: events.length ? 0 : -1 };
+  showStep();
+}
+
+function showStep() {
+  const event = walk.events[walk.at];
+  const number = drawing.walk(event);
+  const last = event?.isLast && event.root ? `; root ${event.root}` : "";
+  at("step").textContent = event ? `tick ${event.tick}${event.isLoop ? ", again and again" : ""}: ${event.leaf} ${event.does}${last}` : "";
+  if (event && number !== null) pick(number);
+  at("back").disabled = walk.at <= 0;
+  at("next").disabled = walk.at >= walk.events.length - 1;
+}
+
+function outcomes(leaf) {
+  const field = make("input", { value: script[leaf]?.join(", ") ?? "" });
+  field.onchange = () => {
+    const listed = field.value.split(",").map((each) => each.trim()).filter(Boolean);
+    if (listed.length) script[leaf] = listed;
+    else delete script[leaf];
+  };
+  return make("label", {}, `Outcomes of ${leaf} in the next run, one after the other `, field);
+}
+
+async function run(what, values) {
+  say(what === "verify" ? "Exploring all runs…" : "Running…");
+  const started = performance.now();
+  const clock = setInterval(() => say(`Exploring all runs, ${Math.round((performance.now() - started) / 1000)} s`), 1000);
+  const told = await engine.ask(what, { text: editor.text, tree: shownTree, ...values });
+  clearInterval(clock);
+  if (told.error) say(told.error, true);
+  return told.error ? null : told;
+}
+
+async function verify() {
+  const told = await run("verify", {});
+  if (!told) return;
+  say(`${told.states} states${told.complete ? "" : ", and there are more"}`);
+  at("verdicts").replaceChildren(
+    ...told.verdicts.map((each) => {
+      const made = make("li", { className: each.verdict === "proved" ? "yes" : "no" }, `${each.question}: ${each.verdict} `);
+      if (each.ticks.length) made.append(button("Walk", () => begin(each.ticks, each.loop)));
+      return made;
+    }),
+  );
+  begin([]);
+}
+
+async function play() {
+  const names = new Set(looked.elements.map(nameOf));
+  const leaves = Object.fromEntries(Object.entries(script).filter(([name]) => names.has(name)));
+  const told = await run("play", { leaves });
+  if (!told) return;
+  say(`${told.ticks.length} ticks`);
+  begin(told.ticks);
+}
+
+// The file.
+async function load() {
+  const told = await engine.ask("open");
+  if (told.error) return say(told.error, true);
+  ({ version } = told);
+  document.title = at("name").textContent = told.name;
+  editor ??= new TextEditor(at("text").appendChild(make("div")), told.form, {
+    onChange: changed,
+    onSelect: (offset) => choose(elementAt(offset)),
+  });
+  editor.open(told.text);
+  saved = editor.text;
+  cursor = null;
+  const listed = await engine.ask("palette", { text: told.text });
+  specs = new Map((listed.nodes ?? []).map((each) => [each.tag, each]));
+  showPalette();
+  return look();
+}
+
+async function save(overwrite = false) {
+  const text = editor.text;
+  const told = await engine.ask("save", { text, version, overwrite });
+  if (told.error) return say(told.error, true);
+  if (told.has_changed) {
+    const answer = await question("Another program has changed the file since you opened it. Overwrite it?", ["Overwrite", "Load the file", "Cancel"]);
+    if (answer === "Overwrite") await save(true);
+    if (answer === "Load the file") await load();
+    return;
+  }
+  version = told.version;
+  saved = text;
+  at("save").disabled = !isDirty();
+  say("Saved");
+}
+
+async function compare() {
+  if (!editor) return;
+  const told = await engine.ask("is_changed", { version });
+  if (!told.has_changed) return;
+  if (!isDirty()) await load();
+  else say("Another program has changed the file. Saving will ask", true);
+}
+
+const onChosen = async (work) => {
+  await settled();
+  if (chosen !== null) work(chosen);
+};
+const keys = {
+  Delete: (element) => operate("delete", { element }),
+  F2: rename,
+  Enter: () => at("form").querySelector("input, select")?.focus(),
+  i: () => at("search").focus(),
+};
+drawing.addEventListener("chosen", ({ detail }) => pick(detail));
+drawing.addEventListener("dropped", ({ detail: { element, spec, parent, index } }) =>
+  spec ? insert(spec, { parent, index }) : operate("move", { element, parent, index }),
+);
+drawing.addEventListener("moved", ({ detail: key }) =>
+  onChosen((element) => {
+    const place = keyPlace(looked.elements, element, key);
+    if (place) operate("move", { element, ...place });
+  }),
+);
+drawing.addEventListener("key", ({ detail: { key, ctrl, prevent } }) => {
+  if (ctrl && key === "d") {
+    prevent();
+    onChosen((element) => operate("duplicate", { element }));
+  } else if (ctrl && key === "z") {
+    prevent();
+    editor.undo();
+  } else if (!ctrl && keys[key]) {
+    prevent();
+    onChosen(keys[key]);
+  }
+});
+document.addEventListener("keydown", (event) => {
+  if ((event.ctrlKey || event.metaKey) && event.key === "s") {
+    event.preventDefault();
+    save();
+  }
+});
+at("tree").onchange = () => {
+  shownTree = at("tree").value;
+  look();
+};
+at("form").onsubmit = (event) => event.preventDefault();
+at("search").oninput = showPalette;
+at("undo").onclick = () => editor.undo();
+at("redo").onclick = () => editor.redo();
+at("save").onclick = () => save();
+at("play").onclick = play;
+at("verify").onclick = verify;
+at("back").onclick = () => (walk.at--, showStep());
+at("next").onclick = () => (walk.at++, showStep());
+at("smaller").onclick = () => drawing.zoom(1 / 1.25);
+at("larger").onclick = () => drawing.zoom(1.25);
+window.addEventListener("focus", compare);
+window.addEventListener("beforeunload", (event) => editor && isDirty() && event.preventDefault());
+// For tests and extensions of browsers: the text, and the replacement of a part of it.
+window.studio = {
+  text: () => editor.text,
+  replace: (part, insert) => {
+    const from = editor.text.indexOf(part);
+    editor.apply([{ from, to: from + part.length, insert }]);
+  },
+  saved: () => (saved = editor.text),
+};
+load();
