@@ -51,6 +51,7 @@ class SearchAndRescue(Mission):
         "survivors",
         "geofence",
         "duplicate_radius_m",
+        "wanted_success",
         ENERGY,
         CHARGING,
         HIDDEN,
@@ -104,6 +105,7 @@ class SearchAndRescue(Mission):
             homing=homing,
             sweeps=sweeps,
             hides=read_hidden_survivor(reader, areas),
+            wanted_success=reader.positive("wanted_success", 0.0, 1.0),
         )
 
 

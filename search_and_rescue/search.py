@@ -79,6 +79,7 @@ class Search(MissionRun):
         homing: Estimates the way home; uses the default rates if None.
         sweeps: The ground of zones that can be swept, and its coverage.
         hides: Whether the simulator hides a survivor at random, instead of using its table.
+        wanted_success: The wanted probability of success, 0 to 1; a person decides about an ended search with less.
     """
 
     zones: ZoneManager
@@ -89,6 +90,7 @@ class Search(MissionRun):
     homing: HomingEstimator | None = None
     sweeps: SweepStates = field(default_factory=SweepStates)
     hides: bool = False
+    wanted_success: float = 0.0
 
     def __post_init__(self) -> None:
         self.kept = StoredReports()
@@ -190,7 +192,8 @@ class Search(MissionRun):
             Figure("survivors reported", sum(each.acknowledged for each in survivors)),
         ]
         if zones.areas:
-            figures.append(Figure("probability of success", round(100 * poa_map.pos(), 1), unit="%"))
+            success, wanted = round(100 * poa_map.pos(), 1), round(100 * self.wanted_success, 1)
+            figures.append(Figure("probability of success", success, unit="%", least=wanted or None))
             if (first := self.record.first_detection_sec) is not None:
                 figures.append(Figure("first detection after", round(first, 1), unit="s"))
         if self.sweeps.grounds:

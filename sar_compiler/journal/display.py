@@ -168,12 +168,14 @@ class Figure(NamedTuple):
         value: The count or amount.
         of: The total; None if unknown.
         unit: The unit; empty for none.
+        least: The wanted value: if an ended mission has less, a person must decide what to do. None for no such value.
     """
 
     name: str
     value: float
     of: float | None = None
     unit: str = ""
+    least: float | None = None
 
     @property
     def text(self) -> str:
@@ -375,7 +377,7 @@ class DisplayState:
             self.landmarks.pop((name, of), None)
         for each in figures:
             figure = Figure(**each)
-            _check_numbers(figure.value, figure.of)
+            _check_numbers(figure.value, figure.of, figure.least)
             self.figures[figure.name] = figure
         for each in gauges:
             gauge = Gauge(**each)

@@ -269,6 +269,7 @@ class MissionState:
         self.plan: list[tuple[float, float]] = []
         self.drive: RemainingDrive | None = None
         self.lacks = self.breakpoint = ""
+        self.is_position_lost = False
         self.battery: Gauge | None = None
         self.map: Mapping[str, Any] = {}
         self.warnings: list[LogLine] = []
@@ -371,6 +372,8 @@ class MissionState:
             return told._replace(name="waiting", reason=self.breakpoint)
         if told.name:
             return told
+        if self.is_position_lost:
+            return told._replace(name="position lost", reason="the robot does not know where it is")
         if self.lacks:
             return told._replace(name="waiting", reason=self.lacks)
         return told._replace(name="working" if self.drive is None else "driving")
@@ -433,6 +436,7 @@ class MissionState:
     def _on_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
         self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
+        self.is_position_lost = False
         self.finished, self.properties, self.assumption_failed_at = {}, {}, None
         self.about = self.about or about
         self.nodes = list(tree_nodes(self.about.get("tree")))
@@ -443,7 +447,7 @@ class MissionState:
         run = self.runs[-1]
         run.ended, run.ending, run.status, run.reason = self.now, str(ending), status, str(reason)
         run.head = str(head)
-        self.drive, self.lacks = None, ""
+        self.drive, self.lacks, self.is_position_lost = None, "", False
 
     def _on_goal_sent(self, action: str, goal: str) -> None:
         self.goals[goal] = action
@@ -468,8 +472,8 @@ class MissionState:
             str(target), float(distance), None if time_left is None else float(time_left)
         )
 
-    def _on_lacks(self, text: str) -> None:
-        self.lacks = str(text)
+    def _on_lacks(self, text: str, *, is_position_lost: bool = False) -> None:
+        self.lacks, self.is_position_lost = str(text), bool(is_position_lost)
 
     def _on_breakpoint(self, text: str) -> None:
         self.breakpoint = str(text)

@@ -14,6 +14,7 @@ from sar_compiler.journal.status_line import (
     GOOD,
     LOST,
     PAUSED,
+    POSITION_LOST,
     QUIET,
     WAITING,
     WARNING,
@@ -59,6 +60,7 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
         *_of_gauges(state),
         *_of_detections(state),
         *_of_places(state),
+        *_of_figures(state),
     ]
     return tuple(sorted(found, key=lambda task: -_SEVERITY.index(task.level)))
 
@@ -81,6 +83,8 @@ def _of_robot(state: MissionState) -> Iterator[OpenTask]:
         yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_place(end))
     elif now.word == PAUSED:
         yield OpenTask(WARNING, "Resume the mission, or call the robot back", command="release")
+    elif now.word == POSITION_LOST:
+        yield OpenTask(ERROR, "Check where the robot is, and correct its position on the robot's computer")
     elif now.word == WAITING:
         yield OpenTask(WARNING, f"Restore what the mission waits for: {now.reason}")
 
@@ -142,6 +146,16 @@ def _of_places(state: MissionState) -> Iterator[OpenTask]:
         more = f" and {len(places) - _MOST_NAMES} more" if len(places) > _MOST_NAMES else ""
         text = f"{kind.remedy or 'See to'} {', '.join(names)}{more}: {word or 'not done'}"
         yield OpenTask(WARNING, text, *(_place(places[0]) if len(places) == 1 else ()))
+
+
+def _of_figures(state: MissionState) -> Iterator[OpenTask]:
+    """Yield the percentages of an ended mission that are below the wanted ones."""
+    if not _is_over(state):
+        return
+    for figure in state.situation.figures.values():
+        if figure.least is not None and figure.value < figure.least:
+            wanted = f"{figure.least:g} {figure.unit}".strip()
+            yield OpenTask(WARNING, f"Decide whether to search again: {figure.text}, below the wanted {wanted}")
 
 
 def _place(landmark: Landmark) -> tuple[str, str]:

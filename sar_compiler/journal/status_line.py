@@ -12,13 +12,18 @@ GOOD, QUIET, WARNING, ERROR = "good", "quiet", "warning", "error"
 """The severities: normal, nothing to report, needs attention, error."""
 
 NOT_BEGUN, DRIVING, WORKING, WAITING = "not begun", "driving", "working", "waiting"
-PAUSED, LOST, BROKEN_OFF = "paused", "lost", "broken off"
-COMPLETE, FAILED, STOPPED, ABORTED = "complete", "failed", "stopped", "aborted"
+PAUSED, LOST, BROKEN_OFF, POSITION_LOST = "paused", "lost", "broken off", "position lost"
+COMPLETE, FAILED, STOPPED, ABORTED, ENDED_EARLY = "complete", "failed", "stopped", "aborted", "ended early"
 
 # The words of this module for the phases of a mission.
-_PHASES = {"held": (PAUSED, WARNING), "waiting": (WAITING, WARNING), "aborted": (ABORTED, WARNING)}
+_PHASES = {
+    "held": (PAUSED, WARNING),
+    "waiting": (WAITING, WARNING),
+    "aborted": (ABORTED, WARNING),
+    POSITION_LOST: (POSITION_LOST, ERROR),
+}
 # The duration is shown for these words.
-_COUNTED = (PAUSED, WAITING)
+_COUNTED = (PAUSED, WAITING, POSITION_LOST)
 _LONG_SILENCE_SEC = 10.0
 _ENDS = {"over": FAILED, "stopped": STOPPED, "failed": FAILED}
 
@@ -84,12 +89,17 @@ def _ended(state: MissionState, run: RunState) -> StatusLine:
     word = _ENDS.get(run.ending, run.ending)
     if state.situation.phase.name == ABORTED and word == FAILED:
         word = ABORTED
-    # The person who stopped the run knows it, unless a goal is orphaned.
-    level = QUIET if word == STOPPED and not state.goals else ERROR
+    # A person who ended the run by a command knows that it is incomplete, unless a goal is orphaned.
+    is_ordered = bool(state.order) and word in (FAILED, ABORTED)
+    if is_ordered and word == FAILED:
+        word = ENDED_EARLY
+    level = QUIET if word == STOPPED else WARNING if is_ordered else ERROR
+    if state.goals:
+        level = ERROR
     # The operator's last command explains the missing items.
-    by = f" ({state.order})" if state.order else ""
+    by = f"{state.order[:1].upper()}{state.order[1:].rstrip('.')}. " if state.order else ""
     left = " A goal may still be active: the robot may be driving." if state.goals else ""
-    return StatusLine(word, level, since, f"{run.reason}{by}{left}".strip())
+    return StatusLine(word, level, since, f"{by}{run.reason}{left}".strip())
 
 
 def _last_words(state: MissionState) -> str:

@@ -18,8 +18,11 @@ from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sar_compiler.compiler import CompiledTree
+from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import DisplayState, Landmark
-from sar_compiler.journal.journal_entries import CHANGED, PLAN, JournalEntry
+from sar_compiler.journal.journal_entries import CHANGED, LOG, PLAN, STATUS, JournalEntry
+from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.status_line import ERROR
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.runtime.kernel.cells import RUNNING, WORDS
@@ -110,7 +113,7 @@ class MissionPublisher(RunExtension):
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._situation = DisplayState()
+        self._mission = MissionState()
         self._is_broken = False
         self._is_state_known = self._are_markers_known = False
         self._plan: Mapping[str, Any] = {}
@@ -131,13 +134,19 @@ class MissionPublisher(RunExtension):
 
     def on_entry(self, entry: JournalEntry) -> None:
         """Publish an entry of the run's journal."""
+        if entry.kind in (STATUS, LOG):
+            return
+        self._mission.take(entry)
+        # They are of no use here, and would grow.
+        self._mission.facts.clear(), self._mission.trail.clear()
         if entry.kind == PLAN:
             self._plan = entry.data
-        elif entry.kind == CHANGED:
-            self._situation.take(**entry.data)
-        else:
-            return
-        self._are_markers_known = False
+        if entry.kind in (PLAN, CHANGED):
+            self._are_markers_known = False
+
+    @property
+    def _situation(self) -> DisplayState:
+        return self._mission.situation
 
     def on_end(self, *, has_begun: bool) -> None:
         """Publish the result if the run has started; nothing is ticked afterwards."""
@@ -187,14 +196,15 @@ class MissionPublisher(RunExtension):
         leaves = [node.behaviour for node in running if node.uid not in inner]
         doing = "; ".join(f"{each.name}: {each.feedback_message}".rstrip(": ") for each in leaves)
         failed = tree.root.status is Status.FAILURE
-        alarms = [each.text for each in self._situation.alarms.values() if not each.is_over]
-        level = DiagnosticStatus.WARN if alarms else DiagnosticStatus.OK
+        tasks = open_tasks(self._mission)
+        is_error = any(task.level == ERROR for task in tasks)
+        level = DiagnosticStatus.ERROR if is_error else DiagnosticStatus.WARN if tasks else DiagnosticStatus.OK
         values = {
             "tree": self._tree.name,
             "root": tree.root.status.value,
             "ticks": tree.count + 1,
             **{each.name: f"{each.value:g}" for each in self._situation.figures.values()},
-            **({"alarms": "; ".join(alarms)} if alarms else {}),
+            **({"to do": "; ".join(task.text for task in tasks)} if tasks else {}),
         }
         status = DiagnosticStatus(
             level=DiagnosticStatus.ERROR if failed else level,

@@ -131,7 +131,7 @@ class RobotObserver:
             (Log, "/rosout", self._on_log, QoSProfile(depth=_LINES)),
         ):
             node.create_subscription(message, topic, take, qos)
-        self._robot, self._lacks = robot_estimate(node), ""
+        self._robot, self._lacks = robot_estimate(node), ("", False)
         self._robot.listen(partial(self._take, POSE))
         if self._robot.pose is not None:
             self._take(POSE, self._robot.pose)
@@ -150,9 +150,12 @@ class RobotObserver:
         """Record the latest postponed message: while the robot stands still, no other one follows."""
         for kind in tuple(self._newest):
             self._tell(kind)
-        if self._robot.lacks != self._lacks:
-            self._lacks = self._robot.lacks
-            self._journal.watch(LACKS, text=self._lacks)
+        # A stopped localisation usually takes Nav2 down. Its loss is the cause, and more urgent: the robot may be anywhere.
+        lost = self._robot.lost_transforms()
+        if (lacks := (lost or self._robot.lacks, bool(lost))) != self._lacks:
+            self._lacks = lacks
+            text, is_position_lost = lacks
+            self._journal.watch(LACKS, text=text, **({"is_position_lost": True} if is_position_lost else {}))
         left_out, self._others = self._others - _OTHERS, 0
         if left_out > 0:
             text = f"{left_out} more warnings of other nodes within {_LOOK_SEC:g} s are omitted."

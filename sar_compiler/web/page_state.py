@@ -244,14 +244,11 @@ class PageState:
         self._why = None
         self._nodes = set()
         self._last, self._at_rest = {}, set()
-        node = self._mission.runs[-1].about.get("node")
-        self._add_line("fact", f"The run began{f' on {node}' if node else ''}.")
+        self._add_line("fact", "The run began.")
 
     def _on_run_ended(self, _: JournalEntry) -> None:
         run = self._mission.runs[-1]
-        self._add_line(
-            "fact", f"The run ended with status {run.status}{f': {run.reason}' if run.reason else '.'}"
-        )
+        self._add_line("fact", f"The run ended{f': {run.reason}' if run.reason else '.'}")
 
     def _on_status(self, entry: JournalEntry) -> None:
         data = entry.data

@@ -2,10 +2,11 @@
 
 import pytest
 
-from sar_compiler.journal.display import Alarm, Gauge, Landmark, LandmarkKind, Level, MissionPhase
-from sar_compiler.journal.journal_entries import GOAL_SENT, RUN_BEGAN, RUN_ENDED, JournalEntry
+from sar_compiler.journal.display import Alarm, Figure, Gauge, Landmark, LandmarkKind, Level, MissionPhase
+from sar_compiler.journal.journal_entries import GOAL_SENT, LACKS, RUN_BEGAN, RUN_ENDED, JournalEntry
 from sar_compiler.journal.mission_state import MissionState, RunProcess
 from sar_compiler.journal.open_tasks import find_open_tasks, severity
+from sar_compiler.journal.status_line import condition
 
 KINDS = (
     LandmarkKind("zone", "zones", remedy="Send people to search"),
@@ -175,3 +176,28 @@ def test_errors_come_before_warnings():
         "error",
         "warning",
     ]
+
+
+def test_a_lost_position_is_an_error_of_its_own_and_asks_for_the_robot_to_be_found():
+    state = mission(AWAY)
+    state.take(JournalEntry(3, 1, 2.0, 2.0, LACKS, {"text": "no transform", "is_position_lost": True}))
+    assert condition(state)[:2] == ("position lost", "error")
+    assert texts(state) == ["Check where the robot is, and correct its position on the robot's computer"]
+    state.take(JournalEntry(4, 1, 3.0, 3.0, LACKS, {"text": ""}))
+    assert severity(state) == "good"
+
+
+@pytest.mark.parametrize(("least", "level"), [(None, "good"), (50.0, "good"), (80.0, "warning")])
+def test_an_ended_search_with_less_than_the_wanted_probability_of_success_is_not_green(least, level):
+    state = mission(AT_HOME, end=0)
+    state.situation.figures["success"] = Figure("success", 57.0, unit="%", least=least)
+    assert severity(state) == level
+
+
+def test_a_mission_that_an_operator_has_called_home_is_ended_early_and_no_error():
+    state = mission(AT_HOME)
+    changed = {"phase": {"reason": "called home by Ann"}, "by": "Ann"}
+    state.take(JournalEntry(3, 1, 2.0, 2.0, "changed", changed))
+    state.take(JournalEntry(4, 1, 3.0, 3.0, RUN_ENDED, {"ending": "over", "status": 1, "reason": "b is left."}))
+    assert condition(state)[:2] == ("ended early", "warning")
+    assert condition(state).reason == "Called home by Ann. b is left."

@@ -163,13 +163,14 @@ def test_diagnostics_warn_of_alarms_until_they_are_over(publish, witness, ros):
     seen = witness.listen(DiagnosticArray, "/diagnostics")
     runner, publisher = publish('<Queue answers="RRRR"/>')
     alarms = [{"text": "the battery is low"}, {"text": "no link", "is_over": True}]
+    publisher.on_entry(entry("run_began", run={}))
     publisher.on_entry(entry("changed", alarms=alarms))
     ros.spin_until(publisher._diagnostics.get_subscription_count, "the witness")
     runner.tick()
     ros.spin_until(lambda: seen, "diagnostics")
     (status,) = seen[0].status
-    assert (status.level, {each.key: each.value for each in status.values}["alarms"]) == (
-        b"\x01",
+    assert (status.level, {each.key: each.value for each in status.values}["to do"]) == (
+        b"\x02",
         "the battery is low",
     )
 
@@ -254,7 +255,7 @@ def test_a_mission_that_cannot_be_shown_flies_on(publish, said, monkeypatch):
         raise LookupError(message)
 
     runner, publisher = publish('<Queue answers="R"/>')
-    monkeypatch.setattr(publisher, "_situation", SimpleNamespace(landmarks=SimpleNamespace(values=broken)))
+    monkeypatch.setattr(publisher._mission, "situation", SimpleNamespace(landmarks=SimpleNamespace(values=broken)))
     runner.tick()
     runner.tick()
     assert runner.count == 2

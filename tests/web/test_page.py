@@ -775,7 +775,7 @@ def test_the_facts_are_shown_that_many_lines_have_pushed_out(live, browser):
     assert lines(browser)[0] == "line 50"
     browser.click("#facts")
     browser.wait(lambda: len(lines(browser)) == 2, "the facts")
-    assert lines(browser) == ["The run began on /patrol.", "came back"]
+    assert lines(browser) == ["The run began.", "came back"]
 
 
 def test_the_log_has_no_lines_of_the_mission_before(live, browser):

@@ -291,7 +291,7 @@ def test_a_late_browser_is_told_what_has_happened_and_then_the_news(live):
     late = events(run, lambda found: "2 m left" in known(found).get("states", {}).get("1", ()))
     assert [name for name, _ in early][:2] == ["hello", "changes"]
     assert early[0][1]["mode"] == "live"
-    assert lines(late) == ["The run began on /patrol.", "reached north"]
+    assert lines(late) == ["The run began.", "reached north"]
     assert known(late)["landmarks"]["point/north"]["state"] == "visited"
 
 
@@ -316,7 +316,7 @@ def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatc
             news.wait_until(is_let_go, lambda: "nobody was let go")
         run.journal.watch("plan", frame="map", points=[[399, 0.0]])
         told = events(run, lambda found: [399.0, 0.0] in known(found).get("plan", ()))
-    assert lines(told) == ["The run began on /patrol."]
+    assert lines(told) == ["The run began."]
 
 
 def test_the_page_listens_on_this_machine_alone(live):
@@ -407,7 +407,7 @@ def test_an_entry_that_is_no_json_is_not_the_end_of_the_page(live, value):
     run.feed.take(JournalEntry(9, 1, 0.0, 0.0, "odd", {"value": value}))
     run.journal.note("docked")
     began, odd, docked = lines(events(run, lambda found: "docked" in lines(found)))
-    assert (began, docked) == ("The run began on /patrol.", "docked")
+    assert (began, docked) == ("The run began.", "docked")
     assert odd.startswith("unreadable: kind: odd, reason: ")
 
 

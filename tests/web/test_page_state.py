@@ -225,7 +225,7 @@ def test_facts_outlast_the_lines_of_the_log():
     told: list[tuple[str, dict[str, Any]]] = [("found", {"name": "first"})]
     told += [("log", {"node": "", "level": 20, "text": str(number)}) for number in range(10_000)]
     lines = [line[-1] for line in run_of(*told).whole()["log"]["values"]]
-    assert lines[:2] == ["The run began on /patrol.", "found: name: first"]
+    assert lines[:2] == ["The run began.", "found: name: first"]
 
 
 def test_facts_are_kept_over_the_beginning_of_another_run():
@@ -235,7 +235,7 @@ def test_facts_are_kept_over_the_beginning_of_another_run():
     state.take(JournalEntry(9, 2, 0.0, 50.0, "run_began", {**ABOUT, "run": {}}))
     shown = state.whole()
     assert [line[-1] for line in shown["log"]["values"]] == [
-        "The run began on /patrol.",
+        "The run began.",
         "found: name: bag",
         "The run began.",
     ]
