@@ -86,7 +86,8 @@ def _of_robot(state: MissionState) -> Iterator[OpenTask]:
     elif now.word == POSITION_LOST:
         yield OpenTask(ERROR, "Check where the robot is, and correct its position on the robot's computer")
     elif now.word == WAITING:
-        yield OpenTask(WARNING, f"Restore what the mission waits for: {now.reason}")
+        # The details after the colon name nodes, and are for engineers.
+        yield OpenTask(WARNING, f"Have the cause of the wait removed: {now.reason.partition(': ')[0]}")
 
 
 def _is_over(state: MissionState) -> bool:
@@ -139,7 +140,8 @@ def _of_places(state: MissionState) -> Iterator[OpenTask]:
         # An outline repeats the state of the place that it belongs to, unless a person has to act on it.
         is_task = kind.remedy or not (each.corners or kind.is_found or kind.is_end)
         if is_left and is_task:
-            groups.setdefault((kind.name, each.state), []).append(each)
+            word = "not finished" if each.level == Level.IN_HAND else each.state
+            groups.setdefault((kind.name, word), []).append(each)
     for (_, word), places in groups.items():
         kind = state.situation.kind_of(places[0])
         names = [f"{each.name}{f' ({each.reason})' if each.reason else ''}" for each in places[:_MOST_NAMES]]
@@ -155,7 +157,9 @@ def _of_figures(state: MissionState) -> Iterator[OpenTask]:
     for figure in state.situation.figures.values():
         if figure.least is not None and figure.value < figure.least:
             wanted = f"{figure.least:g} {figure.unit}".strip()
-            yield OpenTask(WARNING, f"Decide whether to search again: {figure.text}, below the wanted {wanted}")
+            yield OpenTask(
+                WARNING, f"Decide whether to search again: {figure.text}, below the wanted {wanted}"
+            )
 
 
 def _place(landmark: Landmark) -> tuple[str, str]:

@@ -138,7 +138,8 @@ class MissionPublisher(RunExtension):
             return
         self._mission.take(entry)
         # They are of no use here, and would grow.
-        self._mission.facts.clear(), self._mission.trail.clear()
+        self._mission.facts.clear()
+        self._mission.trail.clear()
         if entry.kind == PLAN:
             self._plan = entry.data
         if entry.kind in (PLAN, CHANGED):
@@ -198,7 +199,9 @@ class MissionPublisher(RunExtension):
         failed = tree.root.status is Status.FAILURE
         tasks = open_tasks(self._mission)
         is_error = any(task.level == ERROR for task in tasks)
-        level = DiagnosticStatus.ERROR if is_error else DiagnosticStatus.WARN if tasks else DiagnosticStatus.OK
+        level = (
+            DiagnosticStatus.ERROR if is_error else DiagnosticStatus.WARN if tasks else DiagnosticStatus.OK
+        )
         values = {
             "tree": self._tree.name,
             "root": tree.root.status.value,

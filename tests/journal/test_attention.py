@@ -142,7 +142,7 @@ def test_a_pause_is_ended_by_the_command_of_that_role():
 
 def test_what_a_mission_waits_for_is_named():
     assert texts(mission(phase=MissionPhase("waiting", "Nav2 is not active"))) == [
-        "Restore what the mission waits for: Nav2 is not active"
+        "Have the cause of the wait removed: Nav2 is not active"
     ]
 
 
@@ -198,6 +198,8 @@ def test_a_mission_that_an_operator_has_called_home_is_ended_early_and_no_error(
     state = mission(AT_HOME)
     changed = {"phase": {"reason": "called home by Ann"}, "by": "Ann"}
     state.take(JournalEntry(3, 1, 2.0, 2.0, "changed", changed))
-    state.take(JournalEntry(4, 1, 3.0, 3.0, RUN_ENDED, {"ending": "over", "status": 1, "reason": "b is left."}))
+    state.take(
+        JournalEntry(4, 1, 3.0, 3.0, RUN_ENDED, {"ending": "over", "status": 1, "reason": "b is left."})
+    )
     assert condition(state)[:2] == ("ended early", "warning")
     assert condition(state).reason == "Called home by Ann. b is left."

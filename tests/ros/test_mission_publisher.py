@@ -255,7 +255,9 @@ def test_a_mission_that_cannot_be_shown_flies_on(publish, said, monkeypatch):
         raise LookupError(message)
 
     runner, publisher = publish('<Queue answers="R"/>')
-    monkeypatch.setattr(publisher._mission, "situation", SimpleNamespace(landmarks=SimpleNamespace(values=broken)))
+    monkeypatch.setattr(
+        publisher._mission, "situation", SimpleNamespace(landmarks=SimpleNamespace(values=broken))
+    )
     runner.tick()
     runner.tick()
     assert runner.count == 2

@@ -43,10 +43,10 @@ def hold(journal):
     journal.note("held", is_held=True)
 
 
-def lack(text):
+def lack(text, **more):
     def happen(journal):
         drive(journal)
-        journal.watch("lacks", text=text)
+        journal.watch("lacks", text=text, **more)
         journal.note("point_added", point="west", x=0.0, y=0.0)
 
     return happen
@@ -68,7 +68,7 @@ SCENES = {
     "driving": drive,
     "paused": hold,
     "waiting for Nav2": lack("Nav2 is not active: bt_navigator is inactive"),
-    "no localisation": lack("No transform from 'map' has come for 3 s: the localisation has stopped"),
+    "no localisation": lack("No transform from 'map' has come for 3 s", is_position_lost=True),
     "complete": finish(Ending.OVER, 0, "Every point was visited."),
     "failed": finish(Ending.OVER, 1, "No point is left. east was not visited."),
     "aborted": finish(Ending.OVER, 1, "The patrol has ended where the robot stands.", "aborted"),

@@ -4,7 +4,10 @@ import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
 const SEVERITY = ["quiet", "good", "warning", "error"];
-const COUNTED = ["paused", "waiting", "lost"];
+const COUNTED = ["paused", "waiting", "lost", "position lost"];
+// A robot in one of these states does not drive, whatever was said before.
+const STANDING = ["paused", "waiting", "aborted"];
+const UNPLACED = "position lost";
 
 /** The condition of a run as a page shows it: word, level (the worst of it and its open tasks), reason, and how many seconds it has lasted (null where nobody asks). */
 export function conditionOf(stream, run) {
@@ -12,7 +15,9 @@ export function conditionOf(stream, run) {
   if (isReplay && silent) return { word: "not connected", level: "error", reason: "no other time can be shown", lasts: null };
   if (trouble) return { word: "trouble", level: "error", reason: trouble, lasts: null };
   if (!isTold) return { word: silent > 4 ? "not connected" : "connecting", level: silent > 4 ? "error" : "quiet", reason: "", lasts: null };
-  const { word, level, reason, since } = run.condition;
+  const { word, level, since } = run.condition;
+  // The details of a wait name nodes, and are for engineers.
+  const reason = word === "waiting" ? run.condition.reason.split(": ")[0] : run.condition.reason;
   if (silent && !run.run.ended) return { word: "lost", level: "error", reason: `No word for ${clock(silent)}. The robot may still be driving.`, lasts: null };
   return { word, level: worst([level, ...run.tasks.map((task) => task.level)]), reason, lasts: COUNTED.includes(word) ? run.time - since : null };
 }
@@ -32,7 +37,19 @@ export function isStale(stream, run) {
   return !run.run.ended && (isCrashed(run) || isLost(run) || (Boolean(stream.silent) && !stream.isReplay));
 }
 
-function worst(levels) {
+/** Whether the drive, the plan and the time to go of a run are those of now. */
+export function isMoving(stream, run) {
+  const { word } = run.condition;
+  return !run.run.ended && !isStale(stream, run) && !STANDING.includes(word) && word !== UNPLACED;
+}
+
+/** Whether the place of a robot is the one of now. */
+export function isPlaced(stream, run) {
+  return !isStale(stream, run) && run.condition.word !== UNPLACED;
+}
+
+/** The worst of some levels. */
+export function worst(levels) {
   return levels.reduce((one, other) => (SEVERITY.indexOf(other) > SEVERITY.indexOf(one) ? other : one));
 }
 
@@ -45,4 +62,5 @@ export function showCondition(place, { word, level, reason, lasts }, isLong = tr
   say(name, word);
   say(time, lasts === null ? "" : clock(lasts));
   say(why, isLong ? reason : "");
+  set(why, { title: isLong ? reason : null });
 }

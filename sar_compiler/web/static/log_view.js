@@ -7,7 +7,8 @@ const LINES = 400;
 export class LogView {
   constructor(place) {
     this.place = place;
-    this.onlyFacts = false;
+    // The levels that are shown; null for all.
+    this.levels = null;
     // Whether it stays at the newest line: until somebody scrolls up.
     this.follows = true;
     this.again();
@@ -20,7 +21,7 @@ export class LogView {
   /** Show what is there by now. */
   show({ log }) {
     if (log === this.log) return;
-    const wanted = log.filter(({ level }) => !this.onlyFacts || level !== "info").slice(-LINES);
+    const wanted = log.filter(({ level }) => !this.levels || this.levels.includes(level)).slice(-LINES);
     // What is there already stays: somebody may read, or select, it.
     const known = new Map(this.lines);
     this.lines = new Map(wanted.map((each) => [each, known.get(each) ?? line(each)]));

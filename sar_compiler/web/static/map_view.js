@@ -1,6 +1,6 @@
 // The map: the robots' maps, poses, trails and plans, and the landmarks of their missions.
 
-import { isStale } from "./condition_view.js";
+import { isMoving, isPlaced } from "./condition_view.js";
 import { inWords } from "./places_view.js";
 import { clock, html, icon, mark, say, set, svg } from "./shapes.js";
 import { LEVELS } from "./signs.js";
@@ -23,6 +23,10 @@ export class MapView {
     this.legend = legend && new Legend(legend);
     this.zoom = 1;
     this.shift = [0, 0];
+    this.layers = new Map();
+    this.arrows = new Map();
+    this.marks = [];
+    this.onChosen = () => {};
     this.picking = null;
     this.drawn = null;
     this.canvas = svg("svg", { role: "presentation" });
@@ -59,36 +63,81 @@ export class MapView {
     // The one that is chosen lies above the others.
     const order = [...runs.filter((each) => each !== run), run];
     const of = (draw) => order.flatMap((each) => draw(each, each === run ? "" : " other"));
-    const marks = of((each) => this.landmarks(each));
-    const robots = of((each, other) => this.robot(each, other));
-    this.canvas.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    this.canvas.replaceChildren(
-      ...this.ground(run.map ? run : (runs.find(({ map }) => map) ?? run), scale),
-      this.grid(width, height, scale),
-      ...of((each) => this.shades(each)),
-      ...of((each) => this.rasters(each, scale)),
-      ...of((each) => this.areas(each)),
-      ...this.drawing(),
-      ...of((each, other) => this.ways(each, other)),
-      ...marks.map(({ group }) => group),
-      ...robots.map(({ group }) => group),
-      ...this.labels([...robots, ...marks], width, height),
-      this.ruler(scale, height),
-      this.north(run, width),
-    );
-    this.place.setAttribute("aria-label", `Map. ${described(stream)}`);
+    const view = [width, height, scale, cx, cy, ...this.shift].join(" ");
+    const told = `${view} ${order.map((each) => `${runs.indexOf(each)}.${each.version}`).join(" ")}`;
+    const mapped = run.map ? run : (runs.find(({ map }) => map) ?? run);
+    this.mapNumber = mapped.map === this.mapped ? this.mapNumber : (this.mapNumber ?? 0) + 1;
+    this.mapped = mapped.map;
+    set(this.canvas, { viewBox: `0 0 ${width} ${height}` });
+    // Each layer is drawn anew only if what it shows is otherwise.
+    this.layer("ground", `${view} ${this.mapNumber}`, () => this.ground(mapped, scale, width, height));
+    this.layer("grid", view, () => [this.grid(width, height, scale)]);
+    this.layer("areas", told, () => [...of((each) => this.shades(each)), ...of((each) => this.rasters(each, scale)), ...of((each) => this.areas(each))]);
+    this.layer("drawing", `${view} ${JSON.stringify(this.drawn)}`, () => this.drawing());
+    const ways = order.map((each) => `${each.trail.length} ${each.trail.at(-1)} ${each.plan.length} ${each.plan[0]} ${each.pose?.x} ${each.pose?.y} ${isMoving(stream, each)}`);
+    this.layer("ways", `${view} ${ways.join(" ")}`, () => of((each, other) => this.ways(each, other)));
+    this.layer("marks", told, () => {
+      this.marks = of((each) => this.landmarks(each));
+      return this.marks.map(({ group }) => group);
+    });
+    const robots = this.robots(order, run, view);
+    this.taken = [...this.marks, ...robots].map(({ at: [x, y], radius }) => [x - radius, y - radius, x + radius, y + radius]);
+    const places = robots.map(({ at: [x, y], text }) => `${Math.round(x / 8)} ${Math.round(y / 8)} ${text}`).join(" ");
+    this.layer("labels", `${told} ${places}`, () => this.labels([...robots, ...this.marks], width, height));
+    this.layer("signs", `${view} ${run.north}`, () => [this.ruler(scale, height), this.north(run, width)]);
+    set(this.place, { "aria-label": `Map. ${described(stream)}` });
     this.legend?.show(run);
   }
 
-  ground({ map }, scale) {
+  /** Draw a layer anew if its key is another one. */
+  layer(name, key, draw) {
+    let known = this.layers.get(name);
+    if (!known) {
+      known = { group: svg("g"), key: null };
+      this.layers.set(name, known);
+      this.canvas.append(known.group);
+    }
+    if (known.key === key) return;
+    known.key = key;
+    known.group.replaceChildren(...draw());
+  }
+
+  /** The robots, which glide to their new places. */
+  robots(order, run, view) {
+    const drawn = order.flatMap((each) => this.robot(each, each === run ? "" : " other"));
+    this.layer("robots", drawn.map(({ number }) => number).join(" "), () => drawn.map(({ group }) => group));
+    const isMoved = view !== this.view;
+    this.view = view;
+    for (const { group, at: [x, y], name } of drawn) {
+      group.classList.toggle("still", isMoved);
+      group.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+      set(group, { class: isMoved ? `${name} still` : name });
+    }
+    return drawn;
+  }
+
+  /** Bring a landmark into the middle, and mark it for a moment. */
+  look({ kind, name, robot = this.stream?.chosen }) {
+    const landmark = this.stream?.runs[robot]?.landmarks.get(`${kind}/${name}`);
+    if (!landmark || !this.at) return;
+    const [px, py] = this.at(landmark.x, landmark.y);
+    this.shift = [this.shift[0] + this.place.clientWidth / 2 - px, this.shift[1] + this.place.clientHeight / 2 - py];
+    this.again();
+    this.place.scrollIntoView({ block: "nearest" });
+    for (const { group, landmark: each } of this.marks) group.classList.toggle("looked-at", each.kind === kind && each.name === name);
+  }
+
+  ground({ map }, scale, width, height) {
     if (!map) return [];
+    const hatch = svg("pattern", { id: "unknown", width: 8, height: 8, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" }, svg("path", { d: "M0 0 V8" }));
     const [x, y] = this.at(map.x, map.y);
     const size = map.resolution * scale;
     const image = svg("image", {
       href: `data:image/png;base64,${map.png}`, width: map.width * size, height: map.height * size, y: -map.height * size,
       transform: `translate(${x} ${y}) rotate(${(-map.yaw * 180) / Math.PI})`, preserveAspectRatio: "none",
     });
-    return [image];
+    const free = svg("rect", { class: "mapped", width: map.width * size, height: map.height * size, y: -map.height * size, transform: image.getAttribute("transform") });
+    return [svg("defs", {}, hatch), svg("rect", { class: "unknown", width, height, fill: "url(#unknown)" }), free, image];
   }
 
   /** Lines each so many metres, with the numbers that one says over the radio. */
@@ -112,7 +161,7 @@ export class MapView {
 
   ways(run, other) {
     const { trail, pose } = run;
-    const plan = isStale(this.stream, run) || run.run.ended ? [] : run.plan;
+    const plan = isMoving(this.stream, run) ? run.plan : [];
     const line = (points, name) => svg("polyline", { class: name, points: points.map(([x, y]) => this.at(x, y).map((each) => each.toFixed(1)).join(",")).join(" ") });
     return [line(trail, `trail${other}`), ...(plan.length ? [line(rest(plan, pose), `plan under${other}`), line(rest(plan, pose), `plan${other}`)] : [])];
   }
@@ -158,20 +207,22 @@ export class MapView {
     const group = mark(landmark, kind);
     group.prepend(svg("title", {}, titled(landmark)));
     set(group, { "data-kind": kind.name, transform: `translate(${px.toFixed(1)} ${py.toFixed(1)})` });
-    this.taken.push([px - RADIUS, py - RADIUS, px + RADIUS, py + RADIUS]);
-    return { group, at: [px, py], text: this.stream.nameOf(run, landmark.name), style: "label" };
+    group.addEventListener("click", () => this.picking || this.onChosen(landmark));
+    return { group, landmark, at: [px, py], radius: RADIUS, text: this.stream.nameOf(run, landmark.name), style: "label" };
   }
 
   robot(run, other) {
     const { pose } = run;
     if (!pose) return [];
-    const [x, y] = this.at(pose.x, pose.y);
-    const turn = (-(pose.yaw ?? 0) * 180) / Math.PI;
-    const name = this.stream.isTeam ? this.stream.names[this.stream.runs.indexOf(run)] : "";
-    const arrow = svg("g", { transform: `rotate(${turn.toFixed(1)})` }, svg("path", { class: "halo", d: ARROW }), svg("path", { class: "arrow", d: ARROW }));
-    const group = svg("g", { class: `robot${other}${isStale(this.stream, run) ? " stale" : ""}`, transform: `translate(${x.toFixed(1)} ${y.toFixed(1)})` }, svg("title", {}, name || "the robot"), arrow);
-    this.taken.push([x - 15, y - 15, x + 15, y + 15]);
-    return [{ group, at: [x, y], text: name, style: "label name" }];
+    const at = this.at(pose.x, pose.y);
+    const number = this.stream.runs.indexOf(run);
+    const text = this.stream.isTeam ? this.stream.names[number] : "";
+    const group = this.arrows.get(number) ?? svg("g", {}, svg("title"), svg("g", {}, svg("path", { class: "halo", d: ARROW }), svg("path", { class: "arrow", d: ARROW })));
+    this.arrows.set(number, group);
+    const isOld = !isPlaced(this.stream, run);
+    say(group.firstChild, `${text || "the robot"}${isOld ? ", last known place" : ""}`);
+    set(group.lastChild, { transform: `rotate(${((-(pose.yaw ?? 0) * 180) / Math.PI).toFixed(1)})` });
+    return [{ group, at, number, radius: 15, name: `robot${other}${isOld ? " stale" : ""}`, text, style: "label name" }];
   }
 
   /** The names beside their marks, each where it hides least. */
@@ -182,7 +233,8 @@ export class MapView {
         const [cx, cy] = [x + right * (half + RADIUS + 2), y + down * (HEIGHT / 2 + RADIUS + 1)];
         return [cx - half, cy - HEIGHT / 2, cx + half, cy + HEIGHT / 2];
       });
-      const cost = boxes.map((box, side) => side * 0.5 + outside(box, width, height) + this.taken.reduce((sum, other) => sum + overlap(box, other), 0));
+      const near = marks.filter(({ at }) => Math.hypot(at[0] - x, at[1] - y) < 2 * (half + RADIUS) && (at[0] !== x || at[1] !== y));
+      const cost = boxes.map((box, side) => side * 0.5 + outside(box, width, height) + this.taken.reduce((sum, other) => sum + overlap(box, other), 0) + mistaken(box, [x, y], near));
       const box = boxes[cost.indexOf(Math.min(...cost))];
       this.taken.push(box);
       return svg("text", { class: style, x: ((box[0] + box[2]) / 2).toFixed(1), y: (box[3] - 4).toFixed(1), "text-anchor": "middle" }, text);
@@ -384,6 +436,12 @@ function cells(layer) {
 /** How much of a box lies on another, in square pixels. */
 function overlap([left, top, right, bottom], [a, b, c, d]) {
   return Math.max(0, Math.min(right, c) - Math.max(left, a)) * Math.max(0, Math.min(bottom, d) - Math.max(top, b));
+}
+
+/** The cost of a label that lies nearer to another mark than to its own. */
+function mistaken([left, top, right, bottom], own, others) {
+  const away = ([x, y]) => Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
+  return others.some(({ at }) => away(at) < away(own)) ? 200 : 0;
 }
 
 function outside([left, top, right, bottom], width, height) {

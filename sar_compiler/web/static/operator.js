@@ -1,30 +1,29 @@
 // The operator's page: the map, the status line, the commands, and the events.
 
-import { conditionOf, isStale, showCondition } from "./condition_view.js";
+import { conditionOf, isStale, showCondition, worst } from "./condition_view.js";
 import { LogView } from "./log_view.js";
 import { MapView } from "./map_view.js";
 import { Orders } from "./orders.js";
-import { AlarmsView, CardsView, TasksView, driveLeft, showFigures, showGauges } from "./panels.js";
+import { AlarmsView, CardsView, TasksView, driveLeft, showFigures, showGauges, showTimes } from "./panels.js";
 import { PlacesView } from "./places_view.js";
 import { PropertiesView } from "./properties_view.js";
 import { ReplayBar } from "./replay_bar.js";
 import { say } from "./shapes.js";
 import { Stream, drawer } from "./stream.js";
-import { WhyView } from "./why_view.js";
 
 const at = (id) => document.getElementById(id);
 const stream = new Stream({ begin, change: drawer(show) });
 const map = new MapView(at("map"), at("legend").querySelector("table"));
 const orders = new Orders(at("orders"), stream, map);
 const alarms = new AlarmsView(at("alarms"), at("sound"));
-const tasks = new TasksView(at("tasks"), orders);
+const tasks = new TasksView(at("tasks"), orders, alarms, (task) => map.look(task));
 const cards = new CardsView(at("robots"));
-const places = new PlacesView(at("places"));
+const places = new PlacesView(at("places"), (landmark) => map.look(landmark));
+map.onChosen = (landmark) => places.look(landmark);
 const properties = new PropertiesView(at("properties"));
 const log = new LogView(at("log"));
-const why = new WhyView(at("why"));
 const replay = new ReplayBar(at("timeline"), stream);
-log.onlyFacts = true;
+log.levels = ["fact"];
 
 function begin() {
   orders.again();
@@ -35,24 +34,28 @@ function begin() {
 
 function show() {
   const { run } = stream;
-  const condition = conditionOf(stream, run);
+  const condition = worstOf(stream);
   showCondition(at("condition"), condition);
   // What is read out changes with the word, and not every second.
   say(at("said"), `${condition.word}${condition.level === "error" && condition.lasts === null ? "" : `, ${condition.reason}`}`);
-  document.body.dataset.level = condition.level;
+  // The colour is the worst of all robots.
+  const level = worst([condition.level, ...stream.runs.map((each) => conditionOf(stream, each).level)]);
+  document.body.dataset.level = level;
+  showIcon(level);
   document.body.classList.toggle("stale", isStale(stream, run));
   orders.show();
   // A run in the server's own process has none before its end.
   at("report").hidden = !stream.tools.includes("report") || (stream.tools.includes("entries") && !run.run.ended);
   at("report").href = `report?robot=${stream.chosen}`;
   if (!stream.isTold) return;
-  const { mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
+  const { mission = "mission", is_simulated: isSimulated } = run.run;
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
-  at("mission").title = node;
-  document.title = `${run.tasks.length ? `(${run.tasks.length}) ` : ""}${condition.word}: ${mission}`;
+  const open = stream.runs.reduce((sum, each) => sum + each.tasks.length, 0);
+  document.title = `${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
   // What is still to come is said as long as something does.
   say(at("drive"), driveLeft(stream, run));
-  showFigures(at("figures"), stream, run);
+  showTimes(at("times"), stream, run);
+  showFigures(at("figures"), run);
   showGauges(at("gauges"), run);
   map.show(stream);
   tasks.show(stream);
@@ -61,13 +64,29 @@ function show() {
   places.show(stream);
   properties.show(run);
   log.show(run);
-  why.show(run);
   if (stream.isReplay) replay.show();
   document.body.classList.add("ready");
 }
 
+/** The condition of the chosen robot, or of another one that is worse and needs somebody, with its name. */
+function worstOf(stream) {
+  const all = stream.runs.map((each) => conditionOf(stream, each));
+  const level = worst(["good", ...all.map((each) => each.level)]);
+  const chosen = all[stream.chosen];
+  const index = all.findIndex((each) => each.level === level);
+  return index < 0 || level === "good" || chosen.level === level ? chosen : { ...all[index], word: `${stream.names[index]}: ${all[index].word}` };
+}
+
+/** Have the icon of the tab in the colour of the state. */
+function showIcon(level) {
+  if (at("icon").dataset.level === level) return;
+  at("icon").dataset.level = level;
+  const colour = { good: "#1a7f37", warning: "#bf8700", error: "#cf222e" }[level] ?? "#6e7781";
+  at("icon").href = `data:image/svg+xml,${encodeURIComponent(`<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><circle cx="8" cy="8" r="7" fill="${colour}"/></svg>`)}`;
+}
+
 at("all").addEventListener("change", () => {
-  log.onlyFacts = !at("all").checked;
+  log.levels = at("all").checked ? null : ["fact"];
   log.again();
   show();
 });

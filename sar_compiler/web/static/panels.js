@@ -1,6 +1,6 @@
 // Parts of the operator's page beside the map: gauges and figures, open tasks, alarms, and a card for each robot.
 
-import { conditionOf, isStale, showCondition } from "./condition_view.js";
+import { conditionOf, isMoving, isStale, showCondition } from "./condition_view.js";
 import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
@@ -8,17 +8,26 @@ const SEEN = "sar-seen";
 // The number of alarms that are remembered as seen.
 const REMEMBERED = 200;
 
-/** How far the mission is, in figures: its time, about how long it still takes, how long it may, and what it says itself. */
-export function showFigures(place, stream, run) {
+/** The times of a mission: how long it has lasted, about how long it still takes, and how long it may take. */
+export function showTimes(place, stream, run) {
   const { estimate, time, run: { number } } = run;
-  const ended = run.run.ended || isStale(stream, run);
+  const ended = !isMoving(stream, run);
   const left = ended || estimate.end == null || estimate.end < time ? null : estimate.end - time;
   const rows = [
     ["time", number ? `${clock(time)}${number > 1 ? `, run ${number}` : ""}` : "–"],
     ...(ended ? [] : [["to go", left == null ? "–" : `about ${clock(left)}`]]),
     ...(estimate.limit ? [["limit", clock(estimate.limit), !ended && left != null && time + left > estimate.limit]] : []),
-    ...run.figures.map(({ name, value, of, unit }) => [name, `${round(value)}${of == null ? "" : ` of ${round(of)}`}${unit ? ` ${unit}` : ""}`]),
   ];
+  showRows(place, rows);
+}
+
+/** What the mission counts and measures. */
+export function showFigures(place, run) {
+  place.hidden = !run.figures.length;
+  showRows(place, run.figures.map(({ name, value, of, unit }) => [name, `${round(value)}${of == null ? "" : ` of ${round(of)}`}${unit ? ` ${unit}` : ""}`]));
+}
+
+function showRows(place, rows) {
   const key = rows.map(([name]) => name).join("\n");
   if (place.dataset.key !== key) {
     place.dataset.key = key;
@@ -39,7 +48,7 @@ export function showGauges(place, run) {
     place.dataset.key = key;
     place.replaceChildren(...gauges.map(({ name, unit }) => {
       const bar = unit === "%" ? html("div", { class: "bar-of" }, html("meter", { min: 0, max: 100, "aria-label": name }), html("i", { "aria-hidden": "true" })) : "";
-      return html("div", { class: "gauge" }, html("span", {}, name), bar, html("b"));
+      return html("div", { class: "gauge" }, html("span", {}, name, html("small")), bar, html("b"));
     }));
   }
   gauges.forEach(({ name, value, unit, least }, index) => {
@@ -47,7 +56,7 @@ export function showGauges(place, run) {
     const isLow = least != null && value < least;
     set(gauge, { class: `gauge${isLow ? " low" : ""}` });
     say(gauge.lastChild, `${isLow ? "▼ " : ""}${round(value)} ${unit}`.trim());
-    say(gauge.firstChild, least == null ? name : `${name}, low below ${round(least)} ${unit}`.trim());
+    say(gauge.firstChild.lastChild, least == null ? "" : `, low below ${round(least)} ${unit}`.trimEnd());
     const bar = gauge.querySelector("meter");
     if (!bar) return;
     set(bar, { value, low: least ?? 0 });
@@ -62,7 +71,7 @@ function round(value) {
 
 /** What is left of the drive that is under way; the one place of the page that says it. */
 export function driveLeft(stream, run) {
-  if (!run.drive || run.run.ended || isStale(stream, run)) return "";
+  if (!run.drive || !isMoving(stream, run)) return "";
   const { distance, time_left: left } = run.drive;
   return `${distance.toFixed(1)} m${left == null ? "" : `, about ${clock(left)}`}`;
 }
@@ -71,8 +80,8 @@ const STOP_BUTTON = "Press the stop button on the robot: it may still be driving
 
 /** What a person has to do now, the most urgent first, each with its command where it can be given; alarms have a place of their own. */
 export class TasksView {
-  constructor(place, orders) {
-    Object.assign(this, { place, orders });
+  constructor(place, orders, alarms, look) {
+    Object.assign(this, { place, orders, alarms, look, known: new Set() });
   }
 
   show(stream) {
@@ -80,19 +89,29 @@ export class TasksView {
     const all = stream.runs.flatMap((each, robot) => each.tasks.filter((task) => !task.is_alarm).map((task) => ({ ...task, robot, who: stream.isTeam ? `${stream.names[robot]}: ` : "" })));
     if (silent && !isReplay && !run.run.ended) all.unshift({ level: "error", text: STOP_BUTTON, name: "", command: "", robot: stream.chosen, who: "" });
     const told = all.map((task) => ({ ...task, verb: task.robot === stream.chosen ? this.orders.find(task.command) : undefined }));
-    const key = JSON.stringify(told);
+    const key = JSON.stringify([told, run.run.number]);
     if (key === this.key) return;
     this.key = key;
-    this.place.hidden = !run.run.number;
-    const items = told.map(({ level, who, text, name, verb }) => {
-      const item = html("li", { class: level }, html("b", { "aria-hidden": "true" }, CONDITIONS[level]), html("span", {}, who + text));
+    const added = told.filter(({ level, who, text }) => level === "error" && !this.known.has(who + text));
+    this.alarms.ring(added.length);
+    for (const { who, text } of added) this.known.add(who + text);
+    this.place.hidden = !stream.isTold;
+    const nothing = run.run.number ? "Nothing to do" : "The run has not started yet. Its terminal lists what it waits for.";
+    const items = told.map(({ level, who, text, kind, name, robot, verb }) => {
+      const item = html("li", { class: level }, html("b", { "aria-hidden": "true" }, CONDITIONS[level]), name ? this.link(who + text, { kind, name, robot }) : html("span", {}, who + text));
       if (!verb) return item;
       const button = html("button", { type: "button", "aria-label": `${verb.label}: ${text}` }, verb.label);
       button.addEventListener("click", () => this.orders.begin(verb, name));
       item.append(button);
       return item;
     });
-    this.place.querySelector("ul").replaceChildren(...(items.length ? items : [html("li", { class: "nothing" }, "Nothing to do")]));
+    this.place.querySelector("ul").replaceChildren(...(items.length ? items : [html("li", { class: "nothing" }, nothing)]));
+  }
+  /** A task that shows its place on the map. */
+  link(text, landmark) {
+    const link = html("button", { type: "button", class: "link" }, text);
+    link.addEventListener("click", () => this.look(landmark));
+    return link;
   }
 }
 

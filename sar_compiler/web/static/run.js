@@ -19,6 +19,7 @@ export class Run {
   /** Take what has changed: of most parts what they are now, of nodes, landmarks, rasters and lists what is otherwise. */
   take({ begin, nodes, states = {}, landmarks = {}, rasters, log, trail, ...parts }) {
     if (begin) this.begin();
+    if (begin || parts.kinds || rasters || Object.keys(landmarks).length) this.version = (this.version ?? 0) + 1;
     Object.assign(this, parts);
     if (nodes) {
       this.nodes = linked(nodes);

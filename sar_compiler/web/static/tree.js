@@ -54,6 +54,7 @@ function show() {
   const { run } = stream;
   showCondition(at("condition"), conditionOf(stream, run));
   document.body.classList.toggle("stale", isStale(stream, run));
+  at("replaying").hidden = !stream.isReplay;
   orders.show();
   if (!stream.isTold) return;
   const { number, mission = "mission", is_simulated: isSimulated, node = "" } = run.run;
@@ -148,7 +149,7 @@ at("follow").addEventListener("change", () => {
   stream.page.change();
 });
 at("facts").addEventListener("change", () => {
-  log.onlyFacts = at("facts").checked;
+  log.levels = at("facts").checked ? ["fact", "warning", "error"] : null;
   log.again();
   stream.page.change();
 });

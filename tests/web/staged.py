@@ -1,0 +1,231 @@
+"""The operator's page in each condition of a search, and pictures of it: `python -m tests.web.staged FOLDER`."""
+
+import base64
+import struct
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sar_compiler.journal.journal import Journal
+from sar_compiler.journal.journal_entries import GOAL_ENDED, GOAL_SENT, CommandAuthor, Ending
+from sar_compiler.journal.mission_state import RunProcess
+from sar_compiler.runtime.clock import ManualClock
+from sar_compiler.web.feed import LiveFeed
+from sar_compiler.web.page_server import PageServer
+from sar_compiler.web.run_page import _form
+from search_and_rescue.orders import VERBS
+from search_and_rescue.record import SurvivorReport
+from search_and_rescue.search import Search
+from search_and_rescue.search_theory import Area
+from search_and_rescue.zone_manager import Zone, ZoneManager
+from tests.web.browsers import open_browser
+from tests.web.flown import Deaf
+
+WIDTHS = {360: 740, 768: 1024, 1280: 800, 2560: 1440}
+"""Heights of windows by their widths, pixels."""
+SETTLED = """
+const orders = document.getElementById('orders');
+return orders.hidden || Boolean(document.querySelector('.stop:enabled, .stop-all:enabled'));
+"""
+"""Whether the buttons are those of the condition: they come with the first beat."""
+ZONES = {"zone_a": (-3.0, 3.0), "zone_b": (3.5, 3.0), "zone_c": (4.0, -3.0)}
+
+
+def floor() -> str:
+    """Return the picture of a hall with a wall in it."""
+    rows = [
+        bytes(
+            [
+                0,
+                *(
+                    0 if (row == 12 and column > 8) or row in (0, 31) or column in (0, 31) else 254
+                    for column in range(32)
+                ),
+            ]
+        )
+        for row in range(32)
+    ]
+    parts = (
+        (b"IHDR", struct.pack(">2I5B", 32, 32, 8, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(b"".join(rows))),
+        (b"IEND", b""),
+    )
+    png = b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+        for name, data in parts
+    )
+    return base64.b64encode(png).decode()
+
+
+class Robot:
+    """A robot of a search that a test drives by hand."""
+
+    def __init__(self, feed: LiveFeed, number: int, node: str) -> None:
+        zones = [Zone(id=name, x=x, y=y, yaw=0.0) for name, (x, y) in ZONES.items()]
+        areas = {name: Area(0.3, 0.8, 60.0) for name in ZONES}
+        self.search = Search(
+            ZoneManager(zones, {"x": 0.0, "y": -4.0, "yaw": 0.0}, areas=areas), wanted_success=0.8
+        )
+        self.feed, self.number, self.node, self.journal = feed, number, node, Journal()
+        self.journal.clock = self.clock = ManualClock(100.0)
+        self.journal.listen(lambda entry: feed.take(entry, number))
+        self.search.keep_in(self.journal)
+
+    def begin(self) -> None:
+        """Begin the run, and drive to the second zone."""
+        journal, record = self.journal, self.search.record
+        journal.begin(
+            {"mission": "search_and_rescue"}, {"node": self.node, "parameters": {"time_limit_sec": 900.0}}
+        )
+        journal.watch("map", x=-6.0, y=-6.0, yaw=0.0, resolution=0.375, width=32, height=32, png=floor())
+        journal.watch("battery", share=0.62, at_least=0.2)
+        record.zone_started("zone_a")
+        self.clock.advance(40.0)
+        record.zone_searched("zone_a", None)
+        self.search.zones.advance()
+        record.zone_started("zone_b")
+        journal.note(GOAL_SENT, action="/navigate_to_pose", goal="ab" * 16)
+        journal.watch("pose", x=1.0, y=2.0, yaw=0.4)
+        journal.watch("plan", frame="map", points=[[1.0, 2.0], [2.0, 2.5], [3.5, 3.0]])
+        journal.watch("progress", target="zone_b", distance=2.7, time_left=4.0)
+
+    def find(self) -> None:
+        """Find somebody in the second zone."""
+        self.search.record.zone_searched("zone_b", (2.5, 2.0))
+        self.search.record.survivor_named("survivor_1", 2.5, 2.0)
+
+    def command(self, name: str) -> None:
+        """Give a command as an operator does."""
+        with self.journal.ordered_by(CommandAuthor("Ann (page, 127.0.0.1)", "smoke")):
+            self.search.orders.give(name)
+
+    def end(self, status: int, reason: str) -> None:
+        """End the run where its goals have ended."""
+        self.journal.watch(GOAL_ENDED, goal="ab" * 16, status=5)
+        self.journal.end(Ending.OVER, status, reason)
+
+    def finish(self, *left: str) -> None:
+        """Search the remaining zones, or abandon those that are left, and come home."""
+        while self.search.zones.has_remaining():
+            zone = self.search.zones.current_zone()["id"]
+            if zone in left:
+                self.search.zones.abandon()
+            else:
+                self.search.record.zone_searched(zone, None)
+                self.search.zones.advance()
+        self.search.record.base_reached()
+        self.end(1 if left else 0, "No zone is left." if left else "Mission complete.")
+
+
+def refuse_reports(robot: Robot) -> None:
+    robot.find()
+    robot.search.record.report_kept(SurvivorReport("survivor_1", 2.5, 2.0))
+    for _ in range(9):
+        robot.search.record.report_sent("survivor_1")
+
+
+def run_low(robot: Robot) -> None:
+    robot.journal.watch("battery", share=0.15)
+    robot.search.record.alarmed("the battery is at 15 %, below 20 %")
+    for _ in range(2):
+        robot.search.zones.abandon("the battery is low")
+
+
+def complete(robot: Robot) -> None:
+    robot.search.wanted_success = 0.0
+    robot.finish()
+
+
+def abort(robot: Robot) -> None:
+    robot.command("abort")
+    robot.end(1, "zone_b and zone_c were not visited.")
+
+
+def call_home(robot: Robot) -> None:
+    robot.command("go_home")
+    robot.search.record.base_reached()
+    robot.end(1, "zone_b and zone_c were not visited.")
+
+
+def lose_position(robot: Robot) -> None:
+    robot.journal.watch("lacks", text="No transform from 'map' has come for 3 s", is_position_lost=True)
+
+
+def wait_for_nav2(robot: Robot) -> None:
+    robot.journal.watch("lacks", text="Nav2 is not active: bt_navigator is inactive")
+
+
+CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
+    "driving": (lambda _: None, "good", "Nothing to do"),
+    "detection": (Robot.find, "warning", "Review survivor_1: is it a survivor?"),
+    "reports refused": (refuse_reports, "error", "Report survivor_1 yourself"),
+    "paused": (lambda robot: robot.command("pause"), "warning", "Resume the mission"),
+    "waiting": (wait_for_nav2, "warning", "Have the cause of the wait removed"),
+    "position lost": (lose_position, "error", "Check where the robot is"),
+    "low battery": (run_low, "error", "Send people to search zone_b"),
+    "aborted": (abort, "warning", "Fetch the robot"),
+    "called home": (call_home, "warning", "Send people to search zone_b"),
+    "failed": (lambda robot: robot.finish("zone_c"), "error", "Send people to search zone_c"),
+    "complete": (complete, "good", "Nothing to do"),
+    "complete with less": (Robot.finish, "warning", "Decide whether to search again"),
+    "crashed": (
+        lambda robot: robot.feed.know(RunProcess(is_gone=True), robot.number),
+        "error",
+        "Press the stop button",
+    ),
+    "lost": (
+        lambda robot: robot.feed.know(RunProcess(silent_sec=30.0), robot.number),
+        "error",
+        "Press the stop button",
+    ),
+    "not begun": (lambda _: None, "quiet", ""),
+    "team": (
+        lambda robot: robot.feed.know(RunProcess(is_gone=True), robot.number),
+        "error",
+        "robot3: Press the stop button",
+    ),
+}
+"""What happens in a condition, the level of the page, and a task of a person."""
+
+
+@contextmanager
+def staged(name: str) -> Iterator[PageServer]:
+    """Serve the page of a condition."""
+    robots = ["robot1", "robot2", "robot3"] if name == "team" else ["search_and_rescue"]
+    verbs = [_form(verb) for verb in VERBS]
+    names = [verb["name"] for verb in verbs]
+    hello = {"robots": robots, "verbs": [verbs for _ in robots]}
+    feed = LiveFeed(hello, lambda: {"verbs": [names for _ in robots]}, len(robots))
+    server = PageServer(feed, 0, Deaf())
+    server.start()
+    try:
+        for number, each in enumerate(robots):
+            robot = Robot(feed, number, f"/{each}/search_and_rescue")
+            if name != "not begun":
+                robot.begin()
+        CONDITIONS[name][0](robot)
+        yield server
+    finally:
+        server.close()
+
+
+def main(folder: str) -> None:
+    """Make a picture for each condition and width."""
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    with open_browser() as browser:
+        for name in CONDITIONS:
+            with staged(name) as server:
+                for width, height in WIDTHS.items():
+                    browser.size(width, height)
+                    browser.open(server.url)
+                    browser.wait(lambda: browser.js(SETTLED), "the buttons")
+                    (place / f"{name.replace(' ', '_')}_{width}.png").write_bytes(
+                        browser.driver.get_screenshot_as_png()
+                    )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
