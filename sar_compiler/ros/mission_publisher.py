@@ -18,10 +18,10 @@ from std_msgs.msg import ColorRGBA, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sar_compiler.compiler import CompiledTree
-from sar_compiler.journal.attention import open_tasks
 from sar_compiler.journal.display import DisplayState, Landmark
 from sar_compiler.journal.journal_entries import CHANGED, LOG, PLAN, STATUS, JournalEntry
 from sar_compiler.journal.mission_state import MissionState
+from sar_compiler.journal.open_tasks import find_open_tasks
 from sar_compiler.journal.status_line import ERROR
 from sar_compiler.ros.engine import Engine, error_text
 from sar_compiler.ros.run_extension import RunExtension
@@ -197,7 +197,7 @@ class MissionPublisher(RunExtension):
         leaves = [node.behaviour for node in running if node.uid not in inner]
         doing = "; ".join(f"{each.name}: {each.feedback_message}".rstrip(": ") for each in leaves)
         failed = tree.root.status is Status.FAILURE
-        tasks = open_tasks(self._mission)
+        tasks = find_open_tasks(self._mission)
         is_error = any(task.level == ERROR for task in tasks)
         level = (
             DiagnosticStatus.ERROR if is_error else DiagnosticStatus.WARN if tasks else DiagnosticStatus.OK

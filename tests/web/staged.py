@@ -15,10 +15,10 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import LiveFeed
 from sar_compiler.web.page_server import PageServer
 from sar_compiler.web.run_page import _form
-from search_and_rescue.orders import VERBS
+from search_and_rescue.operator_commands import VERBS
 from search_and_rescue.record import SurvivorReport
 from search_and_rescue.search import Search
-from search_and_rescue.search_theory import Area
+from search_and_rescue.search_theory import SearchExpectation
 from search_and_rescue.zone_manager import Zone, ZoneManager
 from tests.web.browsers import open_browser
 from tests.web.flown import Deaf
@@ -64,7 +64,7 @@ class Robot:
 
     def __init__(self, feed: LiveFeed, number: int, node: str) -> None:
         zones = [Zone(id=name, x=x, y=y, yaw=0.0) for name, (x, y) in ZONES.items()]
-        areas = {name: Area(0.3, 0.8, 60.0) for name in ZONES}
+        areas = {name: SearchExpectation(0.3, 0.8, 60.0) for name in ZONES}
         self.search = Search(
             ZoneManager(zones, {"x": 0.0, "y": -4.0, "yaw": 0.0}, areas=areas), wanted_success=0.8
         )

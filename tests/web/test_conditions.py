@@ -53,7 +53,9 @@ ROWS = {
 
 def table():
     """Return the table of the docs: by the first column, what stands in the others by their names."""
-    text = Path("docs/operate/page.md").read_text(encoding="utf-8").partition("\n### Texts of each state\n")[2]
+    text = (
+        Path("docs/operate/page.md").read_text(encoding="utf-8").partition("\n### Texts of each state\n")[2]
+    )
     lines = [line for line in text.partition("\n#")[0].splitlines() if line.startswith("|")]
     names, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     return {name: dict(zip(names[1:], cells, strict=True)) for name, *cells in rows}
