@@ -146,14 +146,12 @@ def conform(
     prepared = PreparedTree.prepare(simulated)
     properties = properties_of(file, prepared, tags)
     recorded = _ReplayedRun(TreeRuns(simulated, names, properties.rules, prepared), record, simulated)
-    reading = _LastTickReader(
-        record.read_ticks() if isinstance(record, TickSource) else recorded_ticks(record)
-    )
+    reading = _LastTickReader(record)
     moments, lost = recorded.runs.locate(reading)
     ticks = reading.last_number()
     if lost is not None:  # with the starts and decisions in it
-        events = next(islice(ticks_of(record), len(moments), None))
-        lost = lost._replace(events=events)
+        place = len(moments) - moments.omitted
+        lost = lost._replace(events=next(islice(ticks_of(record), place, None)))
     if lost is not None and not is_over and recorded.is_unfinished(lost):
         lost = None
     judged = _PropertyEvaluation(recorded, properties, moments)
@@ -169,12 +167,18 @@ class _LastTickReader(TickSource):
     """Yields ticks once, and remembers the last one.
 
     Args:
-        ticks: The ticks.
+        record: The events of leaves.
     """
 
-    def __init__(self, ticks: Iterable[LoggedTick]) -> None:
-        self._ticks = iter(ticks)
+    def __init__(self, record: Iterable[Event]) -> None:
+        self._source = record if isinstance(record, TickSource) else None
+        self._ticks = iter(recorded_ticks(record) if self._source is None else self._source.read_ticks())
         self._last: LoggedTick | None = None
+
+    @property
+    def omits_ticks(self) -> bool:
+        """Whether ticks without a change may be missing."""
+        return self._source is not None and self._source.omits_ticks
 
     def read_ticks(self) -> Iterator[LoggedTick]:
         """Yield the ticks."""

@@ -9,6 +9,7 @@ from sar_compiler.cli.arguments import FILE, FORMAT_HELP, add_page_options, geor
 from sar_compiler.cli.journal_check import add_check
 from sar_compiler.cli.journal_import import add_import
 from sar_compiler.cli.journal_stats import add_stats
+from sar_compiler.cli.journal_watch import JOURNALS_HELP, add_watch
 from sar_compiler.cli.journal_why import add_why
 from sar_compiler.cli.parser import Parser
 from sar_compiler.commands import OK, add_version, interruptible, run
@@ -62,16 +63,13 @@ def _parser() -> Parser:
     add_stats(commands.add_parser("stats", help=text, description=text))
     text = "Write a run that another program recorded as a journal, so that the other commands can be used on it."
     add_import(commands.add_parser("import", help=text, description=text))
-    serving = "Serve a page on this machine that shows missions"
-    for name, how in (
-        ("replay", "again, at any point in time."),
-        ("watch", "during their runs, from their journals."),
-    ):
-        text = f"{serving} {how}"
-        page = commands.add_parser(name, help=text, description=text)
-        page.add_argument("journals", type=FILE, nargs="+", metavar="FILE", help="a journal for each robot")
-        add_page_options(page)
-        page.set_defaults(run=_serve)
+    text = "Serve a page on this machine that shows missions again, at any point in time."
+    page = commands.add_parser("replay", help=text, description=text)
+    page.add_argument("journals", type=FILE, nargs="+", metavar="FILE", help=JOURNALS_HELP)
+    add_page_options(page)
+    page.set_defaults(run=_replay)
+    text = "Serve a page on this machine that shows missions during their runs: from their journals, or any robot's tree from Nav2's log or Groot2's protocol."
+    add_watch(commands.add_parser("watch", help=text, description=text))
     return parser
 
 
@@ -81,13 +79,12 @@ def _report(options: argparse.Namespace) -> int:
     return report_journal(options.journal, options.output, options.georeference)
 
 
-def _serve(options: argparse.Namespace) -> None:
-    from sar_compiler.web.run_page import replay_journals, watch_journals
+def _replay(options: argparse.Namespace) -> None:
+    from sar_compiler.web.run_page import replay_journals
 
     interruptible()
-    serve = replay_journals if options.command == "replay" else watch_journals
     with suppress(KeyboardInterrupt):  # the regular end
-        serve(options.journals, options.web_port, opens=options.open)
+        replay_journals(options.journals, options.web_port, opens=options.open)
 
 
 def _show(options: argparse.Namespace) -> None:

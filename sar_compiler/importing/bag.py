@@ -55,23 +55,43 @@ def read_db3(connection: sqlite3.Connection) -> Recording:
 
 
 def _read(messages: Iterable[bytes], form: str) -> Recording:
-    found = Recording(form, 0.0)
-    first: int | None = None
-    for tick, data in enumerate(messages, 1):
+    reader = TreeLogReader(form)
+    for data in messages:
+        reader.add(data)
+    if not reader.recording.times:
+        raise UnusableRecordingError(f"it has no message of {_TYPE}. Record the topic behavior_tree_log")
+    return reader.recording
+
+
+class TreeLogReader:
+    """Reads the messages of a `behavior_tree_log`.
+
+    Args:
+        form: The name of the format.
+
+    Attributes:
+        recording: The run.
+    """
+
+    def __init__(self, form: str) -> None:
+        self.recording = Recording(form, 0.0)
+        self._tick, self._first = 0, -1
+
+    def add(self, data: bytes) -> None:
+        """Add the changes of a message, which are one tick."""
+        self._tick += 1
+        found = self.recording
         try:
             changes = [*_changes(data)]
         except (ValueError, struct.error, IndexError):
-            found.flaws.append(f"message {tick} of {_TYPE} is damaged. It is left out")
-            continue
+            found.flaws.append(f"message {self._tick} of {_TYPE} is damaged. It is left out")
+            return
         for time, name, uid, status in changes:
-            first = time if first is None else first
-            found.add(time - first, uid, status)
-            found.ticks.append(tick)
+            if self._first < 0:
+                self._first, found.began = time, time / 1e6
+            found.add(time - self._first, uid, status)
+            found.ticks.append(self._tick)
             found.names.setdefault(uid, name)
-    if not found.times:
-        raise UnusableRecordingError(f"it has no message of {_TYPE}. Record the topic behavior_tree_log")
-    found.began = (first or 0) / 1e6
-    return found
 
 
 def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:

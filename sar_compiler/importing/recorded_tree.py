@@ -67,6 +67,15 @@ class ExportedTree:
         known = Counter(palette for tag in sorted(parents) for palette in palettes_containing(tag))
         return known.most_common(1)[0][0] if known else ""
 
+    @property
+    def has_subtrees(self) -> bool:
+        """Whether the tree uses a subtree."""
+        return any(tag == SUBTREE_TAG for tag, _ in self.nodes)
+
+    def with_autoremap(self) -> "ExportedTree":
+        """Return the tree with `_autoremap` in all uses of subtrees."""
+        return replace(self, file=replace(self.file, root=_with_autoremap(self.file.root)))
+
     def without_models_of(self, palette: str) -> TreeFile:
         """Return the tree file without the node models that a palette describes."""
         children = []
@@ -141,6 +150,15 @@ def _tag_and_name(element: Element) -> tuple[str, str]:
         return SUBTREE_TAG, given.get("ID", "")
     tag = given["ID"] if element.tag in KIND_TAGS and "ID" in given else element.tag
     return tag, given.get("name", tag)
+
+
+def _with_autoremap(element: Element) -> Element:
+    more = {"_autoremap": "true"} if element.tag == SUBTREE_TAG and "ID" in element.attributes else {}
+    return replace(
+        element,
+        attributes={**element.attributes, **more},
+        children=tuple(map(_with_autoremap, element.children)),
+    )
 
 
 def _plain(element: Element) -> Element:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from sar_compiler.importing.recorded_tree import RunNode
 from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SUCCESS, Recording
-from sar_compiler.nodes.outcome_sets import ALLOWED, F, K, R, S
+from sar_compiler.nodes.outcome_sets import ALLOWED, F, K, R, S, selection
 from sar_compiler.nodes.semantics import Order
 from sar_compiler.nodes.spec import Kind
 
@@ -42,6 +42,7 @@ class WaitRule(Enum):
     FREE = "always: a leaf, or a control of an unknown kind"
     CHILD = "while a child is RUNNING"
     WAITS = "also while its child is IDLE"
+    LATER = "also after a success of its child, in whose tick it never ends"
     TURNS = "also after the end of a child that was IDLE at the start of the tick, and is to restart"
     STEPS = "also after the end of a child that was IDLE at the start of the tick, before the next one"
     REACTIVE = "while a child is RUNNING and all others are IDLE"
@@ -96,15 +97,20 @@ class TickFinder:
         skippable = [False, *map(_may_skip, nodes)]
         for uid in range(count - 1, 0, -1):
             skippable[self._parents[uid]] |= skippable[uid]
-        self._skippable = skippable
+        self._skippable, self._skips_any = skippable, any(skippable)
         # Decorators that wait before their child is first ticked, or may.
         semantics = [node.bound.spec.semantics for node in nodes]
         self._waits_first = [
             False,
             *(each.possible is None or each.wait_sec is not None for each in semantics),
         ]
+        self._is_known = [False, *(each.possible is not None for each in semantics)]
+        self._delays = [False, *(each.wait_sec is not None for each in semantics)]
+        # The nodes with a time limit.
+        self._limits = [False, *(bool(node.children) and _has_limit(node) for node in nodes)]
         # Nodes that a timer, or a condition, may halt at the beginning of a tick.
         may_halt = [False, *map(_halts, nodes)]
+        self._repeats = [False, *map(_repeats, nodes)]
         for uid in range(1, count):
             may_halt[uid] |= may_halt[self._parents[uid]]
         self._may_halt = may_halt
@@ -116,7 +122,7 @@ class TickFinder:
     def _begin(self) -> None:
         count = len(self._nodes) + 1
         self.skipped: set[int] = set()
-        self.unsure = 0
+        self.unsure = self._read = 0
         self._sure: list[int] = []
         self._statuses = [IDLE] * count
         self._running = [0] * count
@@ -124,7 +130,12 @@ class TickFinder:
         self._left = 0
         # Of each node: the index of its last change, the tick in which it has last left IDLE, and in which it has ended.
         self._since, self._started, self._ended = [0] * count, [0] * count, [0] * count
+        # The index at which a node was halted; some controls halt themselves before they end.
+        self._rested = [-1] * count
         self._outcomes = [IDLE] * count
+        # The RUNNING nodes that were skipped.
+        self._passed_over: set[int] = set()
+        self._open: set[int] = set()
         self._tick = 0
         self._next_tick()
 
@@ -135,48 +146,48 @@ class TickFinder:
     def ticks(self) -> Iterator[RecordedTick]:
         """Yield the ticks, with the halts of the tree between them."""
         if self._recording.ticks:
-            yield from self._split(_PAUSE_USEC, len(self._recording.times))
+            yield from self._split(_PAUSE_USEC, 0, len(self._recording.times))
             return
+        self._move_halts_of_timers()
         self._move_ends_of_threads()
-        for _ in self._split(_PAUSE_USEC, _TRIED):
+        for _ in self._split(_PAUSE_USEC, 0, _TRIED):
             pass
         pause = _PAUSE_USEC
         if len(self._sure) >= _ENOUGH:
             pause = sorted(self._sure)[len(self._sure) // 10] // 2
         self._begin()
-        yield from self._split(min(max(pause, _LEAST_USEC), _MOST_USEC), len(self._recording.times))
+        yield from self._split(min(max(pause, _LEAST_USEC), _MOST_USEC), 0, len(self._recording.times))
 
-    def _split(self, pause: int, most: int) -> Iterator[RecordedTick]:
+    def next_ticks(self) -> Iterator[RecordedTick]:
+        """Yield the ticks of the changes that were recorded since the last call; the last change so far ends a tick."""
+        first, self._read = self._read, len(self._recording.times)
+        yield from self._split(_PAUSE_USEC, first, self._read)
+        self._next_tick()
+
+    def _split(self, pause: int, first: int, most: int) -> Iterator[RecordedTick]:
         times, uids, statuses, count = (
             self._recording.times,
             self._recording.uids,
             self._recording.statuses,
             len(self._nodes),
         )
-        first, rest, is_over = 0, -1, False
-        for index in range(min(most, len(uids))):
+        rest, is_over = -1, False
+        for index in range(first, min(most, len(uids))):
             uid, status = uids[index], statuses[index]
             if not 0 < uid <= count:
                 continue
+            self._find_skipped(index, uid, status)
             if index > first and self._is_first(index, pause, is_over=is_over):
                 yield RecordedTick(first, index, TickKind.ENDS if is_over else TickKind.TICK)
                 first, is_over = index, False
                 self._next_tick()
             if status != IDLE:
                 rest = -1
-                self._visit(uid, status)
             elif rest < 0 and not self._left:
                 rest = index
-            was = self._statuses[uid]
-            self._change(index, uid, was, status)
+            was = self._change(index, uid, status)
             if uid == 1 and status == IDLE:
-                # Some controls halt themselves before they end.
-                has_more = (
-                    index + 1 < len(uids)
-                    and uids[index + 1] == 1
-                    and statuses[index + 1] in (SUCCESS, FAILURE)
-                )
-                if was == RUNNING and not has_more:
+                if was == RUNNING and not self._ends_next(index):
                     begin = max(first, rest) if rest >= 0 else first
                     if begin > first:
                         yield RecordedTick(first, begin, TickKind.TICK)
@@ -187,11 +198,36 @@ class TickFinder:
         if first < min(most, len(times)):
             yield RecordedTick(first, min(most, len(times)), TickKind.ENDS if is_over else TickKind.TICK)
 
+    def _ends_next(self, index: int) -> bool:
+        """Return whether the root ends by the change after its halt: some controls halt themselves before they end."""
+        uids, statuses = self._recording.uids, self._recording.statuses
+        return index + 1 < len(uids) and uids[index + 1] == 1 and statuses[index + 1] in (SUCCESS, FAILURE)
+
     def _is_first(self, index: int, pause: int, *, is_over: bool) -> bool:
         """Return whether a change is the first of a tick."""
         if ticks := self._recording.ticks:
             return ticks[index] != ticks[index - 1]
-        return is_over or (not self._left and self._is_border(index, pause))
+        return is_over or self._is_restart(index) or (not self._left and self._is_border(index, pause))
+
+    def _is_restart(self, index: int) -> bool:
+        """Return whether a node starts that has already run in this tick, and below no control that repeats its children in a tick."""
+        uid, status = self._recording.uids[index], self._recording.statuses[index]
+        ends_by_halt = self._rested[uid] == index - 1 and status != RUNNING
+        return (
+            status != IDLE == self._statuses[uid]
+            and self._started[uid] == self._tick
+            and not ends_by_halt
+            and not self._is_repeated(uid)
+        )
+
+    def _is_repeated(self, uid: int) -> bool:
+        """Return whether a control above a node may tick it again in this tick: its child has ended in the tick, or its kind is unknown."""
+        while uid:
+            parent = self._parents[uid]
+            if self._repeats[parent] and (self._ended[uid] == self._tick or not self._is_known[parent]):
+                return True
+            uid = parent
+        return False
 
     def _next_tick(self) -> None:
         self._tick += 1
@@ -212,31 +248,133 @@ class TickFinder:
 
     def _is_border(self, index: int, pause: int) -> bool:
         """Return whether a change is the first of a tick, if the tree is settled."""
-        uids, statuses = self._recording.uids, self._recording.statuses
-        uid, status = uids[index], statuses[index]
+        uid, status = self._recording.uids[index], self._recording.statuses[index]
         gap = self._recording.times[index] - self._recording.times[index - 1]
-        if self._has_returned(self._parents[uid]):
-            return True
+        known = self._is_known_border(index, uid, status)
+        if known is not None:
+            return known
         if status != IDLE and uid < self._passed and not self._is_around(uid):
-            is_adjacent = uids[index - 1] == uid and statuses[index - 1] == RUNNING
-            if is_adjacent and self._nodes[uid - 1].tag not in self._lasting:
-                return gap >= max(pause, _PAUSE_USEC)
-            if not self._has_turned:
-                self._sure.append(gap)
-            return True
-        if status == IDLE and not self._may_halt[uid]:
+            return self._is_visited_again(index, gap, pause)
+        if status == IDLE and not (self._may_halt[uid] or self._skips_any):
             return False
         self.unsure += pause // _NEAR < gap < pause * _NEAR
         return gap >= pause
 
-    def _has_returned(self, parent: int) -> bool:
-        """Return whether a control has returned RUNNING in this tick between two children."""
-        is_between = self._statuses[parent] == RUNNING and not self._running[parent]
-        return (
-            is_between
-            and self._rules[parent] in (WaitRule.STEPS, WaitRule.TURNS)
-            and any(self._ended[each] == self._tick for each in self._children[parent])
+    def _is_known_border(self, index: int, uid: int, status: int) -> bool | None:
+        """Return whether a change is the first of a tick by the state of its node and its parent; None if unknown."""
+        ends = status in (SUCCESS, FAILURE)
+        if ends and self._rested[uid] == index - 1:
+            return False
+        if status != IDLE and self._has_returned(uid):
+            return True
+        parent = self._parents[uid]
+        if self._rules[parent] is WaitRule.LATER and self._since[uid] <= self._since[parent]:
+            return False
+        if ends and self._continues(uid):
+            return False
+        if status != IDLE:
+            return None
+        return True if self._is_late_halt(index) else False if self._is_of_same_halt(index) else None
+
+    def _is_visited_again(self, index: int, gap: int, pause: int) -> bool:
+        """Return whether a change of a node that the tick has passed is the first of another tick."""
+        uids, uid = self._recording.uids, self._recording.uids[index]
+        is_adjacent = uids[index - 1] == uid and self._recording.statuses[index - 1] == RUNNING
+        if is_adjacent and self._nodes[uid - 1].tag not in self._lasting:
+            return gap >= max(pause, _PAUSE_USEC)
+        if not self._has_turned:
+            self._sure.append(gap)
+        return True
+
+    def _has_returned(self, uid: int) -> bool:
+        """Return whether the parent of a node, or the node itself, has returned RUNNING in this tick without a RUNNING child."""
+        parent = self._parents[uid]
+        if self._delays[parent] and self._started[parent] == self._tick > self._ended[uid]:
+            return self._statuses[parent] == RUNNING
+        if self._rules[uid] is WaitRule.LATER and self._is_between(uid):
+            return True
+        return self._rules[parent] in (WaitRule.STEPS, WaitRule.TURNS, WaitRule.LATER) and self._is_between(
+            parent
         )
+
+    def _is_between(self, uid: int) -> bool:
+        """Return whether a child of a node that runs has ended in this tick, and none runs."""
+        return (
+            self._statuses[uid] == RUNNING
+            and not self._running[uid]
+            and any(self._ended[each] == self._tick for each in self._children[uid])
+        )
+
+    def _continues(self, uid: int) -> bool:
+        """Return whether a control that ends does so in the tick in which its last child has ended: otherwise a child would change first."""
+        if not self._is_between(uid):
+            return False
+        if self._rules[uid] is WaitRule.TURNS:
+            return True
+        return self._rules[uid] is WaitRule.STEPS and not any(
+            self._skippable[each] for each in self._children[uid] if self._ended[each] != self._tick
+        )
+
+    def _is_late_halt(self, index: int) -> bool:
+        """Return whether a change begins the halt of a child by a node that has returned RUNNING in this tick."""
+        uids, statuses, done = self._recording.uids, self._recording.statuses, self._done
+        first = uids[index]
+        while index < len(uids) and statuses[index] == IDLE:
+            index += 1
+        if index == len(uids) or not 0 < uids[index] <= len(self._nodes):
+            return False
+        then = uids[index]
+        if statuses[index] == FAILURE and self._limits[then] and then < first < self._ends[then]:
+            return done > then
+        # The last node that has returned is ticked again.
+        is_inside = done < first < self._ends[done] and done < then < self._ends[done]
+        return self._statuses[done] == RUNNING and is_inside
+
+    def _move_halts_of_timers(self) -> None:
+        """Move the halts of children by time limits, which happen at any moment, to the ticks in which the limits fail."""
+        uids, statuses = self._recording.uids, self._recording.statuses
+        held: dict[int, list[int]] = {}
+        moved: dict[int, list[int]] = {}
+        left_out: set[int] = set()
+        was = [IDLE] * (len(self._nodes) + 1)
+        for index, uid in enumerate(uids):
+            if not 0 < uid <= len(self._nodes):
+                continue
+            if uid in held:
+                moved[index] = held.pop(uid)
+                left_out.update(moved[index])
+            limit = self._parents[uid]
+            if (
+                statuses[index] == IDLE
+                and self._limits[limit]
+                and was[uid] == was[limit] == RUNNING
+                and uids[index + 1 : index + 2] != array("H", [limit])
+            ):
+                held[limit] = self._halted_with(index)
+            was[uid] = statuses[index]
+        if left_out:
+            self._reorder(moved, left_out)
+
+    def _halted_with(self, index: int) -> list[int]:
+        """Return the changes of a halt, of which the last one is known: nodes are halted in post-order."""
+        uids, statuses, ends = self._recording.uids, self._recording.statuses, self._ends
+        limit, found = self._parents[uids[index]], [index]
+        while index := index - 1:
+            uid, later = uids[index], uids[index + 1]
+            is_inside = limit < uid < ends[limit] and statuses[index] == IDLE
+            if not (is_inside and self._is_in_post_order(uid, later)) or uids[index - 1] == uid:
+                break
+            found.append(index)
+        return found[::-1]
+
+    def _is_in_post_order(self, uid: int, later: int) -> bool:
+        return later <= uid < self._ends[later] if uid >= later else self._ends[uid] <= later
+
+    def _is_of_same_halt(self, index: int) -> bool:
+        """Return whether a change continues the halt of several nodes, which may wait for the thread of a leaf."""
+        uids = self._recording.uids
+        is_halt = self._recording.statuses[index - 1] == IDLE and uids[index - 1] <= len(self._nodes)
+        return is_halt and self._is_in_post_order(uids[index - 1], uids[index])
 
     def _move_ends_of_threads(self) -> None:
         """Move the ends of leaves to the ticks in which their parents process them."""
@@ -290,7 +428,7 @@ class TickFinder:
     def _must_continue(self, parent: int, statuses: Sequence[int]) -> bool:
         """Return whether a parent continues, or ends, in the tick in which it processes the end of a child."""
         if self._rules[parent] in (WaitRule.FREE, WaitRule.PARALLEL):
-            return False
+            return self._rules[parent] is WaitRule.PARALLEL
         # Only a control that ticks its children in order can run several at once, and then need not continue.
         is_in_order = self._nodes[parent - 1].bound.spec.semantics.order is Order.IN_ORDER
         return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
@@ -320,39 +458,70 @@ class TickFinder:
             return statuses[at] == end if is_in_order else statuses[at] != IDLE
         return bound.spec.kind is not Kind.CONTROL or bound.spec.semantics.resumes
 
-    def _change(self, index: int, uid: int, was: int, status: int) -> None:
+    def _change(self, index: int, uid: int, status: int) -> int:
+        """Process a change of a node; return its status before."""
         parent = self._parents[uid]
+        if status != IDLE:
+            self._visit(uid, status)
+            if self._passed_over:
+                self._resume_skipped(parent)
+        self._passed_over.discard(uid)
+        was = self._statuses[uid]
         self._statuses[uid] = status
         self._running[parent] += (status == RUNNING) - (was == RUNNING)
         self._since[uid] = index
-        if was == IDLE:
+        if was == IDLE and not (status in (SUCCESS, FAILURE) and self._rested[uid] == index - 1):
             self._started[uid] = self._tick
-            self._settle_earlier_siblings(uid)
+        if was == RUNNING and status == IDLE:
+            self._rested[uid] = index
         if status in (SUCCESS, FAILURE):
             self._ended[uid], self._outcomes[uid] = self._tick, status
         self._settle(uid)
         self._settle(parent)
+        return was
 
-    def _settle_earlier_siblings(self, uid: int) -> None:
-        """Settle the earlier siblings of a node that starts; controls among them that seem to run were skipped."""
-        while self._left and (parent := self._parents[uid]):
-            for sibling in self._children[parent] if self._rules[parent] is not WaitRule.PARALLEL else ():
-                if sibling == uid:
-                    break
-                if (
-                    self._unsettled[sibling]
-                    and self._statuses[sibling] == RUNNING
-                    and not self._running[sibling]
-                ):
-                    self.skipped.add(self._since[sibling])
-                    self._set(sibling, is_unsettled=False)
-            if self._statuses[parent] != IDLE:
-                return
-            uid = parent
+    def _find_skipped(self, index: int, uid: int, status: int) -> None:
+        """Find the controls that were skipped: they seem to run without a RUNNING child, but the tick has left them for a node."""
+        if status == IDLE and self._may_halt[uid]:
+            return
+        if not self._children[uid] and self._statuses[uid] == RUNNING:
+            return  # a leaf with its own thread ends at any moment
+        is_found = True
+        while is_found:
+            left = [
+                each
+                for each in self._open
+                if not each <= uid < self._ends[each]
+                and self._statuses[each] == RUNNING
+                and not self._running[each]
+                and self._rules[each] not in (WaitRule.REACTIVE, WaitRule.PARALLEL)
+            ]
+            is_found = bool(left)
+            for each in left:
+                self.skipped.add(self._since[each])
+                self._since[each] = index
+                self._passed_over.add(each)
+                self._show(each, IDLE)
+
+    def _resume_skipped(self, uid: int) -> None:
+        """Show that the ancestors of a node that is ticked run again, which a log does not show after they were skipped."""
+        while uid:
+            if uid in self._passed_over:
+                self._passed_over.discard(uid)
+                self._show(uid, RUNNING)
+            uid = self._parents[uid]
+
+    def _show(self, uid: int, status: int) -> None:
+        parent = self._parents[uid]
+        self._running[parent] += (status == RUNNING) - (self._statuses[uid] == RUNNING)
+        self._statuses[uid] = status
+        self._settle(uid)
+        self._settle(parent)
 
     def _set(self, uid: int, *, is_unsettled: bool) -> None:
         self._left += is_unsettled - self._unsettled[uid]
         self._unsettled[uid] = is_unsettled
+        (self._open.add if is_unsettled else self._open.discard)(uid)
 
     def _settle(self, uid: int) -> None:
         if uid and self._children[uid]:
@@ -367,8 +536,8 @@ class TickFinder:
             return True
         below = self._children[uid]
         found = [self._statuses[each] for each in below]
-        if rule is WaitRule.WAITS:
-            return not any(found) and (self._waits_first[uid] or self._since[below[0]] > self._since[uid])
+        if rule in (WaitRule.WAITS, WaitRule.LATER):
+            return not any(found) and self._is_waiting(below[0], uid)
         if rule is WaitRule.REACTIVE:
             return running == 1 and found.count(IDLE) == len(found) - 1 and not self._has_decided(uid)
         if rule is WaitRule.PARALLEL:
@@ -381,6 +550,15 @@ class TickFinder:
             is_settled = bool(ended) and ended[-1] != below[-1] and self._is_quick(ended[-1], uid)
         self._has_turned |= is_settled
         return is_settled
+
+    def _is_waiting(self, child: int, uid: int) -> bool:
+        """Return whether a decorator whose child is IDLE may have returned RUNNING."""
+        is_later = self._rules[uid] is WaitRule.LATER
+        if self._since[child] <= self._since[uid]:
+            return self._waits_first[uid] or (is_later and self._skippable[child])
+        if self._ended[child] < self._tick or not self._is_known[uid]:
+            return True
+        return is_later and self._outcomes[child] == SUCCESS
 
     def _has_decided(self, uid: int) -> bool:
         """Return whether a child of a control has ended in this tick with the status that ends the control."""
@@ -396,7 +574,10 @@ class TickFinder:
     def _is_below_thresholds(self, uid: int, found: list[int]) -> bool:
         """Return whether a Parallel has ticked all children without reaching a threshold."""
         successes, failures = self._thresholds[uid]
-        if found.count(SUCCESS) >= successes or found.count(FAILURE) >= failures:
+        failed = found.count(FAILURE)
+        if found.count(SUCCESS) >= successes or failed >= failures:
+            return False
+        if successes <= len(found) < successes + failed:
             return False
         return all(
             status != IDLE or self._skippable[each]
@@ -419,11 +600,12 @@ def _waiting(node: RunNode) -> WaitRule:
         return WaitRule.PARALLEL
     if node.bound.is_reactive:
         return WaitRule.REACTIVE
-    if not _pauses_after(node):
-        return WaitRule.CHILD
-    if not is_decorator:
-        return WaitRule.STEPS
-    return WaitRule.WAITS if means.rounds is None else WaitRule.TURNS
+    pauses = _pauses_after(node)
+    if not pauses or not is_decorator:
+        return WaitRule.STEPS if pauses else WaitRule.CHILD
+    if means.rounds is not None:
+        return WaitRule.TURNS
+    return WaitRule.LATER if pauses == (SUCCESS,) else WaitRule.WAITS
 
 
 def _pauses_after(node: RunNode) -> tuple[int, ...]:
@@ -442,11 +624,22 @@ def _may_skip(node: RunNode) -> bool:
     return is_by_itself or not node.bound.element.attributes.keys().isdisjoint(("_skipIf", "_while"))
 
 
+def _has_limit(node: RunNode) -> bool:
+    return node.bound.spec.semantics.limit_sec is not None
+
+
 def _halts(node: RunNode) -> bool:
     """Return whether a node may halt its descendants at the start of a tick."""
+    possible = node.bound.spec.semantics.possible
+    chooses = bool(node.children) and possible in (None, selection)
+    return chooses or _has_limit(node) or "_while" in node.bound.element.attributes
+
+
+def _repeats(node: RunNode) -> bool:
+    """Return whether a node may tick a child again in the tick in which the child has ended."""
     means = node.bound.spec.semantics
     is_unknown = means.possible is None and bool(node.children)
-    return is_unknown or means.limit_sec is not None or "_while" in node.bound.element.attributes
+    return is_unknown or means.resumes or means.rounds is not None
 
 
 def _thresholds(node: RunNode) -> tuple[int, int]:

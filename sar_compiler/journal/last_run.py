@@ -24,6 +24,12 @@ class LastRunEvents(TickSource):
 
     def __init__(self, path: Path, run: int, nodes: Sequence[NodeState]) -> None:
         self._path, self._run, self._nodes = path, run, nodes
+        self._omits_ticks = False
+
+    @property
+    def omits_ticks(self) -> bool:
+        """Whether ticks without a change may be missing, as in imported runs; known once the ticks are read."""
+        return self._omits_ticks
 
     def __iter__(self) -> Iterator[Event]:
         with JournalFile.reading(self._path) as file:
@@ -37,4 +43,5 @@ class LastRunEvents(TickSource):
             for entry in file.last_run(without=OF_ROBOT, log=log):
                 if entry.run != self._run:
                     return
+        self._omits_ticks = log.omits_ticks
         yield from log.read_ticks()

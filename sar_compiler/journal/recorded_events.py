@@ -93,14 +93,15 @@ class _RecordedRun:
             ended = self._begin_tick(entry)
             self._ends.receive(data, entry.time)
             # An imported run has nodes that another engine has reset in the tick; ours may do that later.
-            if not data.get("is_reset"):
+            is_unsure = bool(data.get("is_unsure"))
+            if not (is_unsure or data.get("is_reset")):
                 self._statuses.append((node, status))
             if self._nodes[node].children:
                 self._messages[node] = str(data.get("message") or "")
                 if node == 0 and status not in GONE:
                     self._root = status
             else:
-                self._add_events(node, status, str(data.get("label") or ""))
+                self._add_events(node, status, str(data.get("label") or ""), is_unsure=is_unsure)
         elif entry.kind == CHANGED and self._before is not None and {"leaf", "tick"} <= data.keys():
             ended = self._begin_tick(entry)
             self._facts.setdefault(data["leaf"], []).append((self._before.kind, self._before.data))
@@ -138,7 +139,7 @@ class _RecordedRun:
                 event = self._event(node, DECIDED, self._ends.status[node], self._messages.get(node, ""))
                 events.append(event._replace(ran_sec=ran_sec))
 
-    def _add_events(self, leaf: int, status: str, label: str) -> None:
+    def _add_events(self, leaf: int, status: str, label: str, *, is_unsure: bool) -> None:
         """Add the events of a leaf with a status."""
         what = GONE.get(status, ANSWERED)
         if what != ANSWERED:
@@ -154,7 +155,7 @@ class _RecordedRun:
             elif status != "SKIPPED":  # which goes on if it was running
                 self._running.discard(leaf)
         facts = tuple(self._facts.pop(leaf, ())) if self._facts else ()
-        self._events.append(self._event(leaf, what, status, label, facts))
+        self._events.append(self._event(leaf, what, status, label, facts)._replace(is_unsure=is_unsure))
 
     def _event(
         self, node: int, what: str, status: str = "", label: str = "", facts: FactChanges = ()

@@ -18,11 +18,15 @@ StatusAndLabel = tuple[str, str]
 """A status, and the label of a leaf's outcome; empty for none."""
 RESET_IN_TICK = "\0reset"
 """In place of a label: the node was reset in the tick."""
+UNSURE = "\0unsure"
+"""In place of a label: a condition of the node may have decided."""
 _TickContent = tuple[tuple[tuple[int, StatusAndLabel], ...], str]
 
 
 def outcome_of(data: Mapping[str, Any]) -> StatusAndLabel:
     """Return the status in the data of an entry, with its label."""
+    if data.get("is_unsure"):
+        return str(data["status"]), UNSURE
     label = RESET_IN_TICK if data.get("is_reset") else str(data.get("label") or "")
     return str(data["status"]), label
 
@@ -45,6 +49,11 @@ class LoggedTick(NamedTuple):
 
 class TickSource(ABC):
     """A recorded run, as its ticks."""
+
+    @property
+    def omits_ticks(self) -> bool:
+        """Whether ticks without a change may be missing, as in imported runs."""
+        return False
 
     @abstractmethod
     def read_ticks(self) -> Iterator[LoggedTick]:
@@ -77,7 +86,12 @@ class TickLog(TickSource):
         self._statuses: list[tuple[int, StatusAndLabel]] = []
         # The leaves with facts in the tick, and no status after these.
         self._facts: set[int] = set()
-        self._is_first = True
+        self._is_first, self._omits_ticks = True, False
+
+    @property
+    def omits_ticks(self) -> bool:
+        """Whether ticks without a change may be missing, as in imported runs."""
+        return self._omits_ticks
 
     def add_status(self, node: int, tick: int, time_sec: float, outcome: StatusAndLabel) -> None:
         """Add the status of a node, which must be one of the tree."""
@@ -94,6 +108,7 @@ class TickLog(TickSource):
         data = entry.data
         if entry.kind == RUN_BEGAN:
             self._start = entry.time
+            self._omits_ticks = "imported" in (entry.data.get("run") or {})
             return
         if is_status(entry, len(self._nodes)):
             self.add_status(data["node"], data["tick"], entry.time, outcome_of(data))
@@ -156,11 +171,14 @@ class TickLog(TickSource):
         for node, (status, label) in pairs:
             if not self._nodes[node].children:
                 what = GONE.get(status, ANSWERED)
-                answer = (status, "" if label == RESET_IN_TICK else label) if what == ANSWERED else ("", "")
+                said = "" if label in (RESET_IN_TICK, UNSURE) else label
+                answer = (status, said) if what == ANSWERED else ("", "")
                 path = (self._nodes[node].name,)
-                events.append(Event(path, node, what, *answer, tick=number, time_sec=time_sec))
+                event = Event(path, node, what, *answer, tick=number, time_sec=time_sec)
+                events.append(event._replace(is_unsure=True) if label == UNSURE else event)
         # In an imported run, another engine may have reset a node in the tick that ours resets later.
-        statuses = tuple((node, status) for node, (status, label) in pairs if label != RESET_IN_TICK)
+        left_out = (RESET_IN_TICK, UNSURE)
+        statuses = tuple((node, status) for node, (status, label) in pairs if label not in left_out)
         path = (self._nodes[0].name,)
         end = Event(path, 0, TICKED, root, tick=number, time_sec=time_sec, statuses=statuses)
         return [*events, end]

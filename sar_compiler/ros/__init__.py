@@ -29,5 +29,6 @@ PUBLIC_MODULES = (
     "serving",
     "signals",
     "tick_watch",
+    "tree_log_listener",
 )
 """The modules that other parts may import."""

@@ -37,6 +37,7 @@ class Event(NamedTuple):
         time_sec: The time since the start of the run, in seconds; None if any time may have passed.
         ran_sec: The run time of a node that has ended by itself, in seconds; 0 for other events.
         statuses: For the end of a recorded tick, the recorded statuses in their order, each with the node's number.
+        is_unsure: Whether a condition of the leaf may have decided instead of the leaf; only in imported runs.
     """
 
     path: tuple[str, ...]
@@ -49,6 +50,7 @@ class Event(NamedTuple):
     time_sec: float | None = None
     ran_sec: float = 0.0
     statuses: tuple[tuple[int, str], ...] = ()
+    is_unsure: bool = False
 
     @property
     def leaf(self) -> str:

@@ -3,7 +3,7 @@
 import sys
 import time
 import webbrowser
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -14,8 +14,8 @@ from sar_compiler.commands import print_error
 from sar_compiler.compiler import CompiledTree
 from sar_compiler.errors import SarError
 from sar_compiler.journal.database import JournalFile, is_locked
-from sar_compiler.journal.journal_entries import BREAKPOINT, RUN_BEGAN, RUN_ENDED, JournalEntry
-from sar_compiler.journal.mission_state import RunProcess
+from sar_compiler.journal.journal_entries import BREAKPOINT, RUN_BEGAN, RUN_ENDED, STATUS, JournalEntry
+from sar_compiler.journal.mission_state import FAILURE, RunProcess
 from sar_compiler.missions.mission import LONGEST, OperatorCommand
 from sar_compiler.reports.explanation import Explanation
 from sar_compiler.reports.report_files import report_page
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 # Interval between reads of other processes' journals, in seconds; they are written once a second.
 _LOOK_SEC = 0.5
+# Interval between reads of another program's run, in seconds.
+_NEWS_SEC = 0.2
 
 
 class RunPage(RunExtension):
@@ -192,6 +194,35 @@ def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fal
             team.look()
 
 
+def watch_entries(
+    name: str, news: Callable[[], Iterable[JournalEntry]], port: int | None, *, opens: bool = False
+) -> None:
+    """Serve a page of a run from its entries until Ctrl-C.
+
+    Args:
+        name: The name of the robot.
+        news: Returns the entries since the last call.
+        port: The port; None for the default one.
+        opens: Whether to open the page in a browser.
+
+    Raises:
+        PageError: If the port cannot be used.
+    """
+    feed = LiveFeed({"robots": [name], "verbs": [[]], "tools": []}, dict)
+    explainer = _FailureExplainer(feed)
+    with _serve(feed, port, {}, opens=opens) as server:
+        while not server.wait(_NEWS_SEC):
+            entries = [*news()]
+            for entry in entries:
+                feed.take(entry)
+                explainer.take(entry)
+            if any(
+                entry.kind == STATUS and entry.data.get("node") == 0 and entry.data.get("status") == FAILURE
+                for entry in entries
+            ):
+                explainer.explain()
+
+
 class _TeamPage:
     """The data for a page of missions in other processes.
 
@@ -271,9 +302,13 @@ class _FailureExplainer:
         """Process an entry of the run."""
         self._inquiry.take(entry)
         if entry.kind == RUN_ENDED:
-            why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
-            if why is not None:
-                self._feed.set_why(why)
+            self.explain()
+
+    def explain(self) -> None:
+        """Send the cause, if the mission has failed."""
+        why = _why_of(Explanation(self._inquiry.why(), self._inquiry.state.nodes))
+        if why is not None:
+            self._feed.set_why(why)
 
 
 @contextmanager

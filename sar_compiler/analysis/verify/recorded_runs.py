@@ -25,6 +25,8 @@ _MOST_WAYS = 200
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
 # The maximum number of different ticks of a record to keep: some ten megabytes.
 _MOST_KEPT = 10_000
+# The maximum number of ticks without entries before one with entries, if a record omits these.
+_MOST_OMITTED = 100
 # The state after a tick that raised.
 _NOWHERE = b""
 
@@ -113,6 +115,8 @@ class PossibleTick(NamedTuple):
     def common(self, noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
         """Return how many recorded outcomes of a tick this one has, in order, and how many of its own outcomes match them.
 
+        An outcome that may be that of a leaf's condition is passed over if this tick lacks it.
+
         Args:
             noted: The recorded outcomes.
             before: The state recorded before that tick.
@@ -158,12 +162,21 @@ def _common(answers: Sequence[Event], noted: Sequence[Event], before: ObservedPr
     count = 0
     for place, answer in enumerate(answers):
         known = told if answer.number in told.statuses else before
-        if count < len(noted) and _is_noted(answer, noted[count]):
+        following = count
+        while following < len(noted) - 1 and _may_be_missing(answer, noted[following]):
+            following += 1
+        if following < len(noted) and _is_noted(answer, noted[following]):
             told.statuses[answer.number], told.labels[answer.number] = answer.status, answer.label
-            count += 1
+            count = following + 1
         elif not known.is_known(answer):
             return count, place
+    while count < len(noted) and noted[count].is_unsure:
+        count += 1
     return count, len(answers)
+
+
+def _may_be_missing(answer: Event, noted: Event) -> bool:
+    return noted.is_unsure and not _is_noted(answer, noted)
 
 
 def _is_noted(answer: Event, noted: Event) -> bool:
@@ -188,9 +201,14 @@ class FoundTick(NamedTuple):
 
 
 class FoundTicks:
-    """The located ticks of a record, in order, stored compactly, because a run can have a million."""
+    """The located ticks of a record, in order, stored compactly, because a run can have a million.
+
+    Attributes:
+        omitted: The number of ticks that the record omits.
+    """
 
     def __init__(self) -> None:
+        self.omitted = 0
         self._numbers, self._times = array("q"), array("d")
         self._ways: list[_FoundWays] = []
 
@@ -461,6 +479,13 @@ class TreeRuns:
             if after is None:
                 events = tick.events()
                 ways = shared(self._find_ways(position, events))
+                if not ways and isinstance(record, TickSource) and record.omits_ticks:
+                    later = self._find_later_ways(position, events)
+                    for step in later[:-1]:
+                        found.append(tick, step)
+                    found.omitted += len(later[:-1])
+                    if later:
+                        ways, position = later[-1], _RecordPosition(frozenset(), position.told)
                 if not ways:
                     lost = self._lost_tick(position, events, is_last=next(waiting, None) is None)
                     found.remove_other_ticks(position.states, shared)
@@ -477,6 +502,22 @@ class TreeRuns:
             found.append(tick, ways)
         found.remove_other_ticks(position.states, shared)
         return found, None
+
+    def _find_later_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_FoundWays]:
+        """Return the ways of ticks without any change, and then those of a recorded tick; empty if there are none."""
+        end = Event(tick[-1].path, 0, TICKED, position.told.statuses.get(0, ""))
+        now, steps = position, list[_FoundWays]()
+        seen = {now.states}
+        for _ in range(_MOST_OMITTED):
+            steps.append(self._find_ways(now, [end]))
+            states = frozenset(way.state for _, way in steps[-1])
+            if not states or states in seen:
+                break
+            seen.add(states)
+            now = _RecordPosition(states, position.told)
+            if ways := self._find_ways(now, tick):
+                return [*steps, ways]
+        return []
 
     def _find_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> _FoundWays:
         """Return the ways of a recorded tick."""

@@ -1,0 +1,154 @@
+"""Read a running tree by Groot2's protocol, which BehaviorTree.CPP's `Groot2Publisher` serves.
+
+The protocol is version 2, with little-endian numbers: a request is a header (version, kind, the sender's number) and, for some, a second frame. The reply is
+the header with the tree's id, and a second frame; or `error` and a text. Nothing here sets a breakpoint or changes the tree.
+"""
+
+import random
+import struct
+from typing import NamedTuple
+
+import zmq
+
+from sar_compiler.importing.recording import IDLE, RUNNING, SKIPPED, UnusableRecordingError
+
+_VERSION = 2
+_HEADER, _CHANGE, _STATUS = struct.Struct("<BBI"), struct.Struct("<IHHB"), struct.Struct("<HB")
+_ID_BYTES = 16
+_PATIENCE_MSEC = 2000
+_LARGEST = 64 * 2**20
+MOST_WAITING = 1000
+"""The number of changes that a publisher stores between two requests; older ones are lost."""
+# From this value on, a status in a snapshot is IDLE.
+_WAS = 10
+
+
+class RecordedChange(NamedTuple):
+    """A change of a node's status.
+
+    Attributes:
+        time: Its time since the start of the recording, in microseconds.
+        uid: The number of the node.
+        status: The status after it.
+    """
+
+    time: int
+    uid: int
+    status: int
+
+
+class Groot2Client:
+    """A client of a program that serves Groot2's protocol.
+
+    Args:
+        address: Its host and port, `HOST:PORT`.
+
+    Raises:
+        UnusableRecordingError: If the address is invalid.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._id = b""
+        self._context = zmq.Context()
+        self._socket: zmq.Socket[bytes] = self._context.socket(zmq.REQ)
+        for option, value in (
+            (zmq.LINGER, 0),
+            (zmq.RCVTIMEO, _PATIENCE_MSEC),
+            (zmq.SNDTIMEO, _PATIENCE_MSEC),
+            (zmq.MAXMSGSIZE, _LARGEST),
+        ):
+            self._socket.setsockopt(option, value)
+        try:
+            self._socket.connect(f"tcp://{address}")
+        except zmq.ZMQError as error:
+            self.close()
+            raise UnusableRecordingError(f"{address} is no HOST:PORT: {error.strerror}") from error
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._context.destroy(linger=0)
+
+    def read_tree(self) -> str:
+        """Return the tree with its nodes' numbers, in XML.
+
+        Raises:
+            UnusableRecordingError: If no program answers, or not with a tree.
+        """
+        try:
+            return self._ask(b"T").decode()
+        except UnicodeDecodeError as error:
+            raise UnusableRecordingError(f"the tree at {self._address} is not UTF-8") from error
+
+    def start_recording(self) -> float:
+        """Start to record the changes of status; return the time from which they are measured, in seconds since 1970.
+
+        Raises:
+            UnusableRecordingError: If no program answers, or not with a time.
+        """
+        text = self._ask(b"r", b"start")
+        if not text.isdigit() or len(text) > len(str(2**53)):
+            raise UnusableRecordingError(f"{self._address} cannot record: it answers {text[:40]!r}")
+        return int(text) / 1e6
+
+    def stop_recording(self) -> None:
+        """Stop to record.
+
+        Raises:
+            UnusableRecordingError: If no program answers.
+        """
+        self._ask(b"r", b"stop")
+
+    def read_statuses(self) -> list[tuple[int, int]]:
+        """Return the number and status of each node that is not IDLE.
+
+        Raises:
+            UnusableRecordingError: If no program answers, or not with statuses.
+        """
+        data = self._whole(self._ask(b"S"), _STATUS.size)
+        return [(uid, status) for uid, status in _STATUS.iter_unpack(data) if RUNNING <= status <= SKIPPED]
+
+    def read_changes(self) -> list[RecordedChange]:
+        """Return the changes since the last call, at most `MOST_WAITING`.
+
+        Raises:
+            UnusableRecordingError: If no program answers, or not with changes.
+        """
+        data = self._whole(self._ask(b"t"), _CHANGE.size)
+        return [
+            RecordedChange(low | high << 32, uid, status)
+            for low, high, uid, status in _CHANGE.iter_unpack(data)
+            if IDLE <= status <= SKIPPED
+        ]
+
+    def _whole(self, data: bytes, size: int) -> bytes:
+        if len(data) % size:
+            raise UnusableRecordingError(
+                f"{self._address} answers {len(data)} bytes instead of entries of {size}"
+            )
+        return data
+
+    def _ask(self, kind: bytes, *payload: bytes) -> bytes:
+        header = _HEADER.pack(_VERSION, kind[0], random.getrandbits(32))
+        try:
+            self._socket.send_multipart([header, *payload])
+            reply, *rest = self._socket.recv_multipart()
+        except zmq.ZMQError as error:
+            raise UnusableRecordingError(
+                f"no program answers at {self._address}. Start one with BehaviorTree.CPP's Groot2Publisher, and name its first port"
+            ) from error
+        if reply == b"error":
+            text = b"".join(rest).decode("utf-8", "replace")
+            raise UnusableRecordingError(
+                f"{self._address} refuses a request of Groot2's protocol: {text:.200}"
+            )
+        if len(reply) != _HEADER.size + _ID_BYTES or reply[1 : _HEADER.size] != header[1:] or len(rest) > 1:
+            raise UnusableRecordingError(
+                f"{self._address} does not answer by Groot2's protocol, version {_VERSION}"
+            )
+        if self._id not in (b"", reply[_HEADER.size :]):
+            raise UnusableRecordingError(
+                f"the program at {self._address} has been restarted, with another tree"
+            )
+        self._id = reply[_HEADER.size :]
+        return b"".join(rest)

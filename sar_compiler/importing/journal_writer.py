@@ -1,0 +1,211 @@
+"""Write the ticks of a recorded run to a journal."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+from sar_compiler.importing.recorded_tree import RunNode
+from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SUCCESS, WORDS, Recording
+from sar_compiler.importing.ticks import RecordedTick, TickFinder, TickKind
+from sar_compiler.journal.journal_entries import STATUS, Ending, Row
+from sar_compiler.journal.spill_file import RunEnd
+
+_BATCH = 20_000
+_CONDITIONS = {SUCCESS: "_successIf", FAILURE: "_failureIf"}
+"""The conditions that end a node, by its status."""
+
+
+class EntrySink(Protocol):
+    """A receiver of runs and entries, such as a `JournalFile`."""
+
+    def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
+        """Add a run; return its number."""
+
+    def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
+        """Write entries, and the end of a run."""
+
+
+class JournalWriter:
+    """Writes the ticks of a recorded run to a journal in the same way as `StatusWatch`."""
+
+    def __init__(
+        self,
+        file: EntrySink,
+        recording: Recording,
+        nodes: list[RunNode],
+        about: dict[str, object],
+        of_run: dict[str, object],
+    ) -> None:
+        self._file, self._recording, self._nodes = file, recording, nodes
+        self._about, self._of_run = about, of_run
+        self._finder = TickFinder(nodes, recording)
+        self.ticks = self.runs = 0
+        self._number = self._run = self._tick = self._last = 0
+        self._is_open = False
+        self._rows: list[Row] = []
+        self._logged = bytearray(len(nodes) + 1)
+        self._unsure: set[int] = set()
+        self._begin()
+
+    @property
+    def unsure(self) -> int:
+        """The number of tick boundaries that were inferred from a pause alone."""
+        return self._finder.unsure
+
+    def _begin(self) -> None:
+        # For each node its last status other than IDLE, and the tick of that.
+        self._shown = [IDLE] * (len(self._nodes) + 1)
+        self._ticked = [0] * (len(self._nodes) + 1)
+        self._standing: set[int] = set()
+        self._tick = self._root = 0
+
+    def write(self) -> None:
+        """Write the runs."""
+        for tick in self._finder.ticks():
+            self._write_ticks(tick)
+        self.end()
+
+    def write_next(self) -> bool:
+        """Write the changes that were recorded since the last call; return whether the root has failed in them."""
+        has_failed = False
+        for tick in self._finder.next_ticks():
+            self._write_ticks(tick)
+            has_failed |= tick.kind is TickKind.ENDS and self._root == FAILURE
+        self._flush()
+        return has_failed
+
+    def end(self, reason: str = "") -> None:
+        """End a run whose root has ended; any run, if there is a reason."""
+        self._flush()
+        if not self._is_open:
+            return
+        if self._root not in (IDLE, RUNNING):
+            word = WORDS[self._root]
+            self._end(Ending.OVER, int(self._root != SUCCESS), f"the tree returned {word}")
+        elif reason:
+            self._end(Ending.STOPPED, 1, reason)
+
+    def _write_ticks(self, tick: RecordedTick) -> None:
+        self._last = tick.behind - 1
+        if tick.kind is not TickKind.HALT:
+            if not self._is_open:
+                self._begin_run(tick)
+            self._write_tick(tick)
+        elif self._is_open:
+            self._end(Ending.STOPPED, 1, "the program has halted the tree")
+
+    def _begin_run(self, tick: RecordedTick) -> None:
+        self._begin()
+        self._is_open = True
+        self.runs += 1
+        wall = self._recording.began + self._recording.times[tick.first] / 1e6
+        of_run = {**self._of_run, "time": self._recording.times[tick.first] / 1e6}
+        self._run = self._file.begin_run(self._about, of_run, wall)
+
+    def _end(self, ending: Ending, status: int, reason: str) -> None:
+        self._flush()
+        self._is_open = False
+        wall = self._recording.began + self._recording.times[self._last] / 1e6
+        self._file.write((), end=RunEnd(self._run, wall, ending, status, reason))
+
+    def _flush(self) -> None:
+        self._file.write(self._rows)
+        self._rows = []
+
+    def _write_tick(self, tick: RecordedTick) -> None:
+        self._tick += 1
+        self.ticks += 1
+        recording, count = self._recording, len(self._nodes)
+        resting: list[int] = []
+        now = {recording.uids[index]: index for index in range(tick.first, tick.behind)}
+        for index, uid, status in self._shown_in(tick):
+            if self._shown[uid] in (IDLE, SUCCESS, FAILURE) and self._nodes[uid - 1].children:
+                resting.append(uid)
+            self._show(uid, status)
+            if uid == 1:
+                self._root = status
+            is_reset = status in (SUCCESS, FAILURE) and recording.statuses[now[uid]] == IDLE
+            more = ', "is_reset": true' if is_reset else ""
+            self._row(index, uid, WORDS[status], more, is_unsure=index in self._unsure)
+        for uid, index in now.items():
+            self._show_ancestors(uid, index, now)
+        for uid, index in sorted(now.items()):
+            # Its end remains shown until a node above it restarts; the log has it reset before.
+            if 1 < uid <= count and recording.statuses[index] == IDLE and self._shown[uid] == RUNNING:
+                self._row(index, uid, "HALTED", f', "last": {self._ticked[uid]}')
+                self._show(uid, IDLE)
+                resting.append(uid)
+        gone = {
+            each
+            for uid in resting
+            for each in self._standing
+            if uid < each < self._finder.end_of(uid)
+            and self._ticked[each] < self._tick
+            and self._logged[each] == IDLE
+        }
+        for uid in sorted(gone):
+            self._row(tick.behind - 1, uid, "IDLE", f', "last": {self._ticked[uid]}')
+            self._show(uid, IDLE)
+        if len(self._rows) >= _BATCH:
+            self._flush()
+
+    def _show_ancestors(self, uid: int, index: int, now: Mapping[int, int]) -> None:
+        """Show that the ancestors of a node that runs do too: a recording may begin in the middle of a run."""
+        is_running = 0 < uid < len(self._shown) and self._recording.statuses[index] == RUNNING
+        parent = self._nodes[uid - 1].parent if is_running else 0
+        while parent and parent not in now and self._shown[parent] != RUNNING:
+            self._row(index, parent, WORDS[RUNNING], "")
+            self._show(parent, RUNNING)
+            parent = self._nodes[parent - 1].parent
+
+    def _show(self, uid: int, status: int) -> None:
+        self._shown[uid] = status
+        if status != IDLE:
+            self._ticked[uid] = self._tick
+        (self._standing.add if status in (SUCCESS, FAILURE) else self._standing.discard)(uid)
+
+    def _shown_in(self, tick: RecordedTick) -> Iterator[tuple[int, int, int]]:
+        """Yield the index, node and status of the changes of a tick that belong in a journal.
+
+        For a leaf these are all its outcomes, for any other node only its last status.
+        """
+        recording, nodes, skipped = self._recording, self._nodes, self._finder.skipped
+        last: dict[int, int] = {}
+        left_out: set[int] = set()
+        self._unsure.clear()
+        for index in range(tick.first, tick.behind):
+            uid, status = recording.uids[index], recording.statuses[index]
+            if not 0 < uid <= len(nodes):
+                continue
+            self._note_unsure(index)
+            if status == IDLE:
+                if not nodes[uid - 1].children:
+                    last.pop(uid, None)  # a leaf that was halted, and starts again, returns twice
+                continue
+            before = last.get(uid)
+            # A leaf that says RUNNING first, and ends in the same tick, has returned once.
+            if before is not None and (nodes[uid - 1].children or recording.statuses[before] == RUNNING):
+                left_out.add(before)
+            last[uid] = index
+        for index in range(tick.first, tick.behind):
+            uid, status = recording.uids[index], recording.statuses[index]
+            if status != IDLE and 0 < uid <= len(nodes) and index not in left_out:
+                yield index, uid, WORDS.index("SKIPPED") if index in skipped else status
+
+    def _note_unsure(self, index: int) -> None:
+        """Note whether a condition of a node may have decided a change instead of the node."""
+        uid, status = self._recording.uids[index], self._recording.statuses[index]
+        condition = _CONDITIONS.get(status)
+        is_possible = condition in self._nodes[uid - 1].bound.element.attributes
+        if is_possible and self._logged[uid] != RUNNING:
+            self._unsure.add(index)
+        self._logged[uid] = status
+
+    def _row(self, index: int, uid: int, word: str, more: str, *, is_unsure: bool = False) -> None:
+        time = self._recording.times[index] / 1e6
+        rows = self._nodes[uid - 1].rows
+        for node in rows:
+            self._number += 1
+            if is_unsure and node == rows[-1]:
+                more = ', "is_unsure": true'
+            data = f'{{"node": {node}, "tick": {self._tick}, "status": "{word}", "message": ""{more}}}'
+            self._rows.append(Row(self._number, self._run, self._recording.began + time, time, STATUS, data))

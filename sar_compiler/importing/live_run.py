@@ -1,0 +1,186 @@
+"""A run of another program as the entries of a journal, while it goes on."""
+
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from sar_compiler.importing.bag import TreeLogReader
+from sar_compiler.importing.groot2_client import MOST_WAITING, Groot2Client
+from sar_compiler.importing.import_run import RunTree, find_tree
+from sar_compiler.importing.journal_writer import JournalWriter
+from sar_compiler.importing.recorded_tree import describe_name_differences, refuse_differences
+from sar_compiler.importing.recording import Recording, UnusableRecordingError
+from sar_compiler.journal.database import END
+from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, JournalEntry, Row, end_data
+from sar_compiler.journal.spill_file import RunEnd
+from sar_compiler.json_values import json_value
+from sar_compiler.project import Workspace
+
+
+class RunSource(Protocol):
+    """A source of the changes of a run."""
+
+    @property
+    def recording(self) -> Recording:
+        """The run so far."""
+
+    def read(self) -> None:
+        """Add the changes since the last call to the recording.
+
+        Raises:
+            UnusableRecordingError: If the source has ended.
+        """
+
+
+class Groot2Source:
+    """The run of a program that serves Groot2's protocol.
+
+    Args:
+        address: Its host and port, `HOST:PORT`.
+
+    Raises:
+        UnusableRecordingError: If no program answers there.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._client = Groot2Client(address)
+        self._address = address
+        try:
+            self.recording = Recording("groot2", 0.0, self._client.read_tree())
+            self.recording.began = self._client.start_recording()
+            for uid, status in self._client.read_statuses():
+                self.recording.add(0, uid, status)
+        except UnusableRecordingError:
+            self._client.close()
+            raise
+
+    def read(self) -> None:
+        """Add the changes since the last call to the recording.
+
+        Raises:
+            UnusableRecordingError: If the program answers no longer.
+        """
+        changes = self._client.read_changes()
+        if len(changes) >= MOST_WAITING:
+            self.recording.flaws.append(
+                f"{self._address} has lost changes of status: it stores {MOST_WAITING} at most"
+            )
+        for time, uid, status in changes:
+            self.recording.add(time, uid, status)
+
+    def close(self) -> None:
+        """Stop recording, and disconnect."""
+        with suppress(UnusableRecordingError):
+            self._client.stop_recording()
+        self._client.close()
+
+
+class TopicSource:
+    """The run whose changes are published on `behavior_tree_log`.
+
+    Args:
+        messages: Returns the messages since the last call, as they were sent.
+    """
+
+    def __init__(self, messages: Callable[[], Iterable[bytes]]) -> None:
+        self._messages, self._reader = messages, TreeLogReader("topic")
+        self.recording = self._reader.recording
+
+    def read(self) -> None:
+        """Add the changes since the last call to the recording."""
+        for data in self._messages():
+            self._reader.add(data)
+
+
+class _EntryList:
+    """Collects the entries that a `JournalWriter` writes."""
+
+    def __init__(self) -> None:
+        self._entries: list[JournalEntry] = []
+        self._run, self._time = 0, 0.0
+
+    def begin_run(self, about: Mapping[str, object], run_about: Mapping[str, object], wall: float) -> int:
+        """Add a run; return its number."""
+        self._run += 1
+        self._time = float(str(run_about["time"]))
+        data = {**about, "run": run_about}
+        self._entries.append(JournalEntry(0, self._run, wall, self._time, RUN_BEGAN, data))
+        return self._run
+
+    def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
+        """Add entries, and the end of a run."""
+        for row in (*watched, *facts):
+            self._entries.append(JournalEntry(*row[:5], json_value(row.data)))
+            self._time = max(self._time, row.time)
+        if end is not None:
+            data = end_data(end.ending, end.status, end.reason, "")
+            self._entries.append(JournalEntry(END, end.run, end.wall, self._time, RUN_ENDED, data))
+
+    def pop(self) -> list[JournalEntry]:
+        """Return the entries since the last call."""
+        entries, self._entries = self._entries, []
+        return entries
+
+
+class LiveRun:
+    """Converts a run to the entries of a journal, while it goes on.
+
+    Args:
+        source: The source of its changes.
+        name: The address of the source.
+        projects: Loads the tree.
+        trees: The file of the tree that runs, or several candidates; by default the source has the tree.
+        report: Called with the problems of the source.
+    """
+
+    def __init__(
+        self,
+        source: RunSource,
+        name: str,
+        projects: Workspace,
+        trees: Sequence[Path] = (),
+        report: Callable[[str], object] = lambda _: None,
+    ) -> None:
+        self._source, self._name, self._projects, self._trees = source, name, projects, trees
+        self._report, self._has_ended = report, False
+        self._entries = _EntryList()
+        self._tree: RunTree | None = None
+        self._writer: JournalWriter | None = None
+        self._known = 0
+        self._folder = tempfile.TemporaryDirectory()
+
+    def news(self) -> list[JournalEntry]:
+        """Return the entries since the last call.
+
+        Raises:
+            SarError: If another tree runs, or the tree cannot be read.
+        """
+        if self._has_ended:
+            return []
+        recording, end = self._source.recording, ""
+        try:
+            self._source.read()
+        except UnusableRecordingError as error:
+            self._has_ended, end = True, str(error)
+            self._report(end)
+        for flaw in recording.flaws:
+            self._report(flaw)
+        recording.flaws.clear()
+        if self._writer is None and recording.times:
+            place = Path(self._folder.name, "tree.xml")
+            self._tree = tree = find_tree(recording, self._name, place, self._projects, self._trees)
+            self._writer = JournalWriter(self._entries, recording, tree.nodes, tree.about, tree.of_run)
+        if self._tree is not None and len(recording.names) > self._known:
+            self._known = len(recording.names)
+            refuse_differences(describe_name_differences(recording.names, self._tree.nodes), self._tree.place)
+        if self._writer is not None:
+            self._writer.write_next()
+            if end:
+                self._writer.end(end)
+        return self._entries.pop()
+
+    def close(self) -> None:
+        """Remove the tree that the source has sent."""
+        self._folder.cleanup()

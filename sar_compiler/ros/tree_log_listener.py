@@ -1,0 +1,31 @@
+"""Receive the messages of Nav2's `behavior_tree_log`."""
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+_DEPTH, _MOST = 1000, 100_000
+
+
+class TreeLogListener:
+    """Stores the messages of a topic, as they were sent.
+
+    Args:
+        node: The node that subscribes.
+        topic: The topic, of `nav2_msgs/msg/BehaviorTreeLog`.
+    """
+
+    def __init__(self, node: "Node", topic: str) -> None:
+        from nav2_msgs.msg import BehaviorTreeLog
+
+        self._messages: deque[bytes] = deque(maxlen=_MOST)
+        node.create_subscription(BehaviorTreeLog, topic, self._on_message, _DEPTH, raw=True)
+
+    def messages(self) -> list[bytes]:
+        """Return the messages since the last call."""
+        return [self._messages.popleft() for _ in range(len(self._messages))]
+
+    def _on_message(self, message: bytes) -> None:
+        self._messages.append(message)

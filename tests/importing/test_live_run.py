@@ -1,0 +1,120 @@
+"""Runs of other programs, shown while they go on."""
+
+from contextlib import closing
+
+import pytest
+from py_trees.trees import BehaviourTree
+
+import sar_compiler
+from sar_compiler import Groot2Publisher
+from sar_compiler.importing.live_run import Groot2Source, LiveRun, TopicSource
+from sar_compiler.importing.recording import UnusableRecordingError
+from sar_compiler.journal.database import JournalFile
+from sar_compiler.journal.journal_entries import RUN_BEGAN, RUN_ENDED, STATUS
+from sar_compiler.leaves import Clock
+from sar_compiler.project import Workspace
+from sar_compiler.testing import ManualClock
+from tests.groot2.test_groot2 import Queue, main
+from tests.importing.test_import import FAILED, bag_messages, import_log
+from tests.processes import free_port
+from tests.trees import write
+
+
+class Publisher:
+    """Publishes the messages of a recorded run."""
+
+    def __init__(self):
+        self.waiting = []
+        self.source = TopicSource(self.messages)
+
+    def messages(self):
+        waiting, self.waiting = self.waiting, []
+        return waiting
+
+
+def followed(messages, tree):
+    """Return the entries of a run whose messages come one by one."""
+    publisher = Publisher()
+    run = LiveRun(publisher.source, "log", Workspace(), [tree])
+    entries = []
+    for message in messages:
+        publisher.waiting.append(message)
+        entries += run.news()
+    run.close()
+    return entries
+
+
+@pytest.fixture
+def tree(tmp_path):
+    import_log(FAILED, tmp_path)
+    return tmp_path / "delivery_failed.journal.xml"
+
+
+def test_a_topic_that_is_followed_has_the_entries_of_its_bag(tree):
+    entries = followed(bag_messages(FAILED), tree)
+    with JournalFile.reading(tree.with_suffix("")) as file:
+        statuses = [each.data for each in file.watched(STATUS)]
+    assert entries[0].kind == RUN_BEGAN
+    assert [each.data for each in entries[1:]] == statuses
+
+
+def test_the_ancestors_of_a_node_run_if_the_log_begins_in_the_middle(tree):
+    _, *later = bag_messages(FAILED)
+    began, *entries = followed(later, tree)
+    shown: dict[int, str] = {}
+    for each in entries:
+        shown.setdefault(each.data["node"], each.data["status"])
+    assert began.kind == RUN_BEGAN
+    assert shown[0] == "RUNNING"
+
+
+def test_another_tree_is_refused_as_soon_as_a_name_differs(tree):
+    text = tree.read_text(encoding="utf-8").replace("grasp the box", "take the box")
+    tree.write_text(text, encoding="utf-8")
+    with pytest.raises(UnusableRecordingError, match="node 10 of the run is 'grasp the box'"):
+        followed(bag_messages(FAILED), tree)
+
+
+def statuses(entries):
+    return [(each.data["node"], each.data["status"]) for each in entries if each.kind == STATUS]
+
+
+def test_a_program_with_groot2s_publisher_is_followed_from_the_statuses_that_it_has(tmp_path):
+    path = tmp_path / "tree.xml"
+    write(
+        path,
+        *main('<Sequence name="s"><Queue name="a" answers="RSS"/><Queue name="b" answers="RF"/></Sequence>'),
+        main="Main",
+    )
+    compiled = sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
+    ticking, port = BehaviourTree(compiled.root), free_port()
+    publisher = Groot2Publisher(compiled, port)
+    with closing(publisher):
+        publisher.watch(ticking)
+        ticking.tick()
+        with closing(Groot2Source(f"127.0.0.1:{port}")) as source:
+            run = LiveRun(source, "robot", Workspace())
+            begun = run.news()
+            ticking.tick()
+            later = run.news()
+            ticking.tick()
+            later += run.news()
+            publisher.close()
+            ended = run.news()
+            after = run.news()
+            run.close()
+    assert begun[0].kind == RUN_BEGAN
+    assert statuses(begun) == [(0, "RUNNING"), (1, "RUNNING")]
+    assert statuses(later) == [(1, "SUCCESS"), (2, "RUNNING"), (2, "FAILURE"), (0, "FAILURE")]
+    assert [each.kind for each in ended] == [RUN_ENDED]
+    assert (ended[0].data["ending"], after) == ("over", [])
+
+
+def test_a_missing_program_is_reported_with_the_class_that_serves_the_protocol():
+    with pytest.raises(UnusableRecordingError, match=r"no program answers at .*Groot2Publisher"):
+        Groot2Source(f"127.0.0.1:{free_port()}")
+
+
+def test_an_address_without_a_port_is_refused():
+    with pytest.raises(UnusableRecordingError, match="robot is no HOST:PORT"):
+        Groot2Source("robot")

@@ -1,0 +1,41 @@
+"""The messages of `behavior_tree_log`, over DDS."""
+
+import pytest
+from builtin_interfaces.msg import Time
+
+from sar_compiler.importing.bag import TreeLogReader
+from sar_compiler.ros.tree_log_listener import TreeLogListener
+
+pytestmark = pytest.mark.ros
+
+
+def test_the_changes_of_a_topic_are_read_as_from_a_bag(ros):
+    from nav2_msgs.msg import BehaviorTreeLog, BehaviorTreeStatusChange
+
+    listener = TreeLogListener(ros.node("watch"), "behavior_tree_log")
+    publisher = ros.node("bt_navigator").create_publisher(BehaviorTreeLog, "behavior_tree_log", 10)
+    ros.spin_until(publisher.get_subscription_count, "the listener")
+    changes = [
+        BehaviorTreeStatusChange(
+            timestamp=Time(sec=100, nanosec=5000 * uid),
+            node_name=name,
+            uid=uid,
+            previous_status="IDLE",
+            current_status=status,
+        )
+        for uid, name, status in ((1, "FollowPath", "FAILURE"), (2, "Wait ü", "RUNNING"))
+    ]
+    publisher.publish(BehaviorTreeLog(event_log=changes))
+    heard: list[bytes] = []
+
+    def is_heard():
+        heard.extend(listener.messages())
+        return heard
+
+    ros.spin_until(is_heard, "the message")
+    reader = TreeLogReader("topic")
+    reader.add(heard[0])
+    found = reader.recording
+    assert (found.names, [*found.times], [*found.uids]) == ({1: "FollowPath", 2: "Wait ü"}, [0, 5], [1, 2])
+    assert [*found.statuses] == [3, 1]
+    assert listener.messages() == []
