@@ -1,4 +1,4 @@
-"""A run of another program as the entries of a journal, while it goes on."""
+"""A run of another program as the entries of a journal, during the run."""
 
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -125,7 +125,7 @@ class _EntryList:
 
 
 class LiveRun:
-    """Converts a run to the entries of a journal, while it goes on.
+    """Converts a run to the entries of a journal, during the run.
 
     Args:
         source: The source of its changes.
