@@ -9,10 +9,10 @@ const COUNTED = ["paused", "waiting", "lost", "position lost"];
 const STANDING = ["paused", "waiting", "aborted"];
 const UNPLACED = "position lost";
 
-/** The condition of a run as a page shows it: word, level (the worst of it and its open tasks), reason, and how many seconds it has lasted (null where nobody asks). */
+/** Return a run's status for a page: word, level (including that of its open tasks), reason, and duration in seconds (null if it is not shown). */
 export function conditionOf(stream, run) {
   const { silent, isReplay, isTold, trouble } = stream;
-  if (isReplay && silent) return { word: "not connected", level: "error", reason: "no other time can be shown", lasts: null };
+  if (isReplay && silent) return { word: "not connected", level: "error", reason: "other times cannot be shown", lasts: null };
   if (trouble) return { word: "trouble", level: "error", reason: trouble, lasts: null };
   if (!isTold) return { word: silent > 4 ? "not connected" : "connecting", level: silent > 4 ? "error" : "quiet", reason: "", lasts: null };
   const { word, level, since } = run.condition;
@@ -24,7 +24,7 @@ export function conditionOf(stream, run) {
 
 /** Whether the program of a run has crashed. */
 export function isCrashed({ condition }) {
-  return condition.word === "broken off";
+  return condition.word === "crashed";
 }
 
 /** Whether a robot is silent although it drives, as far as the server knows. */
@@ -53,7 +53,7 @@ export function worst(levels) {
   return levels.reduce((one, other) => (SEVERITY.indexOf(other) > SEVERITY.indexOf(one) ? other : one));
 }
 
-/** Show a condition in an element: its sign, its word, how long it lasts, and the reason. */
+/** Show a status in an element: sign, word, duration and reason. */
 export function showCondition(place, { word, level, reason, lasts }, isLong = true) {
   if (!place.childElementCount) place.append(html("b", { "aria-hidden": "true" }), html("strong"), html("time"), html("span"));
   const [sign, name, time, why] = place.children;

@@ -4,7 +4,7 @@ import { clock, duration, html, say } from "./shapes.js";
 
 const WORDS = ["SUCCESS", "FAILURE", "HALTED"];
 
-/** Show a node of a run in a list of terms. */
+/** Show the details of a node in a description list. */
 export function showDetails(place, run, id) {
   const node = run.nodes[id];
   if (!node) {
@@ -14,7 +14,7 @@ export function showDetails(place, run, id) {
   }
   const state = run.states[id];
   const ago = (time) => `${duration(run.time - time)} ago, at ${clock(time)}`;
-  const former = state.status && !run.isCurrent(id) ? " (of an earlier activation)" : "";
+  const former = state.status && !run.isCurrent(id) ? " (from an earlier activation)" : "";
   const rows = [
     ["node", node.name],
     ["type", node.path],
@@ -22,7 +22,7 @@ export function showDetails(place, run, id) {
     ["answer", state.label],
     ["says", state.message],
     ["last change", state.status ? `${ago(state.time)}, tick ${state.tick}` : ""],
-    ["last failure", state.failed === null ? "" : `${state.failure || "without a reason"}, ${ago(state.failed)}`],
+    ["last failure", state.failed === null ? "" : `${state.failure || "no reason given"}, ${ago(state.failed)}`],
     ["ended", ended(state)],
     ["written at", node.file ? `${node.file}:${node.line}` : ""],
     ...Object.entries(node.attributes).map(([key, value]) => [key, typeof value === "object" ? JSON.stringify(value) : String(value)]),
@@ -33,11 +33,11 @@ export function showDetails(place, run, id) {
     place.dataset.terms = terms;
     place.replaceChildren(...shown.flatMap(([term]) => [html("dt", {}, term), html("dd")]));
   }
-  // Only what is another text is written, so that the rest can be selected meanwhile.
+  // Only changed texts are written, so that users can select the others.
   shown.forEach(([, value], row) => say(place.children[2 * row + 1], value));
 }
 
-/** How often it has ended with which status, and how long that took. */
+/** Return how often the node ended with each status, and the durations. */
 function ended({ ends, ran, longest }) {
   const times = ends.flatMap((count, status) => (count ? [`${WORDS[status]} ${count}×`] : []));
   const took = ran ? [`after ${duration(ran / ends.reduce((sum, count) => sum + count))} on average, ${duration(longest)} at most`] : [];

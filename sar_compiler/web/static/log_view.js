@@ -18,7 +18,7 @@ export class LogView {
     new ResizeObserver(() => this.follow()).observe(place);
   }
 
-  /** Show what is there by now. */
+  /** Show the current lines. */
   show({ log }) {
     if (log === this.log) return;
     const wanted = log.filter(({ level }) => !this.levels || this.levels.includes(level)).slice(-LINES);
@@ -35,7 +35,7 @@ export class LogView {
     this.follow();
   }
 
-  /** Forget what is shown. */
+  /** Clear the log. */
   again() {
     this.place.replaceChildren();
     this.lines = new Map();

@@ -6,17 +6,17 @@ import { clock, html, icon, mark, say, set, svg } from "./shapes.js";
 import { LEVELS } from "./signs.js";
 
 const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
-// Where a label may be, beside its mark: x and y of its middle, in its own halves of width and height beyond the mark's radius.
+// Candidate positions of a label: x and y of its centre in half widths and heights of the label, beyond the mark's radius.
 const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
 const [RADIUS, HEIGHT, FONT] = [13, 16, "600 12.5px system-ui, 'DejaVu Sans', sans-serif"];
-// How near to its first corner a click closes an outline, in pixels.
+// Maximum distance in pixels at which a click on the first corner closes an outline.
 const [CLOSING, LEAST_CORNERS] = [9, 3];
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
 export class MapView {
   /**
-   * @param {HTMLElement} place where it is drawn.
-   * @param {HTMLElement} [legend] where its signs are explained, with the age of what is shown.
+   * @param {HTMLElement} place the element to draw in.
+   * @param {HTMLElement} [legend] the element of the legend, which also shows the age of the data.
    */
   constructor(place, legend) {
     this.place = place;
@@ -46,7 +46,7 @@ export class MapView {
     return button;
   }
 
-  /** Show the robots of a stream; where there are several, all of them with their names. */
+  /** Show the robots of a stream, with their names if there are several. */
   show(stream) {
     this.stream = stream;
     const { run, runs } = stream;
@@ -54,13 +54,13 @@ export class MapView {
     if (!width || !height) return;
     const box = extent(runs);
     const scale = this.zoom * Math.min(width / (box[2] - box[0]), height / (box[3] - box[1]));
-    // An open legend lies beside what is in sight, as far as there is room.
+    // An open legend is placed beside the visible content if there is room.
     const spare = Math.max(0, width - (box[2] - box[0]) * scale);
     const [cx, cy] = [(box[0] + box[2]) / 2 + Math.min(spare, this.legend?.width ?? 0) / 2 / scale, (box[1] + box[3]) / 2];
     this.at = (x, y) => [width / 2 + (x - cx) * scale + this.shift[0], height / 2 - (y - cy) * scale + this.shift[1]];
     this.from = (px, py) => [cx + (px - width / 2 - this.shift[0]) / scale, cy - (py - height / 2 - this.shift[1]) / scale];
     this.taken = [];
-    // The one that is chosen lies above the others.
+    // The selected robot is drawn above the others.
     const order = [...runs.filter((each) => each !== run), run];
     const of = (draw) => order.flatMap((each) => draw(each, each === run ? "" : " other"));
     const view = [width, height, scale, cx, cy, ...this.shift].join(" ");
@@ -140,7 +140,7 @@ export class MapView {
     return [svg("defs", {}, hatch), svg("rect", { class: "unknown", width, height, fill: "url(#unknown)" }), free, image];
   }
 
-  /** Lines each so many metres, with the numbers that one says over the radio. */
+  /** Draw grid lines at regular distances, labelled for use over the radio. */
   grid(width, height, scale) {
     const step = STEPS.find((each) => each * scale >= 56) ?? 1000;
     const [[left, top], [right, bottom]] = [this.from(0, 0), this.from(width, height)];
@@ -179,7 +179,7 @@ export class MapView {
     return [...run.landmarks.values()].filter(({ shade }) => shade > 0).map((each) => svg("polygon", { class: "shade", points: this.outline(each), "fill-opacity": shadeOpacity(each.shade / most[each.kind]) }, svg("title", {}, titled(each))));
   }
 
-  /** What is being drawn, with its corners; the first one closes it. */
+  /** Draw the outline in progress with its corners; a click on the first one closes it. */
   drawing() {
     if (!this.drawn?.length) return [];
     const corners = this.drawn.map(([x, y]) => this.at(x, y));
@@ -198,7 +198,7 @@ export class MapView {
 
   landmarks(run) {
     const points = [...run.landmarks.values()].filter(({ corners }) => !corners.length);
-    // What was found lies on what was known before.
+    // Detections are drawn above known landmarks.
     return [...points.filter((each) => !run.kindOf(each).is_found), ...points.filter((each) => run.kindOf(each).is_found)].map((each) => this.mark(run, each, run.kindOf(each)));
   }
 
@@ -225,7 +225,7 @@ export class MapView {
     return [{ group, at, number, radius: 15, name: `robot${other}${isOld ? " stale" : ""}`, text, style: "label name" }];
   }
 
-  /** The names beside their marks, each where it hides least. */
+  /** Place each name beside its mark where it overlaps least. */
   labels(marks, width, height) {
     return marks.filter(({ text }) => text).map(({ at: [x, y], text, style }) => {
       const half = this.pen.measureText(text).width / 2 + 2;
@@ -247,7 +247,7 @@ export class MapView {
     return svg("g", { class: "ruler" }, svg("path", { d: `M12 ${height - 15} v6 h${metres * scale} v-6` }), text);
   }
 
-  /** Where north is; where nobody knows, the axes of the map. */
+  /** Draw the direction of north, or the map's axes if north is unknown. */
   north({ north }, width) {
     const known = Number.isFinite(north);
     const arrow = known
@@ -256,7 +256,7 @@ export class MapView {
     return svg("g", { class: "north", transform: `translate(${width - 34} 96)` }, svg("title", {}, known ? "north" : "the axes of the map (north is unknown)"), arrow);
   }
 
-  /** Come nearer by a factor, around a point of the screen. */
+  /** Zoom by a factor around a point of the screen. */
   nearer(factor, px = this.place.clientWidth / 2, py = this.place.clientHeight / 2) {
     const zoom = Math.max(0.5, Math.min(50, this.zoom * factor));
     const middle = [this.place.clientWidth / 2, this.place.clientHeight / 2];
@@ -298,11 +298,11 @@ export class MapView {
     };
     this.place.setPointerCapture(event.pointerId);
     this.place.addEventListener("pointermove", move);
-    // However it ends: a touch may be taken away for something else.
+    // A touch may also end because the browser cancels it.
     this.place.addEventListener("lostpointercapture", () => this.place.removeEventListener("pointermove", move), { once: true });
   }
 
-  /** Have the next click answer with a place, in metres; with null if none is picked. */
+  /** Return the position of the next click in metres; null if it is cancelled. */
   pick(answer) {
     this.picking = answer;
     this.place.classList.add("picking");
@@ -310,13 +310,13 @@ export class MapView {
     this.place.focus();
   }
 
-  /** Have the next clicks answer with the corners of an outline, in metres, once it is closed; with null if it is left. */
+  /** Return the corners of the outline drawn by the next clicks, in metres; null if it is cancelled. */
   draw(answer) {
     this.pick(answer);
     this.drawn = [];
   }
 
-  /** Take a corner of an outline; at the first one it is closed. */
+  /** Add a corner to the outline, or close it at the first corner. */
   corner([px, py]) {
     const [first] = this.drawn;
     const isFirst = first && Math.hypot(...this.at(...first).map((each, axis) => each - [px, py][axis])) <= CLOSING;
@@ -346,14 +346,14 @@ export class MapView {
   }
 }
 
-/** The signs of the map, and how old what they show is. */
+/** The legend: the map's signs, and the age of the data. */
 class Legend {
   constructor(place) {
     this.place = place;
     this.ages = {};
   }
 
-  /** How wide it is, in pixels, with the edge around it. */
+  /** Return the width in pixels, including the margin. */
   get width() {
     return this.place.parentElement.open ? this.place.parentElement.offsetWidth + 16 : 0;
   }
@@ -394,14 +394,14 @@ class Legend {
 }
 
 const TENTHS = "-abcdefghij";
-// What is drawn of a layer, made once.
+// The drawn elements of each layer, created once.
 const drawnOf = new WeakMap();
 
 function opacity(tenths) {
   return (0.15 + 0.06 * tenths).toFixed(2);
 }
 
-/** How an outline is filled that is shaded by a share of what the strongest one is. */
+/** Return the fill of an outline, given its share of the darkest outline's shade. */
 function shadeOpacity(share) {
   return (0.55 * share).toFixed(2);
 }
@@ -410,14 +410,14 @@ function swatch(name, filled) {
   return svg("path", { class: name, "fill-opacity": filled, d: "M-12 -9 H12 V9 H-12 Z" });
 }
 
-/** Of each kind how strongly its strongest outline is shaded. */
+/** Return the shade of each kind's darkest outline. */
 function mostShaded(run) {
   const most = {};
   for (const { kind, shade } of run.landmarks.values()) if (shade > (most[kind] ?? 0)) most[kind] = shade;
   return most;
 }
 
-/** The cells of a layer, a path for as many tenths as they are full; a cell is 1 wide. */
+/** Return the cells of a layer as one path for each tenth of their value; cells have width 1. */
 function cells(layer) {
   if (drawnOf.has(layer)) return drawnOf.get(layer);
   const paths = new Map();
@@ -433,7 +433,7 @@ function cells(layer) {
   return group;
 }
 
-/** How much of a box lies on another, in square pixels. */
+/** Return the overlap of two boxes in square pixels. */
 function overlap([left, top, right, bottom], [a, b, c, d]) {
   return Math.max(0, Math.min(right, c) - Math.max(left, a)) * Math.max(0, Math.min(bottom, d) - Math.max(top, b));
 }
@@ -448,14 +448,14 @@ function outside([left, top, right, bottom], width, height) {
   return left < 0 || top < 0 || right > width || bottom > height ? 500 : 0;
 }
 
-/** What is left of a plan, from where the robot is. */
+/** Return the remaining part of a plan from the robot's position. */
 function rest(plan, pose) {
   if (!pose || !plan.length) return plan;
   const away = plan.map(([x, y]) => Math.hypot(x - pose.x, y - pose.y));
   return plan.slice(away.indexOf(Math.min(...away)));
 }
 
-/** What has to be in sight: the map, or all places with something around them; x and y in metres. */
+/** Return the bounds to show, in metres: the map, or all landmarks with a margin. */
 function extent(runs) {
   const points = [];
   let edge = 2;
@@ -475,7 +475,7 @@ function extent(runs) {
   return [least(xs) - edge, least(ys) - edge, most(xs) + edge, most(ys) + edge];
 }
 
-/** The map in words. */
+/** Return a description of the map in words. */
 function described(stream) {
   return stream.runs.map((run) => {
     const who = stream.isTeam ? stream.names[stream.runs.indexOf(run)] : "The robot";

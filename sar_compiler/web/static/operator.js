@@ -36,7 +36,7 @@ function show() {
   const { run } = stream;
   const condition = worstOf(stream);
   showCondition(at("condition"), condition);
-  // What is read out changes with the word, and not every second.
+  // Screen readers announce this text when the word changes, not every second.
   say(at("said"), `${condition.word}${condition.level === "error" && condition.lasts === null ? "" : `, ${condition.reason}`}`);
   // The colour is the worst of all robots.
   const level = worst([condition.level, ...stream.runs.map((each) => conditionOf(stream, each).level)]);
@@ -44,7 +44,7 @@ function show() {
   showIcon(level);
   document.body.classList.toggle("stale", isStale(stream, run));
   orders.show();
-  // A run in the server's own process has none before its end.
+  // A run in the server's own process has no report before its end.
   at("report").hidden = !stream.tools.includes("report") || (stream.tools.includes("entries") && !run.run.ended);
   at("report").href = `report?robot=${stream.chosen}`;
   if (!stream.isTold) return;
@@ -98,8 +98,8 @@ document.addEventListener("keydown", (event) => {
 at("legend").open = matchMedia("(min-width: 1500px)").matches;
 at("legend").addEventListener("toggle", () => map.again());
 document.addEventListener("visibilitychange", () => stream.listen());
-// The address of another run on the same port: with another token.
+// The address of another run on the same port has a different token.
 window.addEventListener("hashchange", () => location.reload());
-// A page that is silent for long is closed.
+// A page without contact for a long time is closed.
 setInterval(() => stream.page.change(), 1000);
 stream.listen();

@@ -4,9 +4,9 @@
 import { isCrashed, isLost } from "./condition_view.js";
 import { html, say, set } from "./shapes.js";
 
-// The server answers within ten seconds.
+// The server responds within ten seconds.
 const ANSWER_MS = 12000;
-// How long the answer of a successful command stays.
+// How long the response to a successful command is shown.
 const READ_MS = 6000;
 const NAME = "sar-operator";
 // Conversion of typed text to the value of a field, by its kind. The mission rejects an invalid outline.
@@ -14,9 +14,9 @@ const READ = { number: (text) => (text === "" ? null : Number(text)), polygon: (
 
 export class Orders {
   /**
-   * @param {HTMLElement} place where the buttons are.
-   * @param {import("./stream.js").Stream} stream what the robots are, and which of them is chosen.
-   * @param {{pick: Function, draw: Function}} map is asked for a place, or for an outline (MapView).
+   * @param {HTMLElement} place the element of the buttons.
+   * @param {import("./stream.js").Stream} stream the robots, and which of them is selected.
+   * @param {{pick: Function, draw: Function}} map the map (MapView) for picking a position or drawing an outline.
    */
   constructor(place, stream, map) {
     Object.assign(this, { place, stream, map });
@@ -34,7 +34,7 @@ export class Orders {
     // Not modal: the map stays in sight, and STOP can be pressed.
     this.ask = html("dialog", { id: "ask", tabindex: -1, "aria-labelledby": "ask-title" }, html("form", { method: "dialog" }, html("h2", { id: "ask-title" }), html("div"), this.expired, html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
     place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.ask, this.more, this.who, this.why);
-    // Not a button that submits: Enter in a field would press the first of these.
+    // Not a submit button, because Enter in a field would press the first one.
     this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
     this.ask.addEventListener("keydown", (event) => event.key === "Escape" && this.ask.close("no"));
     this.ask.addEventListener("close", () => this.ask.open || this.answered?.(this.ask.returnValue === "yes"));
@@ -50,7 +50,7 @@ export class Orders {
     return this.ask.open;
   }
 
-  /** Forget the verbs of another run. */
+  /** Remove the commands of another run. */
   again() {
     this.offered = new Map();
     this.key = "";
@@ -58,7 +58,7 @@ export class Orders {
     say(this.answer, "");
   }
 
-  /** Show the orders to the robot that is chosen: those that its tree has heeded, and can be given just now. */
+  /** Show the commands that the selected robot accepts now. */
   show() {
     const { chosen, run, runs, verbs, available, names, isTeam, isReplay } = this.stream;
     const offered = this.offered.get(chosen) ?? new Set();
@@ -67,14 +67,14 @@ export class Orders {
     this.now = this.heeded(chosen);
     this.verbs = (verbs[chosen] ?? []).filter(({ name }) => offered.has(name));
     this.isHeld = isHeld(run);
-    // To runs that have ended there is nothing more to order; the answer to what has ended them stays.
+    // Ended runs accept no commands; the response to the last command stays.
     const isOver = runs.every((each) => each.run.ended || isCrashed(each));
     this.place.hidden = isReplay || !verbs.some((each) => each.length) || (isOver && !this.answer.dataset.kind);
     say(this.to, isTeam ? `Commands to ${names[chosen]}` : "Commands");
     say(this.stop, isTeam ? `STOP ${names[chosen]}` : "STOP");
     this.stopAll.hidden = !isTeam;
     this.stopAll.disabled = !isTeam || (!this.able("hold").length && !this.able("stop").length);
-    // What a robot heeds is told a moment after what can be ordered.
+    // The accepted commands arrive shortly after the list of commands.
     this.isKnown = Boolean(available[chosen]);
     const key = `${chosen} ${this.isKnown} ${this.verbs.map(({ name }) => name).join(" ")}`;
     if (key !== this.key) this.draw(key);
@@ -115,7 +115,7 @@ export class Orders {
     return new Set((available[robot] ?? []).filter((name) => !isLost(run) || stops.includes(name)));
   }
 
-  /** The robots that heed their verb of a role just now, each with that verb. */
+  /** Return the robots that accept their command of a role now, each with that command. */
   able(wanted) {
     return this.stream.runs.flatMap((_, robot) => {
       const verb = (this.stream.verbs[robot] ?? []).find(({ role }) => role === wanted);
@@ -123,7 +123,7 @@ export class Orders {
     });
   }
 
-  /** The verb of a role. */
+  /** Return the command of a role. */
   of(wanted) {
     return this.verbs?.find(({ role }) => role === wanted);
   }
@@ -191,7 +191,7 @@ export class Orders {
     return wanted && this.verbs?.find(({ name, role }) => (name === wanted || role === wanted) && this.now.has(name));
   }
 
-  /** Give a command, after the question that it needs; *found* is the detection that it is about. */
+  /** Give a command, after the question that it needs; *found* is the detection that the command refers to. */
   async begin(verb, found = "") {
     const robot = this.stream.chosen;
     const given = Object.fromEntries(verb.fields.filter(({ kind, optional }) => found && kind === "found" && !optional).map(({ name }) => [name, found]));
@@ -254,14 +254,14 @@ export class Orders {
     });
   }
 
-  /** A field in the question for the reason, which is the same as beside the buttons. */
+  /** Return the dialog's field for the reason, which shares its value with the field beside the buttons. */
   reasonField() {
     const field = html("input", { name: "reason", autocomplete: "off", maxlength: 200, value: this.reason.value });
     field.addEventListener("input", () => (this.reason.value = field.value));
     return html("label", {}, "Reason, for the log ", field);
   }
 
-  /** A button that leaves the question for the map, and comes back to it with what was picked there. */
+  /** Return a button that hides the dialog while the user picks on the map, and then fills in the result. */
   picker(verb, robot, read, label, request, ask, values) {
     const button = html("button", { type: "button" }, label);
     button.addEventListener("click", () => {
@@ -317,7 +317,7 @@ export class Orders {
     return this.stream.isTeam ? `${this.stream.names[robot]}: ${verb.label}` : verb.label;
   }
 
-  /** Send an order; return what is said to it, and whether it is done or there is trouble. */
+  /** Send a command; return the response, and whether the command succeeded. */
   async send(verb, values, robot, seen) {
     try {
       const response = await fetch(`orders/${encodeURIComponent(verb.name)}?robot=${robot}`, {
@@ -330,11 +330,11 @@ export class Orders {
       if (accepted) return [message || "done", "done"];
       return [response.status >= 500 ? message : `refused: ${message}`, "trouble"];
     } catch (error) {
-      return [error.name === "TimeoutError" ? "no answer. Check the log for the command" : "the run cannot be reached", "trouble"];
+      return [error.name === "TimeoutError" ? "no response. Check the log for the command" : "the run cannot be reached", "trouble"];
     }
   }
 
-  /** Say something to an order; what is done need not stay. */
+  /** Show the response to a command; that of a successful one disappears. */
   tell(text, kind = "") {
     clearTimeout(this.fading);
     say(this.answer, text);
@@ -369,7 +369,7 @@ function isHeld(run) {
   return run.condition.word === "paused";
 }
 
-/** What the operator is called, as said before. */
+/** Return the stored name of the operator. */
 function remembered() {
   try {
     return localStorage.getItem(NAME) ?? "";
@@ -382,6 +382,6 @@ function remember(name) {
   try {
     localStorage.setItem(NAME, name);
   } catch {
-    // Then it is asked for again.
+    // The operator enters the name again.
   }
 }

@@ -5,7 +5,7 @@ import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
 const SEEN = "sar-seen";
-// The number of alarms that are remembered as seen.
+// The number of acknowledged alarms to store.
 const REMEMBERED = 200;
 
 /** The times of a mission: how long it has lasted, about how long it still takes, and how long it may take. */
@@ -39,7 +39,7 @@ function showRows(place, rows) {
   });
 }
 
-/** The gauges, each as a bar where it is known what is full. */
+/** Show the gauges, as bars if their maximum is known. */
 export function showGauges(place, run) {
   const gauges = run.gauges.filter(({ value }) => Number.isFinite(value));
   const key = gauges.map(({ name }) => name).join("\n");
@@ -69,7 +69,7 @@ function round(value) {
   return Number(value.toFixed(1));
 }
 
-/** What is left of the drive that is under way; the one place of the page that says it. */
+/** Return the remaining part of the current drive. Only this line of the page shows it. */
 export function driveLeft(stream, run) {
   if (!run.drive || !isMoving(stream, run)) return "";
   const { distance, time_left: left } = run.drive;
@@ -78,7 +78,7 @@ export function driveLeft(stream, run) {
 
 const STOP_BUTTON = "Press the stop button on the robot: it may still be driving";
 
-/** What a person has to do now, the most urgent first, each with its command where it can be given; alarms have a place of their own. */
+/** The open tasks, the most urgent first, each with its command if available. Alarms have a separate list. */
 export class TasksView {
   constructor(place, orders, alarms, look) {
     Object.assign(this, { place, orders, alarms, look, known: new Set() });
@@ -115,11 +115,11 @@ export class TasksView {
   }
 }
 
-/** Alarms, which stay until somebody has seen them. */
+/** The alarms, which stay until the operator has acknowledged them. */
 export class AlarmsView {
   /**
-   * @param {HTMLElement} place where they are.
-   * @param {HTMLInputElement} sound whether a new one is to be heard.
+   * @param {HTMLElement} place the element of the alarms.
+   * @param {HTMLInputElement} sound the switch for the sound of new alarms.
    */
   constructor(place, sound) {
     Object.assign(this, { place, sound });
@@ -155,7 +155,7 @@ export class AlarmsView {
     return item;
   }
 
-  /** Two short tones, if there is a new alarm and somebody wants to hear it. */
+  /** Play two short tones for a new alarm if sound is on. */
   ring(count) {
     if (!count || !this.sound.checked) return;
     const audio = new AudioContext();
@@ -182,11 +182,11 @@ function remember(ids) {
   try {
     localStorage.setItem(SEEN, JSON.stringify(ids));
   } catch {
-    // Then they are shown again on another page.
+    // Another page then shows them again.
   }
 }
 
-/** A card for each robot of a team: its condition, gauges, task, and how old its place is; the chosen one is pressed. */
+/** Cards for the robots of a team: status, gauges, task and age of the position. The selected card is pressed. */
 export class CardsView {
   constructor(place) {
     this.place = place;

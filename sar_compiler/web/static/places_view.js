@@ -43,13 +43,13 @@ export class PlacesView {
   }
 }
 
-/** All that is known of a landmark: its state, the reason, and what else there is. */
+/** Return the known data of a landmark: state, reason and further values. */
 export function inWords(landmark) {
   const { state, reason } = landmark;
   return [[state, reason].filter(Boolean).join(", "), ...details(landmark)].filter(Boolean).join("; ");
 }
 
-/** What else is known of a landmark; a number that is nought says nothing. */
+/** Return the further values of a landmark; zeros are omitted. */
 function details({ within, details: known }) {
   const where = within ? [`in ${within}`] : [];
   return [...where, ...Object.entries(known ?? {}).filter(([, value]) => value !== 0).map(([name, value]) => `${name} ${said(value)}`)];

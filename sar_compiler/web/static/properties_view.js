@@ -8,7 +8,7 @@ const DONE = { hold: "a violation pauses the mission", abort: "a violation abort
 
 export class PropertiesView {
   /**
-   * @param {HTMLDetailsElement} place where they are.
+   * @param {HTMLDetailsElement} place the element of the cards.
    */
   constructor(place) {
     this.place = place;
@@ -25,7 +25,7 @@ export class PropertiesView {
     summary.replaceChildren(html("span", {}, html("b", {}, "Properties"), `: ${said}`));
     summary.classList.toggle("broken", counts[0][0] > 0);
     note.hidden = assumption_failed_at === null;
-    note.textContent = assumption_failed_at === null ? "" : `From ${clock(assumption_failed_at)} on the run contradicts an assumption of the verification. Its results no longer apply.`;
+    note.textContent = assumption_failed_at === null ? "" : `Since ${clock(assumption_failed_at)}, the run contradicts an assumption of the verification, so its results no longer apply.`;
     const order = [...watched].sort((one, other) => (other.word === "broken") - (one.word === "broken"));
     list.replaceChildren(...order.map(card));
   }

@@ -6,8 +6,8 @@ const SPEEDS = [1, 2, 5, 20, 100];
 
 export class ReplayBar {
   /**
-   * @param {HTMLElement} place where it is.
-   * @param {import("./stream.js").Stream} stream what it moves.
+   * @param {HTMLElement} place the element of the slider.
+   * @param {import("./stream.js").Stream} stream the stream that the slider controls.
    */
   constructor(place, stream) {
     Object.assign(this, { place, stream, playing: 0 });
@@ -20,7 +20,7 @@ export class ReplayBar {
     this.slider.addEventListener("input", () => {
       this.play(false);
       const { value, max } = this.slider;
-      // Of the end, hundredths may lack the last digit.
+      // The end may lack the last digit of its hundredths.
       stream.go(value === max ? stream.end : Number(value));
     });
   }
@@ -28,7 +28,7 @@ export class ReplayBar {
   begin() {
     this.play(false);
     this.place.hidden = !this.stream.isReplay;
-    // In whole steps, or the end could not be reached.
+    // The maximum is a whole number of steps, because the slider could not reach the end otherwise.
     this.slider.max = Math.ceil((this.stream.end ?? 0) * 100) / 100;
   }
 
@@ -56,7 +56,7 @@ export class ReplayBar {
     this.playing = requestAnimationFrame(step);
   }
 
-  /** Heed a key of the page; return whether it was for this. */
+  /** Handle a key of the page; return whether the slider uses it. */
   key(event) {
     if (event.key !== " " || !this.stream.isReplay) return false;
     this.play(!this.playing);

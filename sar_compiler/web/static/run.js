@@ -7,7 +7,7 @@ export class Run {
     this.begin();
   }
 
-  /** Forget what is known. */
+  /** Reset the state. */
   begin() {
     Object.assign(this, {
       run: { number: 0 }, condition: { word: "", level: "quiet", since: 0, reason: "" }, place: "", estimate: {}, time: 0, nodes: [], states: [],
@@ -16,7 +16,7 @@ export class Run {
     });
   }
 
-  /** Take what has changed: of most parts what they are now, of nodes, landmarks, rasters and lists what is otherwise. */
+  /** Apply a change: new values of most parts, and differences of nodes, landmarks, rasters and lists. */
   take({ begin, nodes, states = {}, landmarks = {}, rasters, log, trail, ...parts }) {
     if (begin) this.begin();
     if (begin || parts.kinds || rasters || Object.keys(landmarks).length) this.version = (this.version ?? 0) + 1;
@@ -37,19 +37,19 @@ export class Run {
     if (trail) this.trail.splice(trail.at, Infinity, ...trail.values);
   }
 
-  /** Whether a status belongs to what the tree is doing now, and not to an earlier activation of the parent. */
+  /** Return whether a status belongs to the parent's current activation, and not to an earlier one. */
   isCurrent(id) {
     for (let at = id; this.nodes[at].parent >= 0 && this.states[at].status !== "RUNNING"; at = this.nodes[at].parent) {
       const { parent, place } = this.nodes[at];
       const { entered } = this.states[parent];
-      // One without news was ticked all the same if a later one was: it has answered as it did before.
+      // A sibling without changes was ticked if a later one was: it returned the same status as before.
       const ticked = (child) => this.states[child].tick >= entered;
       if (!this.states[at].status || !this.nodes[parent].children.slice(place).some(ticked)) return false;
     }
     return true;
   }
 
-  /** The leaves that are running, in the order of the tree. */
+  /** Return the running leaves in the order of the tree. */
   running() {
     const found = [];
     this.states.forEach((state, id) => {
@@ -58,13 +58,13 @@ export class Run {
     return found;
   }
 
-  /** The kind of a landmark; one of nothing special if nobody has told of it. */
+  /** Return the kind of a landmark, or a default for an unknown kind. */
   kindOf({ kind }) {
     return this.kinds[kind] ?? { name: kind, plural: `${kind}s`, shape: "circle", is_found: false };
   }
 }
 
-/** The nodes in pre-order, each with its place in the tree. */
+/** Return the nodes in pre-order, each with its position in the tree. */
 function linked(nodes) {
   const found = [];
   nodes.forEach((node, id) => {

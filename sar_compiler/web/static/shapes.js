@@ -1,15 +1,15 @@
-// Elements of the page, and the look of a status: colour, shape and letter each identify it.
+// Elements of the page, and the appearance of statuses: colour, shape and letter each identify one.
 
 import { FOUND, LEVELS, MARKS, STATUSES } from "./signs.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** Make an element of HTML; a text among the children is text, whatever is in it. */
+/** Create an HTML element. Strings among the children become text nodes, never markup. */
 export function html(tag, attributes = {}, ...children) {
   return filled(document.createElement(tag), attributes, children);
 }
 
-/** Make an element of SVG. */
+/** Create an SVG element. */
 export function svg(tag, attributes = {}, ...children) {
   return filled(document.createElementNS(SVG, tag), attributes, children);
 }
@@ -20,7 +20,7 @@ function filled(element, attributes, children) {
   return element;
 }
 
-/** Give an element attributes; it is without those that are undefined, null or false. */
+/** Set an element's attributes; remove those that are undefined, null or false. */
 export function set(element, attributes) {
   for (const [name, value] of Object.entries(attributes)) {
     if (value === undefined || value === null || value === false) element.removeAttribute(name);
@@ -28,12 +28,12 @@ export function set(element, attributes) {
   }
 }
 
-/** Write a text into an element, if it is another one. */
+/** Set the text of an element if it differs. */
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-/** Seconds as minutes and seconds; tenths below ten seconds. */
+/** Format seconds as minutes and seconds, with tenths below ten seconds. */
 export function duration(seconds) {
   const whole = Math.max(0, seconds);
   if (whole < 10) return `${whole.toFixed(1)} s`;
@@ -43,14 +43,14 @@ export function duration(seconds) {
   return minutes < 60 ? `${minutes}:${rest}` : `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest}`;
 }
 
-/** Seconds as minutes and seconds, and hours if there are any: what an operator reads, as on the mission's clock. */
+/** Format seconds for operators as hours (if any), minutes and seconds. */
 export function clock(seconds) {
   const whole = Math.max(0, Math.floor(seconds ?? 0));
   const [hours, minutes, rest] = [Math.floor(whole / 3600), Math.floor(whole / 60), String(whole % 60).padStart(2, "0")];
   return hours ? `${hours}:${String(minutes % 60).padStart(2, "0")}:${rest}` : `${minutes}:${rest}`;
 }
 
-/** The sign of a status, 16 wide: a shape with a letter. `former` ones are hollow: they are from an earlier activation. */
+/** Draw the sign of a status, 16 wide: a shape with a letter. `former` signs, from an earlier activation, are hollow. */
 export function badge(status, former = false) {
   const [letter, path] = STATUSES[status] ?? STATUSES[""];
   const sign = svg("g", { class: `badge ${status || "none"}${former ? " former" : ""}` }, svg("path", { d: path }));
@@ -58,15 +58,15 @@ export function badge(status, former = false) {
   return sign;
 }
 
-/** What the signs of statuses mean, in words. */
+/** The meanings of the status signs. */
 export const STATUS_WORDS = { RUNNING: "running", SUCCESS: "success", FAILURE: "failure", HALTED: "halted", SKIPPED: "skipped", "": "not ticked yet" };
 
-/** The sign of a landmark: how far it is; of one that was found, that somebody must see to it. */
+/** The sign of a landmark's progress, or of a detection that needs a review. */
 export function sign({ level }, { is_found: isFound }) {
   return isFound && level < 2 ? FOUND.sign : (LEVELS[level]?.sign ?? "");
 }
 
-/** The mark of a landmark, some 24 wide around its middle, as it is on the map and wherever it is named. */
+/** Draw the mark of a landmark for the map and for texts, about 24 wide and centred. */
 export function mark(landmark, kind) {
   const known = [LEVELS[landmark.level]?.word, kind.is_found && FOUND.word, landmark.is_certain && "certain"].filter(Boolean).join(" ");
   const group = svg("g", { class: `mark ${known}` }, svg("path", { d: MARKS[kind.shape] ?? MARKS.circle }));
@@ -75,7 +75,7 @@ export function mark(landmark, kind) {
   return group;
 }
 
-/** A mark as a picture of its own. */
+/** Return a mark as a separate SVG picture. */
 export function icon(drawn) {
   return svg("svg", { viewBox: "-14 -14 28 28", width: 22, height: 22, "aria-hidden": "true" }, drawn);
 }

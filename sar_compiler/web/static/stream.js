@@ -9,28 +9,28 @@ const MANY = 4;
 
 export class Stream {
   /**
-   * @param {{begin: () => void, change: () => void}} page is told that everything begins anew, and that something is otherwise.
+   * @param {{begin: () => void, change: () => void}} page the callbacks for a new state and for changes.
    */
   constructor(page) {
     this.page = page;
-    // A run for each robot, and the place of the one that is chosen.
+    // A run for each robot, and the index of the selected one.
     this.runs = [new Run()];
     this.names = [];
     this.chosen = 0;
-    // The verbs of each robot, and those of them that are heeded just now.
+    // The commands of each robot, and those that it accepts now.
     this.verbs = [];
     this.available = [];
-    // The names of the tools of an engineer.
+    // The names of the engineer's tools.
     this.tools = [];
-    // How long a replay is, in seconds; null for live runs.
+    // The duration of a replay in seconds; null for live runs.
     this.end = null;
-    // Whether there is something to show.
+    // Whether a state was received.
     this.isTold = false;
     this.source = null;
     this.last = performance.now();
     this.isHeard = false;
     this.isOver = false;
-    // Of a replay: the time that is wanted, the one that is shown, and the number of the moment that was told last.
+    // For a replay: the requested time, the shown time, and the number of the last received moment.
     this.place = 0;
     this.shown = 0;
     this.moment = 0;
@@ -51,13 +51,13 @@ export class Stream {
     return this.runs.length > 1;
   }
 
-  /** For how many seconds nothing was heard; 0 as long as the server tells, and where no more is to come. */
+  /** The seconds since the last event; 0 while events arrive, and when no more are expected. */
   get silent() {
     const passed = performance.now() - this.last;
     return this.isOver || (this.isHeard && passed <= SILENCE_MS) ? 0 : passed / 1000;
   }
 
-  /** Whether orders can reach the robots. */
+  /** Whether commands can reach the robots. */
   get isConnected() {
     return this.isHeard && !this.silent && !this.isOver;
   }
@@ -81,14 +81,14 @@ export class Stream {
     on("bye", () => this.leave());
     this.source.addEventListener("error", () => {
       this.isHeard = false;
-      // A browser gives up where a proxy answers in the server's place.
+      // A browser stops reconnecting if a proxy responds instead of the server.
       setTimeout(() => document.hidden || this.listen(), 2000);
       this.page.change();
     });
   }
 
   hello({ mode, robots, verbs, tools, end }) {
-    // Whatever was known is told again: by the same run, or by another one that has taken its place.
+    // The whole state is sent again, by the same run or by one that has replaced it.
     const name = this.names[this.chosen];
     this.names = robots ?? ["run"];
     this.runs = this.names.map(() => new Run());
@@ -97,7 +97,7 @@ export class Stream {
     this.tools = tools ?? [];
     this.available = [];
     this.moment = 0;
-    // One that a server that is gone has left open.
+    // The connection may have been left open by a server that has ended.
     this.asking.abort();
     this.asking = new AbortController();
     this.end = end ?? null;
@@ -105,7 +105,7 @@ export class Stream {
     this.page.begin();
     document.body.dataset.mode = mode;
     document.body.classList.remove("ready");
-    // Where it was before the connection came again.
+    // Continue at the time before the reconnection.
     if (this.isReplay) this.go(this.place);
   }
 
@@ -126,7 +126,7 @@ export class Stream {
     this.page.change();
   }
 
-  /** No more is to come; of a run that has not said its end, that is a silence. */
+  /** Handle the end of the events; without the run's end, this is a lost connection. */
   leave() {
     this.isOver = this.runs.every(({ run }) => run.ended);
     this.isHeard = this.isOver;
@@ -138,7 +138,7 @@ export class Stream {
     this.page.change();
   }
 
-  /** The name of a landmark of a robot, which is the only one among all robots. */
+  /** Return a landmark's name that is unique among all robots. */
   nameOf(run, name) {
     return this.isTeam ? `${this.names[this.runs.indexOf(run)]}/${name}` : name;
   }
@@ -151,13 +151,13 @@ export class Stream {
     this.page.change();
   }
 
-  /** Have the server tell what was so at the time that is wanted, one time after the other, until nobody wants another one. */
+  /** Request the state at the wanted time, and repeat until that time no longer changes. */
   async ask() {
     this.isAsking = true;
     for (let [time, told] = [NaN, null]; time !== this.place || told !== this.runs; ) {
       [time, told] = [this.place, this.runs];
       const answer = await this.answered(`moment?time=${time}&since=${this.moment}`);
-      // Meanwhile the connection may have come again, maybe to another server.
+      // The page may have reconnected meanwhile, possibly to another server.
       if (told !== this.runs) continue;
       this.trouble = answer.trouble ?? "";
       if (!answer.changes) break;
@@ -168,7 +168,7 @@ export class Stream {
     this.page.change();
   }
 
-  /** Return what the server answers; nothing where it cannot be reached: of that the events tell, and of its return. */
+  /** Return the server's response, or nothing if it cannot be reached; the events report lost connections. */
   async answered(address) {
     try {
       const answer = await fetch(address, { signal: this.asking.signal });
@@ -179,7 +179,7 @@ export class Stream {
   }
 }
 
-/** Return a function that has something drawn with the next frame, however often it is called until then. */
+/** Return a function that draws once in the next frame, however often it is called before. */
 export function drawer(draw) {
   let isDue = false;
   return () => {

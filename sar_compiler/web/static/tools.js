@@ -7,9 +7,9 @@ const NOT_KEPT = "A journal does not contain the blackboard. Open the page of th
 
 export class Tools {
   /**
-   * @param {{bar: HTMLElement, board: HTMLDetailsElement, otherwise: HTMLElement}} places where they are.
-   * @param {import("./stream.js").Stream} stream whose run is asked.
-   * @param {import("./tree_view.js").TreeView} tree whose chosen node it is about; it shows the breakpoints.
+   * @param {{bar: HTMLElement, board: HTMLDetailsElement, otherwise: HTMLElement}} places the elements of the tools.
+   * @param {import("./stream.js").Stream} stream the stream whose run is queried.
+   * @param {import("./tree_view.js").TreeView} tree the tree view with the selected node and the breakpoints.
    */
   constructor({ bar, board, otherwise }, stream, tree) {
     Object.assign(this, { board, otherwise, stream, tree, held: null });
@@ -24,7 +24,7 @@ export class Tools {
     setInterval(() => document.hidden || this.look(), ASK_MS);
   }
 
-  /** Forget what was known of another run. */
+  /** Clear the data of another run. */
   again() {
     this.tree.breaks = new Set();
     this.held = null;
@@ -35,7 +35,7 @@ export class Tools {
     return this.stream.tools.includes(name) && (this.stream.isReplay || this.stream.isConnected);
   }
 
-  /** Show what can be asked of the chosen node. */
+  /** Show the available queries for the selected node. */
   show() {
     const { chosen, breaks } = this.tree;
     const { run } = this.stream;

@@ -16,7 +16,7 @@ import { Tools } from "./tools.js";
 import { TreeView } from "./tree_view.js";
 import { WhyView } from "./why_view.js";
 
-// Of more nodes that run at once, the first.
+// The maximum number of running nodes to list.
 const SHOWN = 6;
 const at = (id) => document.getElementById(id);
 
@@ -35,7 +35,7 @@ const why = new WhyView(at("why"), (id) => {
 const tools = new Tools({ bar: at("tools"), board: at("board"), otherwise: at("otherwise") }, stream, tree);
 const orders = new Orders(at("orders"), stream, { pick: onMap((answer) => map.pick(answer)), draw: onMap((answer) => map.draw(answer)) });
 
-/** Have the map in sight before it is asked for something. */
+/** Show the map before it is used for picking. */
 function onMap(ask) {
   return (answer) => {
     look("map");
@@ -77,14 +77,14 @@ function show() {
   document.body.classList.add("ready");
 }
 
-/** All that is known of the node that somebody has chosen. */
+/** Show the details of the selected node. */
 function showChosen() {
   at("chosen").hidden = !tree.isAsked;
   showDetails(at("details"), stream.run, tree.isAsked ? tree.chosen : -1);
   tools.show();
 }
 
-/** What the signs in the tree mean: statuses, and the kinds of nodes that there are. */
+/** Show the meanings of the tree's signs: statuses and kinds of nodes. */
 function showSigns({ nodes }) {
   if (showSigns.nodes === nodes) return;
   showSigns.nodes = nodes;
@@ -93,7 +93,7 @@ function showSigns({ nodes }) {
   const kinds = new Map(nodes.filter(({ sign }) => sign).map(({ sign, shape }) => [sign, DECORATORS[sign] ?? `${shape}${sign.endsWith("R") ? ", reactive" : ""}`]));
   at("signs").lastElementChild.replaceChildren(
     ...Object.entries(STATUS_WORDS).map(([status, words]) => item(drawn(status), words)),
-    item(drawn("SUCCESS", true), "hollow: of an earlier activation"),
+    item(drawn("SUCCESS", true), "hollow: from an earlier activation"),
     ...[...kinds].map(([sign, shape]) => item(html("b", {}, sign), shape)),
   );
 }
@@ -106,7 +106,7 @@ function progress(run) {
 
 function running(run) {
   const list = at("now").querySelector("ul");
-  const isOver = run.run.ended || run.condition.word === "broken off";
+  const isOver = run.run.ended || run.condition.word === "crashed";
   const all = isOver ? [] : run.running();
   const leaves = all.slice(0, SHOWN);
   const key = all.map((id) => `${id} ${run.nodes[id].name}`).join("\n");
@@ -130,7 +130,7 @@ function runner(run, id) {
   return html("li", {}, button, html("span", { class: "for" }), html("span", { class: "message" }));
 }
 
-// --- what the user does ----------------------------------------------------------------------------
+// --- user input ------------------------------------------------------------------------------------
 
 function look(view) {
   document.querySelector("main").dataset.view = view;
@@ -176,9 +176,9 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 document.addEventListener("visibilitychange", () => stream.listen());
-// The address of another run on the same port: with another token.
+// The address of another run on the same port has a different token.
 window.addEventListener("hashchange", () => location.reload());
-// A page that is silent for long is closed.
+// A page without contact for a long time is closed.
 setInterval(() => stream.page.change(), 1000);
 tree.show(stream.run);
 stream.listen();

@@ -7,8 +7,8 @@ const MANY = 200;
 
 export class TreeView {
   /**
-   * @param {HTMLElement} place where it is drawn, and what the keyboard is at.
-   * @param {(id: number) => void} choose called with the node that is chosen.
+   * @param {HTMLElement} place the element to draw in, which has the keyboard focus.
+   * @param {(id: number) => void} choose called with the selected node.
    */
   constructor(place, choose) {
     this.place = place;
@@ -17,7 +17,7 @@ export class TreeView {
     this.rows = [];
     this.rowOf = new Map();
     this.chosen = 0;
-    // Whether somebody has chosen it.
+    // Whether the user has selected it.
     this.isAsked = false;
     this.follows = true;
     this.wanted = "";
@@ -31,7 +31,7 @@ export class TreeView {
     place.addEventListener("click", (event) => this.click(event));
     place.addEventListener("dblclick", (event) => this.isTwist(event) || this.toggle(idOf(event)));
     new ResizeObserver(() => {
-      // Where there is less room, what somebody looks at stays in sight.
+      // If there is less room, the selected row stays visible.
       const at = this.isAsked ? this.chosen : this.follows && this.run?.running()[0];
       if (this.rowOf.has(at)) this.reveal(at);
       this.draw();
@@ -69,7 +69,7 @@ export class TreeView {
     this.reveal(running[0]);
   }
 
-  /** Fold all but the way to what is running. */
+  /** Fold all branches except those with running nodes. */
   fold() {
     this.nodes.forEach((node) => node.children.length && this.folded.add(node.id));
     this.run.running().forEach((id) => this.unfoldTo(id));
@@ -86,7 +86,7 @@ export class TreeView {
     for (let at = this.nodes[id].parent; at >= 0; at = this.nodes[at].parent) this.folded.delete(at);
   }
 
-  /** Show only the nodes with a text in them, and the way to each; return how many there are. */
+  /** Show only the nodes that contain a text, and their ancestors; return their number. */
   search(text) {
     this.wanted = text.trim().toLowerCase();
     this.matches = this.wanted ? this.nodes.filter((node) => matches(node, this.wanted)).map((node) => node.id) : [];
@@ -96,7 +96,7 @@ export class TreeView {
     return this.matches.length;
   }
 
-  /** Choose the next node that was found. */
+  /** Select the next node that was found. */
   next() {
     if (!this.matches?.length) return;
     this.select(this.matches.find((id) => id > this.chosen) ?? this.matches[0]);
@@ -136,7 +136,7 @@ export class TreeView {
     const drawn = new Map();
     for (let row = first; row < last; row += 1) drawn.set(this.rows[row], this.row(this.rows[row], row, clientWidth));
     this.canvas.setAttribute("width", clientWidth);
-    // In the order of the tree; a row that stays in sight is not moved: it may be pressed just now.
+    // Rows are in the order of the tree. A row that stays visible is not moved, because it may be pressed.
     for (const [id, { element }] of this.drawn) if (!drawn.has(id)) element.remove();
     let at = this.canvas.firstChild;
     for (const { element } of drawn.values()) {
@@ -159,7 +159,7 @@ export class TreeView {
     const known = this.drawn.get(id);
     if (known?.key === key) return known;
     const group = known?.element ?? svg("g", { id: `node${id}`, role: "treeitem", "data-id": id }, svg("rect", { class: "ground hit", height: ROW }));
-    // What is pressed on stays, so that a row that changes between press and release is clicked all the same.
+    // The pressed element is kept, so that a row that changes between press and release still receives the click.
     const hit = group.firstChild;
     while (hit.nextSibling) hit.nextSibling.remove();
     hit.setAttribute("width", width);
@@ -188,7 +188,7 @@ export class TreeView {
     return { key, element: group };
   }
 
-  /** The lines from the parents: an elbow of its own, and one down for each ancestor that has more children below. */
+  /** Draw the lines from the parents: the node's own elbow, and a vertical line for each ancestor with later children. */
   lines(node, x) {
     if (node.parent < 0) return "";
     const middle = ROW / 2;
@@ -205,7 +205,7 @@ export class TreeView {
     return node.place < this.nodes[node.parent].children.length - 1;
   }
 
-  /** Choose a node, and bring it into sight. */
+  /** Select a node, and scroll it into view. */
   select(id) {
     if (!(id in this.nodes)) return;
     this.chosen = id;
@@ -226,7 +226,7 @@ export class TreeView {
   }
 
   toggle(id) {
-    // While something is searched, the ways there are shown whatever is folded.
+    // During a search, the ancestors of matches are shown even if they are folded.
     if (id === null || this.wanted || !this.nodes[id]?.children.length) return;
     if (!this.folded.delete(id)) this.folded.add(id);
     this.arrange();
@@ -240,7 +240,7 @@ export class TreeView {
     this.place.focus({ preventScroll: true });
   }
 
-  /** Whether an event is at the sign for folding of its row. */
+  /** Return whether an event is on the fold sign of its row. */
   isTwist(event) {
     const node = this.nodes[idOf(event)];
     const x = event.clientX - this.canvas.getBoundingClientRect().left - 4 - (node?.depth ?? 0) * this.indent;
@@ -271,7 +271,7 @@ export class TreeView {
   }
 }
 
-/** Whether nodes are those of the same tree, told again: by a replay that goes back, or by another run. */
+/** Return whether nodes belong to the same tree, for example after a replay has moved back. */
 function isSame(nodes, others) {
   return nodes?.length === others.length && nodes.every(({ name, path, parent }, id) => name === others[id].name && path === others[id].path && parent === others[id].parent);
 }

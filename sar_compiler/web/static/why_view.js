@@ -2,12 +2,12 @@
 
 import { clock, html } from "./shapes.js";
 
-// Of what leaves would have answered after the change, and of leaves that have failed without the root, the first.
+// The maximum numbers of later outcomes, and of failed leaves without a failed root, to list.
 const SHOWN = 12;
 
 export class WhyView {
   /**
-   * @param {HTMLDetailsElement} place where it is shown.
+   * @param {HTMLDetailsElement} place the element to show it in.
    * @param {(id: number) => void} [choose] called with a node that is asked for; without it nodes are no buttons.
    */
   constructor(place, choose) {
@@ -65,7 +65,7 @@ function said({ message, ...answer }) {
   return message ? `${meant(answer)}, ${message}` : meant(answer);
 }
 
-/** An answer in words; without a label, where the leaf has several answers, it has not said which. */
+/** Return an outcome in words. An empty label means that the leaf has not reported which of its outcomes it returned. */
 function meant({ status, label }) {
-  return typeof label === "string" ? `${status} (${label || "answer not said"})` : status;
+  return typeof label === "string" ? `${status} (${label || "outcome not reported"})` : status;
 }
