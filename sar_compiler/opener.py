@@ -624,7 +624,7 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
             return descriptor, place
         finally:
             os.close(handle)
-    raise OSError(errno.EBUSY, "it is replaced again and again while it is opened")
+    raise OSError(errno.EBUSY, "it was repeatedly replaced while it was opened")
 
 
 def _place_of(handle: int) -> Path | None:

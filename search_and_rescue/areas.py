@@ -94,10 +94,10 @@ def add_plausibility_notes(
         away = outline.distance(shapely.Point(zone["x"], zone["y"]))
         if away > ground.detection_range:
             place = f"({zone['x']:g}, {zone['y']:g})"
-            reader.notes.append(f"{key} has its pose {place} {away:.1f} m outside its {_POLYGON}")
+            reader.notes.append(f"{key} has a pose {place} that is {away:.1f} m outside its {_POLYGON}")
         if ground.area_m2 > MOST_PIECES * (ground.sweep_width / COVERAGE) ** 2:
             stops = f"more than {MOST_PIECES} stops at coverage {COVERAGE:g}, the limit of a sweep"
-            reader.notes.append(f"{key} takes {stops}: divide it, or check {_SENSOR[0]}")
+            reader.notes.append(f"{key} needs {stops}: divide it, or check {_SENSOR[0]}")
 
 
 def _ground(reader: ParameterReader, prefix: str, fence: Geofence) -> Ground | None:
@@ -115,7 +115,7 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
     width_key, range_key, visibility_key = (f"{prefix}.{name}" for name in _SENSOR)
     visibility = reader.parameters.get(visibility_key, "medium")
     if visibility not in SWEEP_FACTORS:
-        reader.report(visibility_key, f"must be {', '.join(SWEEP_FACTORS)}, is {visibility!r}")
+        reader.report(visibility_key, f"must be {', '.join(SWEEP_FACTORS)}, but is {visibility!r}")
         visibility = "medium"
     if width_key not in reader.parameters and range_key not in reader.parameters:
         text = f"is missing: add {range_key} (how far a survivor can be seen) or the sweep width, in metres"
@@ -139,7 +139,7 @@ def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
         return ()
     corners = tuple(zip(numbers[::2], numbers[1::2], strict=False))
     if len(numbers) % 2 or len(corners) < LEAST_CORNERS:
-        text = f"must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds {len(numbers)} numbers"
+        text = f"must contain x and y of three or more corners, [x1, y1, x2, y2, x3, y3], but contains {len(numbers)} numbers"
         reader.report(key, text)
     elif _are_degrees(reader.parameters, corners):
         text = "looks like degrees: write metres in the frame `map`, or give a GeoJSON file as areas_file"
@@ -176,7 +176,7 @@ def outline_objection(corners: Corners, fence: Geofence) -> str:
 
 
 def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return a point inside the polygon, or near its corners if it is invalid (x and y in metres, frame `map`).
+    """Return a point inside a polygon, x and y in metres, frame `map`.
 
     Raises:
         ImportError: If shapely is not installed.
@@ -189,7 +189,7 @@ def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _are_degrees(parameters: Mapping[str, object], corners: Corners) -> bool:
-    """Return whether all corners are so near the latitude and longitude of the map's origin that they must be in degrees."""
+    """Return whether all corners are probably in degrees, because they are near the origin's latitude and longitude."""
     place = [parameters.get(f"georeference.{name}") for name in ("lat", "lon")]
     if not all(isinstance(value, int | float) for value in place):
         return False

@@ -45,7 +45,7 @@ class _AreasFileError(ValueError):
 
 
 def read_areas_file(reader: ParameterReader) -> None:
-    """Add the zones of the file named by the parameter `areas_file` to the parameters; parameters that are already set take precedence.
+    """Add the zones of the parameter `areas_file` to the parameters; existing parameters take precedence.
 
     Each polygon becomes a zone: `zones.<name>.polygon` in metres, and those of its properties that a zone can have. Markers and lines are
     skipped with a note. A missing pose is replaced by a point inside. Without a `zone_order` the zones have the order of the file.
@@ -108,7 +108,7 @@ def _draw(
     zones: Mapping[str, tuple[int, Mapping[str, object]]],
     properties: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Add zones to the parameters, and the locations of keys that the parameter file does not set.
+    """Add zones to the parameters, with the locations of their keys.
 
     Args:
         reader: The parameters.
@@ -130,7 +130,7 @@ def _draw(
 def _features(data: Any) -> list[Mapping[str, Any]]:
     features = data.get(_FEATURES) if isinstance(data, dict) else None
     if not isinstance(features, list) or not all(isinstance(each, dict) for each in features):
-        text = "is no GeoJSON of polygons: write a FeatureCollection with features"
+        text = "contains no GeoJSON polygons: write a FeatureCollection with features"
         raise _AreasFileError(text, _FEATURES)
     crs = _inside(_inside(data, "crs"), "properties").get("name", _WGS84[0])
     if not str(crs).endswith(_WGS84):
@@ -188,7 +188,8 @@ def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]
     if kind == "MultiPolygon" and isinstance(rings, list) and len(rings) == 1:
         kind, rings, path = "Polygon", rings[0], (*_RINGS, 0)
     if kind != "Polygon" or not (isinstance(rings, list) and any(rings) and isinstance(rings[0], list)):
-        text = f"{where} is no Polygon but {kind}: draw each area as one polygon"
+        what = "Polygon without corners" if kind == "Polygon" else kind
+        text = f"{where} is a {what}: draw each area as one polygon"
         raise _AreasFileError(text, "geometry", "coordinates" if kind == "Polygon" else "type")
     if len(rings) > 1:
         text = f"{where} has holes: draw it without them; obstacles on the map are excluded anyway"
@@ -204,7 +205,9 @@ def _to_map_position(
     """Return a longitude and latitude as a position in the frame `map`, metres."""
     degrees = corner[:2] if isinstance(corner, list) else []
     if not (len(degrees) == len(_MOST_DEGREES) and all(type(each) in (int, float) for each in degrees)):
-        raise _AreasFileError(f"{where} has a corner that is no [longitude, latitude]: {corner!r:.60}", *path)
+        raise _AreasFileError(
+            f"{where} has a corner that is not [longitude, latitude]: {corner!r:.60}", *path
+        )
     if not all(abs(each) <= most for each, most in zip(degrees, _MOST_DEGREES, strict=True)):
         raise _AreasFileError(
             f"{where} is not in degrees: write longitude and latitude instead of metres", *path

@@ -58,7 +58,7 @@ class ObstacleMap:
         return blocked
 
     def hides(self, eye: Points, points: Points, reach: float) -> npt.NDArray[np.bool_]:
-        """Return which positions cannot be seen from `eye`, in metres, frame `map`: blocked positions, and those hidden by a blocked one.
+        """Return which positions (metres, frame `map`) are blocked, or hidden from `eye` by a blocked one.
 
         Args:
             eye: The position of the sensor.
@@ -97,7 +97,7 @@ class ObstacleMap:
     def _walls_around(
         self, here: Points, most: float, count: int
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
-        """Return the directions (of so many) that have walls, and the distances of the walls in cells."""
+        """Return the directions with walls, and the walls' distances in cells."""
         left, low = np.maximum(np.floor(here - most).astype(int), 0)
         right, high = np.maximum(np.ceil(here + most).astype(int), 0)
         rows, columns = np.nonzero(self._walls[low:high, left:right])
@@ -191,7 +191,7 @@ class CoverageRaster:
         return near[~self.obstacles.hides(eye, self.centres[near], reach)]
 
     def pod(self) -> float:
-        """Return the probability that all drives so far have detected a survivor who is there, 0 to 1: the mean over the searchable cells."""
+        """Return the probability, 0 to 1, that the drives so far have detected a survivor who is there."""
         found = 1.0 - np.exp(-self.coverage[self.searchable])
         return float(found.mean()) if len(found) else 0.0
 
@@ -266,5 +266,5 @@ def _read(cells: str, count: int) -> npt.NDArray[np.float64]:
     except (binascii.Error, ValueError, zlib.error) as error:
         raise ValueError(f"the cells are not a raster: {error}") from error
     if len(data) != 2 * count:
-        raise ValueError(f"the raster has other ground: {count} cells were expected")
+        raise ValueError(f"the raster covers a different area: {count} cells were expected")
     return np.frombuffer(data, "<u2") * _STEP

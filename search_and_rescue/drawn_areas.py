@@ -69,8 +69,8 @@ class DrawnAreas:
         area = self._area(request.poa, ground, self.zones.areas.get(name) if is_known else None)
         x, y = pose_inside(ground.polygon)
         shrunk = self.zones.draw(Zone(id=name, x=x, y=y, yaw=0.0), ground, area)
-        told = f"'{name}' is changed" if is_known else f"'{name}' is added"
-        return f"{told}; the POA of the other zones is multiplied by {shrunk:.2f}" if shrunk < 1.0 else told
+        told = f"'{name}' was changed" if is_known else f"'{name}' was added"
+        return f"{told}; the POA of the other zones was multiplied by {shrunk:.2f}" if shrunk < 1.0 else told
 
     def _is_untouched(self, name: str) -> bool:
         behind = [zone["id"] for zone in self.zones.remaining_zones()[1:]]
@@ -83,7 +83,9 @@ class DrawnAreas:
         like = before or next(iter(self.sweeps.grounds.values()), None)
         reach = request.detection_range
         if math.isnan(reach) and like is None:
-            raise DrawingError("the detection range is missing: write how far a survivor is seen, metres")
+            raise DrawingError(
+                "the detection range is missing: write the distance at which a survivor is seen, metres"
+            )
         if reach <= 0.0 or reach > FARTHEST_SEEN_M:
             raise DrawingError(
                 f"the detection range is {reach:g}: write metres above 0, at most {FARTHEST_SEEN_M:g}"
@@ -114,7 +116,9 @@ class DrawnAreas:
     def _area(self, poa: float, ground: Ground, before: SearchExpectation | None) -> SearchExpectation | None:
         if math.isnan(poa):
             if before is None and self.zones.areas:
-                raise DrawingError("the probability (poa) is missing: write one, as the other zones have one")
+                raise DrawingError(
+                    "the probability (poa) is missing: write one, because the other zones have one"
+                )
             return before
         if not 0.0 <= poa <= 1.0:
             raise DrawingError(f"the probability is {poa:g}: write a number from 0 to 1")

@@ -112,7 +112,7 @@ class EnergyModel:
         self._compare(_BatteryReading(now, self._metres, self.share))
 
     def _compare(self, reading: _BatteryReading) -> None:
-        """Learn from the consumption since another reading, unless the battery is a different one."""
+        """Learn from the consumption since an earlier reading, unless the battery was swapped."""
         since = self._since
         self._lowest = min(self._lowest, reading.share)
         if reading.share >= self._lowest + RISE_SHARE:
@@ -152,13 +152,13 @@ class EnergyModel:
         return ConsumptionRates(by_metre * self.prior.per_m, by_second * self.prior.per_sec)
 
     def _solve(self, first: float, second: float) -> tuple[float, float]:
-        """Solve the least-squares equations, including the prior's observations, for a right side."""
+        """Solve the least-squares equations for a right-hand side."""
         mm, ss = self._mm + _PRIOR_SHARE, self._ss + _PRIOR_SHARE
         determinant = mm * ss - self._ms * self._ms
         return (ss * first - self._ms * second) / determinant, (mm * second - self._ms * first) / determinant
 
     def need(self, trip: TripEstimate) -> float:
-        """Return the largest consumption of a trip, as a share of a full battery, assuming the prior is within its error.
+        """Return the maximum consumption of a trip, as a share of a full battery.
 
         The learned rate is between the truth and the prior. The remaining weight of the prior bounds its error for this trip.
         """

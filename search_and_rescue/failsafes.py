@@ -124,7 +124,7 @@ class NotRecalled(_CommandCondition):
     facts={"navigation_lost": False},
 )
 class NavigationAvailable(_Failsafe):
-    """Check that Nav2 could judge the last drive: FAILURE if the drive failed, or was halted, while Nav2 or its localisation was unavailable.
+    """Check that navigation is available: FAILURE if Nav2 or its localisation was unavailable when the last drive ended.
 
     Such a failure says nothing about the target, so it is no reason to postpone or to abandon a zone.
 
@@ -194,7 +194,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         return self._judge(low if share < self.at_least else "")
 
     def on_silence(self) -> Status:
-        """Allow time for the first message, too."""
+        """Return the status without a message, allowing time for the first one."""
         if self._silent_since is None:
             self._silent_since = self._now_sec()
         # After a message, the base class has already waited.

@@ -1,4 +1,4 @@
-"""A simulated hidden survivor: position and detection are drawn from the probabilities of the areas.
+"""A simulated hidden survivor: position and detection are random, according to the areas' probabilities.
 
 In an area with a polygon the survivor is at a random position in it, and is detected only within the detection range.
 """

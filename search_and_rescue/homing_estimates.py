@@ -1,4 +1,4 @@
-"""Estimates of the way home: the battery and the time that legs of the mission take."""
+"""Estimates of the battery and time for the mission's legs and the way home."""
 
 import math
 
@@ -29,7 +29,7 @@ def _preview() -> "HomingEstimator":
 
 @mission_context(preview=_preview)
 class HomingEstimator:
-    """Estimates battery and time for the way home, now and after the next leg to the current zone or the open piece of its sweep.
+    """Estimates battery and time for the way home, now and after the next leg.
 
     Path lengths come from the `ZoneManager`. The search of a piece takes its share of the zone's `look_sec`.
 
@@ -152,7 +152,7 @@ class HomingEstimator:
         return self.reserve + self.ends_below
 
     def late(self, now: float) -> str:
-        """Return why the mission time is too short for the next leg and the way home; empty if it suffices.
+        """Return why the mission time does not suffice for the next leg and the way home; empty if it does.
 
         Args:
             now: Seconds of the mission's clock.
@@ -166,7 +166,7 @@ class HomingEstimator:
         return f"{self.next_leg} needs {needed:.0f} s out and home, and {max(0.0, left):.0f} s of the mission time are left"
 
     def shortage(self, now: float = 0.0) -> str:
-        """Return why battery or time are too short for the next leg and the way home; empty if they suffice.
+        """Return why battery or time do not suffice for the next leg and the way home; empty if they do.
 
         Args:
             now: Seconds of the mission's clock.
@@ -201,7 +201,7 @@ class HomingEstimator:
         return self._drive(self._trip_from_robot(pose))
 
     def _stops(self) -> dict[str, MapPose]:
-        """Return home and the charging places reached with the reserve; without home if only charging places are reached."""
+        """Return the stops for charging that the robot reaches with its reserve."""
         near = {name: pose for name, pose in self.zones.charging.items() if self._is_at_charging_place(pose)}
         base = self.zones.base_pose()
         return {"": base, **near} if not near or self._is_at_charging_place(base) else near
@@ -213,7 +213,7 @@ class HomingEstimator:
         return self.energy.need(self.leg(start)) <= 1.0 - self._kept
 
     def excess(self) -> str:
-        """Return why even a full battery is too small for the next leg, from home or a reachable charging place; empty if one suffices.
+        """Return why even a full battery does not suffice for the next leg; empty if it does.
 
         Raises:
             IndexError: If every zone is visited.
@@ -291,7 +291,7 @@ def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose
             )
         x, y, yaw = (reader.number(f"{CHARGING}.{name}.{axis}", 0.0) for axis in _POSE)
         if not fence.contains(x, y):
-            reader.report(f"{CHARGING}.{name}.x", f"has the position ({x:g}, {y:g}) outside the geofence")
+            reader.report(f"{CHARGING}.{name}.x", f"is at ({x:g}, {y:g}), outside the geofence")
         places[name] = MapPose(x=x, y=y, yaw=yaw)
     return places
 

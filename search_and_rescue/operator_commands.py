@@ -1,4 +1,4 @@
-"""The operator's commands, each declared once: its service, its button, the event that records it, and the text of that event."""
+"""The operator's commands, each declared with its service, button, event and text."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -56,7 +56,7 @@ class OperatorCommands:
         )
 
     def change_plan(self, how: str, *, skips: bool = False) -> None:
-        """Make the mission re-evaluate its plan.
+        """Request that the mission re-evaluates its plan.
 
         Args:
             how: Description of the change.

@@ -119,9 +119,9 @@ class PathRequests:
         try:
             points = path_points(result.path) if status == SUCCEEDED else []
         except UnusableValueError as error:
-            points, why = [], f"its path has a point where {error}"
+            points, why = [], f"its path contains an invalid point: {error}"
         else:
-            why = describe_end(status, result) if status else "it rejects the request"
+            why = describe_end(status, result) if status else "it rejected the request"
         if points:
             self._zones.store_path_length(start, target, _length(start, points, target))
         else:

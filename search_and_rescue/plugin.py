@@ -67,7 +67,7 @@ class SearchAndRescue(Mission):
         return shared_file_path("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the shipped properties for a tree that visits the zones and returns home; another file if it may return early, or sweeps."""
+        """Return the shipped properties that fit a tree."""
         if not {ZonesRemaining, NavigateToBase} <= set(leaves):
             return None
         early = "search_areas" if ReturnInReach in leaves else "mission"

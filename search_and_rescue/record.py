@@ -117,7 +117,7 @@ class ZoneRecord:
 
 
 def describe_abandonment(attempts: int, reason: str) -> str:
-    """Describe how and why a zone was abandoned, as a text that follows its name and `was`."""
+    """Describe how and why a zone was abandoned, to complete a sentence."""
     return f"abandoned: {reason}" if reason else f"abandoned after attempt {attempts}"
 
 
@@ -179,7 +179,7 @@ class StoredReports:
 
 
 class ResumedOutcomes:
-    """Results of earlier runs that a resumed tree, which starts over, must not repeat.
+    """Results of earlier runs that a resumed tree must not produce again.
 
     Searches and names are those of the zone, or of the piece of its sweep, that the earlier run had not left. Each is returned once, in order, so
     that whatever the tree repeats on purpose is repeated.
@@ -196,7 +196,7 @@ class ResumedOutcomes:
 
     @classmethod
     def of(cls, facts: Iterable[JournalEntry]) -> "ResumedOutcomes":
-        """Return the results contained in the events of earlier runs of the same mission."""
+        """Return the results in the events of the mission's earlier runs."""
         before = cls()
         for fact in facts:
             before._take(fact)
@@ -249,7 +249,7 @@ class ResumedOutcomes:
         return survivor_id in self._survivors
 
     def pop_home(self) -> bool:
-        """Return whether the robot is home; later calls return False, so that it drives there."""
+        """Return whether the robot was home; later calls return False."""
         home, self.home = self.home, False
         return home
 
@@ -448,7 +448,7 @@ class MissionRecord:
         return _told((zone, UNSEARCHED) for zone in self.unsearched)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
-        """Return a sentence for each item that a complete mission still needs; empty if it is complete."""
+        """Return a sentence for each unfinished item; empty if the mission is complete."""
         given_up = [(name, zone.given_up) for name, zone in self._zones.items() if zone.given_up]
         lacking = _told([*((zone["id"], "not visited") for zone in zones.remaining_zones()), *given_up])
         lacking += [f"{each}." for each in self.unplaced()]

@@ -117,7 +117,7 @@ class Search(MissionRun):
         self._share(Journal(apply=self.apply))
 
     def greeting(self) -> list[str]:
-        """Return the number of zones, the pose of the base station, and with probabilities the order that detects soonest."""
+        """Return log lines with the zones, the base station, and the order of visits."""
         base = self.zones.base_pose()
         return [
             f"Loaded {self.zones.total_zones()} search zones from parameters.",
@@ -126,7 +126,7 @@ class Search(MissionRun):
         ]
 
     def _order_of_visits(self) -> list[str]:
-        """Return the initial order of `ChooseZone order="expected_find"`: the end of each search, and its probability of success."""
+        """Describe the initial order of `ChooseZone order="expected_find"`."""
         # Without probabilities, the start needs no NumPy.
         from search_and_rescue.zone_order import approximation, ordered
 
@@ -171,7 +171,7 @@ class Search(MissionRun):
         """
         if fact.kind not in _SENTENCES and fact.kind not in OF_EVERY_MISSION:
             # This includes journals written by a newer version: a run resumed without the event would not be that mission.
-            raise ValueError(f"this version knows no event '{fact.kind}'")
+            raise ValueError(f"this version does not support the event '{fact.kind}'")
         for part in (self.zones, self.kept, self.record, self.orders, self.sweeps):
             part.apply(fact)
         if fact.kind in (search_events.ZONE_ADDED, search_events.AREA_DRAWN):
@@ -334,7 +334,7 @@ class Search(MissionRun):
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
     def limits(self) -> dict[str, int]:
-        """Return the limits: any number of pieces in a sweep, and any number of commands."""
+        """Return the upper limits of the numbers of pieces and commands."""
         return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
     def verbs(self) -> Sequence[OperatorCommand]:
@@ -381,15 +381,15 @@ class Search(MissionRun):
         ]
 
     def shortfalls(self) -> list[str]:
-        """Return the items that are not yet visited, acknowledged, or home."""
+        """Return a sentence for each unfinished item of the mission."""
         return self.record.shortfalls(self.zones)
 
     def remarks(self) -> list[str]:
-        """Return the zones that were visited and not searched."""
+        """Return sentences about zones that were visited but not searched."""
         return self.record.remarks()
 
     def nothing_left(self) -> str:
-        """Return a text once no zone is left; empty before."""
+        """Return a sentence if no zone is left; otherwise an empty string."""
         return "" if self.zones.has_remaining() else "No zone is left"
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:

@@ -56,7 +56,7 @@ class SweepState:
 
     @property
     def pod_of_legs(self) -> float | None:
-        """The POD for accurately kept legs, if all of a first plan in legs was swept; otherwise None."""
+        """The POD of accurately kept legs, if the first plan was swept completely; otherwise None."""
         in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
         return parallel_sweep_pod(self.coverage) if in_legs and not (self.left or self.skipped) else None
 
@@ -102,7 +102,7 @@ class SweepStates:
         return [zone for zone, ground in self.grounds.items() if Geofence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
-        """Return the seen and the total area of all grounds, square metres; of a swept ground, only the searchable part."""
+        """Return the seen and the total searchable area of all grounds, square metres."""
         sweeps = {zone: self.of(zone) for zone in self.grounds}
         seen = math.fsum(sweep.seen * sweep.area_m2 for sweep in sweeps.values())
         sizes = [sweep.area_m2 or self.grounds[zone].area_m2 for zone, sweep in sweeps.items()]
@@ -243,5 +243,5 @@ def _pose(x: Any, y: Any, yaw: Any) -> MapPose:
 def _number(value: Any) -> float:
     number = float(value)
     if not math.isfinite(number):
-        raise ValueError(f"{value!r} is no number")
+        raise ValueError(f"{value!r} is not a number")
     return number

@@ -68,14 +68,14 @@ def sweep(
         stops = [(here[0] + x, here[1] + y) for x, y in path]
         stops = [stop for stop in stops if shapely.intersects_xy(free, *stop)]
     if not stops:
-        raise GroundError("the robot cannot drive to any stop: all is blocked, unknown or off the map")
+        raise GroundError("every stop is blocked, unknown or off the map")
     return _facing(stops)
 
 
 def _require_small(
     ground: "BaseGeometry", spacing: float, here: _Point, pattern: SweepPattern, cell_m: float
 ) -> None:
-    """Limit the work for ground with a small area and a large extent.
+    """Check that the extent of ground is not too large.
 
     Raises:
         GroundError: If its legs, the stops around its datum, or the cells of the map around it are too many.
@@ -84,15 +84,19 @@ def _require_small(
 
     left, low, right, high = ground.bounds
     wide, tall = right - left, high - low
-    size = f"it reaches over {wide:.0f} x {tall:.0f} m"
+    size = f"it spans {wide:.0f} x {tall:.0f} m"
     if math.hypot(wide, tall) / spacing > _MOST_LEGS:
-        raise GroundError(f"{size}, too far for legs {spacing:.2f} m apart: divide it into smaller zones")
+        raise GroundError(
+            f"{size}, which is too large for legs {spacing:.2f} m apart: divide it into smaller zones"
+        )
     if wide * tall / cell_m**2 > _MOST_CELLS:
-        raise GroundError(f"{size}, too many map cells of {cell_m:g} m: divide it into smaller zones")
+        raise GroundError(
+            f"{size}, which has too many map cells of {cell_m:g} m: divide it into smaller zones"
+        )
     reach = shapely.hausdorff_distance(shapely.Point(here), ground)
     if pattern == "expanding_square" and (2.0 * reach / spacing) ** 2 > _MOST_STOPS:
         raise GroundError(
-            f"it reaches {reach:.0f} m from the zone's pose: move the pose inside, or divide it"
+            f"it extends {reach:.0f} m from the zone's pose: move the pose inside, or divide it"
         )
 
 
@@ -114,7 +118,7 @@ def _blocked(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float)
 
 
 def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-    """Yield the row, the first and the last column of each run of adjacent cells in a row."""
+    """Yield the row, first and last column of each run of adjacent cells."""
     cells = zip(rows, columns, strict=True)
     for _, run in itertools.groupby(enumerate(cells), lambda each: (each[1][0], each[1][1] - each[0])):
         (row, first), *rest = (cell for _, cell in run)
@@ -122,7 +126,7 @@ def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, in
 
 
 def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_long_side: bool) -> list[_Point]:
-    """Return the stops on legs over free ground: the first leg half a spacing from the edge, then always the nearest piece."""
+    """Return the stops on parallel legs over free ground."""
     import shapely
 
     if not free.area:
@@ -208,7 +212,7 @@ def _square(spacing: float, reach: float) -> Iterator[_Point]:
 
 
 def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
-    """Yield the stops of a sector search around (0, 0): out, two diameters, and back in on the third, always 120° further."""
+    """Yield the stops of a sector search around (0, 0)."""
     count = max(1, math.ceil(reach / spacing))
     out, across = range(1, count + 1), [at for at in range(count, -count - 1, -1) if at]
     yield 0.0, 0.0

@@ -150,14 +150,14 @@ class ZoneManager:
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
 
     def eligible_zones(self) -> list[Zone]:
-        """Return the candidates for the next zone: the remaining zones postponed least often, among these the highest priority.
+        """Return the candidates for the next zone: of the least postponed zones, those with the highest priority.
 
         A postponed zone is therefore repeated only when all others have been tried equally often. The current zone is first.
         """
         return next(iter(self.zones_by_urgency()), [])
 
     def zones_by_urgency(self) -> list[list[Zone]]:
-        """Return the remaining zones in groups; each group is chosen from when the previous one is done."""
+        """Return the remaining zones in groups of decreasing urgency."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
             groups[self._urgency(zone)].append(zone)
@@ -167,7 +167,7 @@ class ZoneManager:
         return self._postponed[zone["id"]], -self._priorities.get(zone["id"], 0.0)
 
     def choose(self, zone_id: str) -> None:
-        """Make one of the remaining zones the current one; the others keep their order."""
+        """Choose the current zone; the other zones keep their order."""
         self.journal.note(search_events.ZONE_CHOSEN, zone=zone_id)
 
     def poa_map(self) -> PoaMap:
@@ -175,7 +175,7 @@ class ZoneManager:
         return PoaMap.from_areas(self.areas, self.looks, self.swept, self.hints)
 
     def hint(self, zone_id: str, ratio: float) -> None:
-        """Record a hint on a zone by its likelihood ratio: presence over absence."""
+        """Record a hint on a zone as a likelihood ratio."""
         self.journal.note(search_events.HINT_GIVEN, zone=zone_id, ratio=ratio)
 
     def nearest(self, x: float, y: float, among: Collection[str] = ()) -> str:
@@ -252,7 +252,7 @@ class ZoneManager:
         return [zones[at] for at in sorted(ranked[:MOST_PLANNED])]
 
     def ways(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
-        """Return the paths needed to order zones, and those home and to charging places, each in one direction.
+        """Return the paths for ordering zones, returning home and charging, each in one direction.
 
         Args:
             zones: The zones, or pieces of a sweep. The number of paths between them grows with its square.
@@ -268,7 +268,7 @@ class ZoneManager:
         return [way for ends, way in by_ends.items() if len(ends) > 1]
 
     def store_path_length(self, start: MapPose, target: MapPose, metres: float) -> None:
-        """Store a path's length from a planner, metres, for both directions; a failed drive discards all lengths, because paths may have changed."""
+        """Store a path's length from a planner, metres, for both directions."""
         self._ways[_ends(start, target)] = metres
 
     def has_path_length(self, start: MapPose, target: MapPose) -> bool:
@@ -382,7 +382,7 @@ class ZoneManager:
     def _on_zone_chosen(self, data: Mapping[str, Any]) -> None:
         left = [zone["id"] for zone in self.remaining_zones()]
         if data["zone"] not in left:
-            raise ValueError(f"{data['zone']} is not left at that time")
+            raise ValueError(f"{data['zone']} is not among the remaining zones at that time")
         self._zones.insert(self._index, self._zones.pop(self._index + left.index(data["zone"])))
 
     def _on_zone_searched(self, data: Mapping[str, Any]) -> None:
@@ -537,7 +537,7 @@ def read_fence(reader: ParameterReader) -> Geofence:
     numbers = reader.numbers(_GEOFENCE)
     corners = list(zip(numbers[::2], numbers[1::2], strict=False))
     if numbers and (len(numbers) % 2 or len(corners) < _LEAST_CORNERS):
-        text = f"must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds {len(numbers)} numbers"
+        text = f"must contain x and y of three or more corners, [x1, y1, x2, y2, x3, y3], but contains {len(numbers)} numbers"
         reader.report(_GEOFENCE, text)
         return Geofence()
     return Geofence(corners)

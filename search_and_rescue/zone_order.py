@@ -43,7 +43,7 @@ def ordered(order: VisitingOrder, tour: TourInputs) -> list[int]:
 
 
 def approximation(count: int) -> str:
-    """Return the name of the approximation for this number of areas; empty if the order is exact."""
+    """Return the name of the approximation for a number of areas; empty for an exact order."""
     if count <= EXACT_UP_TO:
         return ""
     return "a beam search" if count <= BEAM_UP_TO else "probability per second"
@@ -114,7 +114,7 @@ def beam(tour: TourInputs, width: int = _BEAM_WIDTH) -> list[int]:
 
 
 def greedy_index_order(tour: TourInputs) -> list[int]:
-    """Return a good order of many areas: by the greedy index rule, then with each area moved to its best position.
+    """Return a good order of many areas, found by a greedy rule and improved by moves.
 
     The rule always continues with the area of the highest probability per second of drive and search. It takes O(n²) time. A pass that moves
     areas takes O(n²), too, because prefix sums of weights and times give the cost of a move without another pass over the order.
@@ -134,7 +134,7 @@ def greedy_index_order(tour: TourInputs) -> list[int]:
 
 
 def _moved(order: list[int], start: _Durations, between: _Durations, weights: _Durations) -> list[int]:
-    """Return an order in which each area has (almost) its best position among the others."""
+    """Move each area of an order to its best position."""
     for _ in range(_MOST_PASSES):
         before = order
         for area in before:
@@ -174,7 +174,7 @@ def _best_of_each(
 def _improve_locally(
     order: list[int], start: _Durations, between: _Durations, weights: _Durations
 ) -> list[int]:
-    """Return an order, improved until no reversal of a part and no move of an area lowers its cost."""
+    """Improve an order until no reversal of a part and no move of an area lowers its cost."""
 
     def cost(order: Sequence[int]) -> float:
         steps = np.concatenate([start[list(order[:1])], between[list(order[:-1]), list(order[1:])]])

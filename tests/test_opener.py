@@ -159,7 +159,7 @@ def test_a_link_that_appears_after_its_path_was_resolved_is_not_followed(folder,
     Path(exchanged).rename("before")
     Path(exchanged).symlink_to(outside / "file" if exchanged.endswith("file") else outside)
     monkeypatch.setattr(os.path, "realpath", lambda _: resolved)
-    with pytest.raises(UnreadableFileError, match="replaced again and again"):
+    with pytest.raises(UnreadableFileError, match="repeatedly replaced"):
         read_file(NamedPath.within(Path("inside/file"), [folder / "inside"]), DOCUMENT)
 
 

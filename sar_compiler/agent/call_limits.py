@@ -1,4 +1,4 @@
-"""Limits on the files and memory of one tool call, which its process applies to itself before anything else."""
+"""Limits on the files and memory of one tool call, which its process applies to itself."""
 
 import json
 import os

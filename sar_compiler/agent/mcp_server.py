@@ -109,13 +109,13 @@ class ToolAccess:
             ToolError: If too many calls wait, or it exceeds a limit, or the request is impossible.
         """
         if self._calls >= _MOST_CALLS:
-            raise ToolError(f"{self._calls} calls are still unanswered. Call again later")
+            raise ToolError(f"{self._calls} calls are still running. Call again later")
         self._calls += 1
         try:
             async with self._turns:
                 status, output, said = await self._call(command, [*options, "--", *words])
         except (OSError, ValueError) as error:  # too many words, or a zero byte in one
-            raise ToolError(f"{command} cannot be called like this: {error}") from None
+            raise ToolError(f"{command} was called with invalid arguments: {error}") from None
         finally:
             self._calls -= 1
         said = said.rstrip()
@@ -153,7 +153,7 @@ class ToolAccess:
                 status = await process.wait()
             if is_too_large:
                 most = f"{_MOST_OUTPUT_BYTES // 2**20} MiB"
-                raise ToolError(f"the answer of {command} is larger than {most}: ask for less")
+                raise ToolError(f"the result of {command} is larger than {most}: request less")
             return status, output.decode(errors="replace"), said.decode(errors="replace")
         raise ToolError(f"{command} was aborted after {self._limit_sec:g} s, the limit of a call")
 
@@ -192,7 +192,7 @@ class AgentTools:
         return await self._data("nodes", self._vocabulary, *([] if tag is None else [tag]))
 
     async def validate(self, file: str) -> ToolAnswer:
-        """Find all errors in a tree file. `output` has them; `fixed` is the file's text with all suggestions applied."""
+        """Find all errors in a tree file, as `output`; `fixed` is the file's text with all suggestions applied."""
         path = self._access.path(file)
         answer = await self._data("validate", self._project, path)
         fixed = None
@@ -228,7 +228,7 @@ class AgentTools:
         facts: Facts | None = None,
         max_states: int | None = None,
     ) -> ToolAnswer:
-        """Prove for all possible runs of a tree that it ends, that no tick raises, and the properties in a file.
+        """Prove for all possible runs of a tree that it ends, that no tick raises an error, and the properties in a file.
 
         A counterexample is listed tick by tick. With `against`, the results are compared with those of another tree.
         """
@@ -248,11 +248,11 @@ class AgentTools:
         return await self._data("predict", [*self._project, *given], self._access.path(file))
 
     async def diff(self, old: str, new: str) -> ToolAnswer:
-        """List the differences between two tree files of any form."""
+        """List the differences between two tree files."""
         return await self._data("diff", [], self._access.path(old), self._access.path(new))
 
     async def convert(self, file: str, to: Literal["xml", "yaml", "btcpp"]) -> ToolAnswer:
-        """Return the text of a tree file in another form; btcpp is XML for BehaviorTree.CPP 4 and Groot2."""
+        """Convert a tree file to another format; btcpp is XML for BehaviorTree.CPP 4 and Groot2."""
         return _answer(
             *await self._access.run("convert", [*self._project, f"--to={to}"], self._access.path(file))
         )

@@ -1,4 +1,4 @@
-"""The text of a tree file with the suggestions of its findings applied."""
+"""Application of all suggestions to a tree file."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +20,7 @@ def apply_suggestions(
     load: Callable[[Read], ProjectTree],
     is_meant: Callable[[Diagnostic], bool] = lambda _finding: True,
 ) -> ProjectTree:
-    """Return a tree whose text is that of a file with suggestions applied.
+    """Return a tree with suggestions applied to its text.
 
     Args:
         path: The file; it is not changed.

@@ -1,4 +1,4 @@
-"""A person's approval of a tree and of all its parts in their exact state.
+"""A person's approval of an exact version of a tree and its parts.
 
 The parts are its files, the ID of the tree to run, the mission's parameters with the files that they name, and the file of
 properties. Records are in the user's state folder, a readable file for each tree. Stored beside the tree, they could be
@@ -40,11 +40,11 @@ _SHOWN = 3
 
 
 class ApprovalError(SarError):
-    """A tree is not approved in its present state, or an approval cannot be stored, read or revoked."""
+    """The current version of a tree is not approved, or an approval cannot be stored, read or revoked."""
 
 
 class Fingerprint(NamedTuple):
-    """The parts of a run of a tree.
+    """The files and parameters that determine a run of a tree.
 
     Attributes:
         file: The tree file, with links followed.
@@ -67,7 +67,7 @@ class Fingerprint(NamedTuple):
     def from_tree(
         cls, tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
     ) -> "Fingerprint":
-        """Return the parts of a tree as it was read, regardless of later changes of the files.
+        """Return the fingerprint of a tree as it was read, even if its files have changed since.
 
         Args:
             tree: The tree file.
@@ -93,7 +93,7 @@ class Fingerprint(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """The SHA-256 of all parts: equal wherever the same files are in the same relative positions."""
+        """The SHA-256 of all parts, which does not depend on their absolute paths."""
         return _sum(json.dumps(self[1:], sort_keys=True).encode())
 
 
@@ -124,7 +124,7 @@ class Approval(NamedTuple):
 
 
 def approve(fingerprint: Fingerprint, by: str) -> Approval:
-    """Store the approval of a tree, which replaces any earlier one of this tree.
+    """Store the approval of a tree, and replace an earlier one.
 
     Args:
         fingerprint: The parts of the tree.
@@ -147,7 +147,7 @@ def approve(fingerprint: Fingerprint, by: str) -> Approval:
 
 
 def approvals() -> Iterator[Approval]:
-    """Yield the approvals, by the names of their records.
+    """Yield the approvals, sorted by the names of their records.
 
     Raises:
         ApprovalError: If a record is unreadable, or other users could have written it.
@@ -157,7 +157,7 @@ def approvals() -> Iterator[Approval]:
 
 
 def revoke(file: Path) -> list[Approval]:
-    """Delete and return the approvals of a file's trees, whatever its present state.
+    """Delete and return the approvals of a file's trees.
 
     Raises:
         ApprovalError: If none is approved, or a record cannot be deleted.
@@ -175,7 +175,7 @@ def revoke(file: Path) -> list[Approval]:
 
 
 class ApprovalCheck:
-    """Checks that a run is approved: first its tree, then the parameters of its node, and its monitored properties.
+    """Checks that a run's tree, parameters and monitored properties are approved.
 
     Args:
         tree: The tree, as it was read.
@@ -231,7 +231,7 @@ class ApprovalCheck:
         """
         now, then = _mission_parameters(parameters), self._approval.parameters
         changed = [
-            f"{name} is {_value_text(now, name)} and was {_value_text(then, name)}"
+            f"{name} is {_value_text(now, name)}, but was {_value_text(then, name)}"
             for name in sorted(now.keys() | then.keys())
             if _value_text(now, name) != _value_text(then, name)
         ]
@@ -247,14 +247,14 @@ class ApprovalCheck:
         if changes:
             approval = self._approval
             raise ApprovalError(
-                f"{self._path} is not what {approval.by} approved on {approval.when}: {', '.join(changes)}. {self._how}"
+                f"{self._path} differs from the version that {approval.by} approved on {approval.when}: {', '.join(changes)}. {self._how}"
             )
 
 
 def approve_command(
     tree: ProjectTree, tree_id: str | None, params: Path | None, properties: Path | None
 ) -> str:
-    """Return the command line by which a person approves a run."""
+    """Return the command line that approves a run."""
     options = {"tree": tree_id, "params": params, "properties": properties}
     words = [f"--{name}={value}" for name, value in options.items() if value is not None]
     return shlex.join(["sar-compile", "approve", str(tree.path), *words])
@@ -279,12 +279,12 @@ def _changed_files(now: Mapping[str, str], then: Mapping[str, str]) -> list[str]
     return [
         *(f"{name} has changed" for name in now if name in then and then[name] != now[name]),
         *(f"{name} is new" for name in now.keys() - then.keys()),
-        *(f"{name} is no longer a part of it" for name in then.keys() - now.keys()),
+        *(f"{name} was removed" for name in then.keys() - now.keys()),
     ]
 
 
 def _mission_parameters(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters in their JSON form: ROS has arrays for lists."""
+    """Return parameters as JSON values, with lists instead of ROS's arrays."""
     return {
         name: value if isinstance(value, str) or not isinstance(value, Iterable) else [*value]
         for name, value in parameters.items()
@@ -318,7 +318,7 @@ def _record(file: Path, tree: str) -> Path:
 
 
 def _records(beginning: str) -> list[Path]:
-    """Return the records whose names begin so."""
+    """Return the records whose names have a prefix."""
     folder = approval_folder()
     if not folder.exists():
         return []

@@ -1,4 +1,4 @@
-"""Read assumptions from files beside a tree: `facts:` and `answers:` of the world, and `controls:`.
+"""Read the assumptions in a scenario or properties file: `facts:`, `answers:` and `controls:`.
 
 `controls:` names replacements for nodes whose behaviour is unknown.
 """
@@ -52,11 +52,11 @@ class StartValues:
 
 
 class DisputedFactError(SarError):
-    """Leaves give a fact different initial values, and no file decides between them."""
+    """Leaves declare different initial values for a fact, and no file overrides them."""
 
 
 def raise_disputes(simulated: SimulatedTree) -> None:
-    """Raise an error if leaves of a tree give a fact different initial values.
+    """Raise an error if leaves of a tree declare different initial values for a fact.
 
     Raises:
         DisputedFactError: If there is such a fact.
@@ -66,7 +66,7 @@ def raise_disputes(simulated: SimulatedTree) -> None:
 
 
 def start_assumptions(start: StartValues, simulated: SimulatedTree) -> Assumptions:
-    """Return the initial facts that a mission's parameters give for a tree that is simulated without it."""
+    """Return the initial facts from a mission's parameters, for a simulation without the mission."""
     known = simulated.fact_values()
     return Assumptions({name: fact for name, fact in start.facts.items() if name in known})
 
@@ -98,14 +98,14 @@ def _read_facts(
             document.report("wrong-name", "the name of a fact may only contain letters, digits and _", key)
         elif name not in known and name not in used:
             listed = ", ".join(known) or "none"
-            message = f"no leaf of this tree knows a fact '{name}' (known: {listed})"
+            message = f"no leaf of this tree declares a fact '{name}' (known: {listed})"
             document.report("unknown-fact", message, key, suggestion=nearest(name, known))
         else:
             kind = type(known.get(name, fact))
             if type(fact) is kind or (kind is float and type(fact) is int):
                 facts[name] = kind(fact)
             else:
-                message = f"the fact '{name}' is {_KINDS[kind]}, and this is {inner.kind}"
+                message = f"the fact '{name}' is {_KINDS[kind]}, but this is {inner.kind}"
                 document.report("wrong-value", message, inner)
     return facts
 
@@ -131,9 +131,9 @@ def _declared_outcomes(
     leaves: Sequence[StubLeaf],
     specs: Sequence[NodeSpec],
 ) -> tuple[Answer, ...]:
-    """Return the declared outcomes of leaves, with the probabilities and times that a file gives for some of them."""
+    """Return the declared outcomes of leaves, with a file's probabilities and times."""
     if len(specs) != 1:
-        message = f"'{key.text}' names leaves that declare different answers"
+        message = f"'{key.text}' names leaves that declare different outcomes"
         if specs:
             words.document.report("wrong-value", message, key, hint="list each of them by its path or tag")
         return ()
@@ -141,13 +141,13 @@ def _declared_outcomes(
     said: set[int] = set()
     for item in items:
         for part in item.mapping.keys() & {"status", "label", "when", "then"}:
-            message = f"'answer' refers to a declared answer, which has its own '{part}'"
+            message = f"'answer' refers to a declared outcome, which has its own '{part}'"
             words.document.report("conflicting-keys", message, item.mapping[part])
         name = words.answer(item.mapping["answer"], leaves)
         for place, answer in enumerate(answers):
             if name is not None and name in (answer.label, answer.status):
                 if place in said:
-                    message = f"the answer '{name}' is listed twice here"
+                    message = f"the outcome '{name}' is listed twice here"
                     words.document.report("wrong-value", message, item.mapping["answer"])
                 said.add(place)
                 p, sec = _probability(words.document, item.mapping)
@@ -159,7 +159,7 @@ def _declared_outcomes(
 def _probability(
     document: Document, parts: Mapping[str, Value]
 ) -> tuple[tuple[float, float] | None, tuple[float, float]]:
-    """Return the probability and the duration of an answer in a file."""
+    """Return the probability and the duration of an outcome in a file."""
     return _interval(document, parts.get("p")), _interval(document, parts.get("sec")) or (0.0, 0.0)
 
 
@@ -173,28 +173,28 @@ def _interval(document: Document, value: Value | None) -> tuple[float, float] | 
 
 
 def _check_probabilities(document: Document, value: Value, answers: Sequence[Answer]) -> None:
-    """Report impossible sums of probabilities, and a time for the answers of a leaf that never runs."""
+    """Report impossible sums of probabilities, and times of a leaf that never runs."""
     ending = [answer for answer in answers if answer.status != "RUNNING"]
     known = [answer.p for answer in ending if answer.p is not None]
     least, most = sum(p[0] for p in known), sum(p[1] for p in known)
     if least > 1.0 + _ROUNDING:
         document.report(
-            "wrong-value", f"the probabilities p of these answers add up to {least:g}, and not to 1", value
+            "wrong-value", f"the probabilities p of these outcomes add up to {least:g}, not to 1", value
         )
     elif known and len(known) == len(ending) and most < 1.0 - _ROUNDING:
         message = (
-            f"the probabilities p of these answers add up to {most:g} at most, but one of them must occur"
+            f"the probabilities p of these outcomes add up to {most:g} at most, but one of them must occur"
         )
         document.report("wrong-value", message, value)
     if any(answer.sec[1] for answer in ending) and len(ending) == len(answers):
-        hint = "omit sec, or add an answer that is RUNNING"
+        hint = "omit sec, or add an outcome that is RUNNING"
         document.report(
-            "wrong-value", "none of these answers is RUNNING, so they take no time", value, hint=hint
+            "wrong-value", "none of these outcomes is RUNNING, so they take no time", value, hint=hint
         )
 
 
 def check_answers(value: Value | None, words: LeafVocabulary) -> None:
-    """Report unknown names in the assumed outcomes of leaves, once all assumptions are known.
+    """Report unknown names in the assumed outcomes of leaves.
 
     Args:
         value: The value of the file's `answers:`, if it has any.
@@ -219,7 +219,7 @@ def check_answers(value: Value | None, words: LeafVocabulary) -> None:
 def _answer(document: Document, value: Value, specs: Sequence[NodeSpec]) -> Answer | None:
     outcomes = [status for status in STATUSES if all(_can(spec, status) for spec in specs)]
     parts = value.mapping or {"status": value}
-    status = word(document, parts["status"], outcomes, "the status of an answer")
+    status = word(document, parts["status"], outcomes, "the status of an outcome")
     label, when, then = (
         parts[part].text or "" if part in parts else "" for part in ("label", "when", "then")
     )
@@ -245,7 +245,7 @@ def _scripts_fit(document: Document, parts: Mapping[str, Value], answer: Answer,
 
 
 def _names_in(answer: Answer) -> set[str]:
-    """Return the names in the readable scripts of an answer; those with placeholders are left out."""
+    """Return the names in an outcome's scripts, except for those with placeholders."""
     scripts = [parse(text) for text in (answer.when, answer.then) if text and not placeholders(text)]
     return {use.name for script in scripts for use in name_uses(script)}
 

@@ -1,4 +1,4 @@
-"""Search the runs of a tree within a budget for ticks that raise, the shortest runs first."""
+"""Search the runs of a tree, within a budget, for ticks that raise errors, the shortest runs first."""
 
 import time
 import traceback
@@ -34,7 +34,7 @@ _A_TICK, _PREPARING = 200, 4000
 
 
 class SearchBudget:
-    """A search budget: an amount of work, which is the same on every machine, or a time.
+    """A search budget: an amount of work or a time.
 
     Work is counted in nodes: a tick costs those of its tree, and preparing a tree costs as much as many ticks.
 
@@ -60,7 +60,7 @@ class SearchBudget:
         self._end_of_share = self._end
 
     def allot(self, trees: int) -> None:
-        """Give the next tree its share of the rest, with this many trees still to come."""
+        """Allot the next tree its share of the remaining budget, given the number of remaining trees."""
         if self._work is not None:
             self._share = self.spent + (self._work - self.spent) // trees
         if self._end is not None:
@@ -68,7 +68,7 @@ class SearchBudget:
             self._end_of_share = now + (self._end - now) / trees
 
     def take(self, work: int) -> bool:
-        """Charge `work` to the budget; return False if it is exhausted."""
+        """Charge `work` to the budget; return False if the budget is exhausted."""
         if self._share is not None and self.spent + work > self._share:
             self.is_limited = True
             return False
@@ -88,7 +88,7 @@ class LocatedName(str):
 
 
 def mark(binding: Binding) -> None:
-    """Replace the names in a bound tree by names that carry their nodes."""
+    """Replace the names in a bound tree with names that carry their nodes."""
     for bound in binding.nodes():
         name = LocatedName(bound.name)
         name.bound = bound
@@ -115,7 +115,7 @@ def findings_of_runs(
     how_to_see: str,
     known: Iterable[Diagnostic],
 ) -> list[Diagnostic]:
-    """Return the findings about the shortest runs with raising ticks, one for each location, as far as found in time.
+    """Return a finding for each location of a raising tick, with its shortest run, within the budget.
 
     Args:
         simulated: The tree with stub leaves; it is used up.
@@ -209,7 +209,7 @@ def _has_path(path: tuple[int, ...]) -> Callable[[TickSteps], bool]:
 
 
 def _run_text(ticks: list[list[Event]]) -> str:
-    """Return a run in words: the answers of its last ticks."""
+    """Describe a run by the outcomes of its last ticks."""
     if not any(ticks):
         return f"in tick {len(ticks)}"
     last = list(enumerate(ticks, 1))[-_MOST_TOLD:]
@@ -223,7 +223,7 @@ def _run_text(ticks: list[list[Event]]) -> str:
 
 
 class _SimulationDoubts:
-    """Detects errors of the simulation alone: the values that real leaves and the mission write are unknown here."""
+    """Detects errors that may not occur in real runs, because the simulation lacks real values."""
 
     def __init__(self, binding: Binding) -> None:
         accesses = [access for tree in binding.trees() for access in key_accesses_of(tree).accesses]
@@ -232,7 +232,7 @@ class _SimulationDoubts:
         self._written = {access.key for access in accesses if access.kind in writing}
 
     def is_doubtful(self, error: Exception) -> bool:
-        """Return whether an error may not occur in a real run: a value is unknown, or another node may write an empty key."""
+        """Return whether an error may not occur in a real run."""
         return unknown_value_of(error) is not None or any(
             key not in self._written or f"{ROOT_SIGN}{key}" in self._all for key in _empty_keys(error)
         )
@@ -260,7 +260,7 @@ def _place(error: Exception, binding: Binding) -> BoundNode:
 
 
 def _names_of_raising(error: Exception) -> list[object]:
-    """Return the names of the objects whose methods an error passed through, the innermost first."""
+    """Return the names of the objects in an error's traceback, the innermost first."""
     calls = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
     return [getattr(call.get("self"), "name", None) for call in reversed(calls)]
 
@@ -280,7 +280,7 @@ _WRITING = (AccessKind.WRITE, AccessKind.CHANGE)
 
 
 class FaultyAttributes:
-    """The attributes of a bound tree with such findings, and the keys that receive their values.
+    """The attributes of a bound tree with findings, and the keys that receive their values.
 
     Args:
         binding: The tree.
@@ -301,7 +301,7 @@ class FaultyAttributes:
             self._keys |= {inner for outer, inner in links if outer in self._keys}
 
     def explains(self, bound: BoundNode, attribute: str) -> bool:
-        """Return whether one of them explains an error of a node's attribute; of any attribute, if it is unknown."""
+        """Return whether one of them explains an error in a node's attribute, or in any of its attributes."""
         return (bound, attribute) in self._attributes or any(
             (tree, key) in self._keys for tree, key, _ in self._accesses(bound, attribute)
         )

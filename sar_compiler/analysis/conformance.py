@@ -1,4 +1,4 @@
-"""Comparison of a recorded run with all possible runs of its tree: conformance, violated properties, and assumptions.
+"""Comparison of a recorded run with all possible runs of its tree.
 
 The recorded run is located among all runs of the tree, with the state of the properties' monitors. So it is known
 whether all runs that match the record violate a property, or some of them, or none.
@@ -202,7 +202,7 @@ class _ReplayedRun:
         self._judged: dict[bytes, Judgement] = {}
 
     def tree_at_start(self) -> SimulatedTree:
-        """Return the tree, with its facts as at the start of the run."""
+        """Return the tree, with its facts at the start of the run."""
         self.runs.stepper.steps.restore(self.runs.start)
         return self._simulated
 
@@ -241,7 +241,7 @@ class _ReplayedRun:
         return [event for event in lost.events if event.answer and event.number in self._leaves]
 
     def is_unfinished(self, lost: LostTick) -> bool:
-        """Return whether a tick may be unfinished or incompletely recorded; nothing is known of a tick without entries.
+        """Return whether a tick may be unfinished or incompletely recorded.
 
         Even then only a node that ran can have been stopped.
         """
@@ -279,7 +279,7 @@ class _ReplayedRun:
     def _wrong_answer(
         self, noted: Sequence[Event], most: int, best: "Sequence[_Attempt]"
     ) -> tuple[int, str, list[str], str]:
-        """Return the description of an impossible answer: leaf, event, possible events, and reason."""
+        """Return the description of an impossible outcome: leaf, event, possible events, and reason."""
         event = noted[most]
         is_again = any(each.number == event.number for each in noted[:most])
         own = [
@@ -311,7 +311,7 @@ class _ReplayedRun:
             number, was = missing.number, told.statuses.get(missing.number, "")
             possible = [each.next for each in going_on]
             if not was:
-                return number, f"no answer of {missing.leaf}", possible, ""
+                return number, f"no outcome of {missing.leaf}", possible, ""
             again = missing._replace(status=was, label=told.labels.get(number) or "")
             self.runs.restore_before(state, way, place)
             return number, f"{missing.leaf} still {again.answer}", possible, _why(self._leaves[number], again)
@@ -329,7 +329,7 @@ class _ReplayedRun:
     def _wrong_status(
         self, lost: LostTick, fitting: Sequence[PossibleTick]
     ) -> tuple[int, str, list[str], str]:
-        """Return the description of a tick with possible answers, but an impossible status of a node."""
+        """Return the description of a tick with possible outcomes but an impossible status of a node."""
         recorded = lost.events[-1].statuses
         wrong = [(each, way) for way in fitting if (each := way.other_status(recorded)) is not None]
         (number, status), _ = wrong[0]
@@ -350,7 +350,7 @@ class _Attempt(NamedTuple):
 
     @property
     def is_whole(self) -> bool:
-        """Whether all of its answers were recorded."""
+        """Whether all of its outcomes were recorded."""
         return self.place == len(self.way.answers)
 
     @property
@@ -367,7 +367,7 @@ def event_text(event: Event) -> str:
 
 
 def _why(leaf: StubLeaf, event: Event) -> str:
-    """Return the assumption that forbids an answer now, in words; empty if it is possible."""
+    """Describe the assumption that forbids an outcome now; empty if the outcome is possible."""
     known = [each for each in leaf.answers if each.status == event.status and event.label in ("", each.label)]
     if not known:
         return f"it is assumed that {undeclared(leaf, event.status, event.label)}"
@@ -379,7 +379,7 @@ def _why(leaf: StubLeaf, event: Event) -> str:
 
 
 class _Violation(NamedTuple):
-    """The violation of a property: the tick, its time, and the event, None for the end of a run."""
+    """The violation of a property: tick, time and event, None for the end of a run."""
 
     tick: int
     time_sec: float
@@ -464,7 +464,7 @@ class _PropertyEvaluation:
         return (1 << len(self._properties.names)) - (1 << count)
 
     def go_on(self, watch: RuntimeMonitor, lost: LostTick, *, is_over: bool) -> None:
-        """Evaluate the rest of the run from its events alone, after the tree can no longer reproduce it."""
+        """Evaluate the rest of a run that the tree cannot reproduce, from its events alone."""
         times, names = {}, self._properties.names
         for tick in ticks_of(self._compared_run.record):
             times[tick[-1].tick] = tick[-1].time_sec or 0.0

@@ -24,11 +24,11 @@ _DURATION = require_value_type(timedelta)
 
 
 def word(document: Document, value: Value, known: Iterable[str], what: str) -> str | None:
-    """Return the text of a scalar that must be one of some words; reports any other."""
+    """Return the text of a scalar that must be one of some words; report any other value."""
     words = list(known)
     if value.text in words:
         return value.text
-    message = f"{what} is one of {', '.join(words)}, and this is {value.kind}"
+    message = f"{what} is one of {', '.join(words)}, but this is {value.kind}"
     document.report("wrong-value", message, value, suggestion=nearest(value.text or "", words))
     return None
 
@@ -48,7 +48,7 @@ def parse_duration_range(value: Value) -> tuple[float, float]:
 
 
 def script(document: Document, value: Value | None) -> Script | None:
-    """Return a script; reports one that cannot be parsed, at its location."""
+    """Parse a script; report an error at its location."""
     if value is None:
         return None
     try:
@@ -127,7 +127,7 @@ def _made_by(effect: str) -> Iterator[str]:
 def unknown_names(
     script: Script, names: ConditionNames, own: Collection[str] = ()
 ) -> Iterator[ConditionFault]:
-    """Yield the unknown names in a script: those that neither the tree nor the script itself defines.
+    """Yield the names in a script that neither the tree nor the script defines.
 
     Args:
         script: The script.
@@ -220,7 +220,7 @@ class LeafVocabulary:
         return tuple(leaf for leaf in self.leaves if match_rank(key, leaf.path, leaf.tag))
 
     def find(self, value: Value) -> tuple[StubLeaf, ...]:
-        """Return the leaves that a value names; reports one that names none."""
+        """Return the leaves that a value names; report a value that names none."""
         key = value.text or ""
         found = self.named(key)
         if not found:
@@ -228,7 +228,7 @@ class LeafVocabulary:
         return found
 
     def answer(self, value: Value, leaves: Sequence[StubLeaf]) -> str | None:
-        """Return a label or a status that each of some leaves can return; reports anything else."""
+        """Return a label or a status that all of some leaves can return; report any other value."""
         text, known = value.text or "", answer_words(leaves)
         if text not in known:
             message = f"'{leaves[0].name}' never returns '{text}'. It returns {', '.join(known)}"
@@ -239,7 +239,7 @@ class LeafVocabulary:
     def condition(
         self, value: Value | None, own: Collection[str], later: Collection[str] = ()
     ) -> Script | None:
-        """Return a condition; reports its errors.
+        """Parse a condition; report its errors.
 
         Args:
             value: The condition; None if there is none.
@@ -258,7 +258,7 @@ class LeafVocabulary:
         return None if found else condition
 
     def deed(self, value: Value) -> EventPattern | None:
-        """Return the events that a string names; reports a string that names none."""
+        """Return the events that a string names; report a string that names none."""
         text = value.text or ""
         words = text.split(" ")
         for count in range(len(words) - 1, 0, -1):
@@ -294,7 +294,7 @@ class LeafVocabulary:
 
 
 def answer_words(leaves: Iterable[StubLeaf]) -> list[str]:
-    """Return the labels of some leaves' possible answers, then the statuses."""
+    """Return the labels of some leaves' possible outcomes, then the statuses."""
     labels = [answer.label for leaf in leaves for answer in leaf.answers if answer.label]
     statuses = {answer.status for leaf in leaves for answer in leaf.answers}
     return [*dict.fromkeys(labels), *(status for status in STATUSES if status in statuses)]

@@ -45,7 +45,7 @@ class MergedValues:
         return kept
 
     def _kind_of(self, value: object) -> object:
-        """Return the difference of a value from those with a representative; None if it represents itself."""
+        """Return the kind of a value, which determines its representative; None if it represents itself."""
         kind = type(value)
         if self.is_unread and kind in _PLAIN:
             return kind
@@ -76,7 +76,7 @@ def merging_notes(merged: Sequence[MergedValues]) -> Iterator[str]:
 
 
 class ValueMerging:
-    """Values of entries that a search does not distinguish: a written value is replaced by its representative.
+    """Replaces written values by representatives, so that a search does not distinguish equivalent ones.
 
     The switch for this is an entry itself, so that it is part of each state, and of the remembered effects of
     scripts.
@@ -93,11 +93,11 @@ class ValueMerging:
         self._cells = cells
 
     def switch_off(self) -> None:
-        """Store values unchanged in this state and in the following ones."""
+        """Stop merging in this state and in the following ones."""
         self._cells.put(self._switch, True)  # noqa: FBT003 - what an entry holds
 
     def add_switch(self, entries: Iterable[Entry]) -> list[int]:
-        """Return the place of the switch, on which code that uses some entries depends as well."""
+        """Return the place of the switch for merging, on which code that uses some entries depends."""
         return [self._switch] if any(entry.name in self.values for entry in entries) else []
 
     def representative(self, name: str, value: object) -> object:

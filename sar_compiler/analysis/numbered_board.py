@@ -39,7 +39,7 @@ class NumberedBoard(Board):
 
     @classmethod
     def from_board(cls, board: Board, cells: EntryCells) -> None:
-        """Turn a board into a numbered one, in place: the ports of all nodes refer to it.
+        """Convert a board to a numbered one in place, because the ports of all nodes refer to it.
 
         Raises:
             FrozenValueError: If an entry holds a value that can neither be copied nor hashed.
@@ -161,6 +161,6 @@ class NumberedBoard(Board):
             raise FrozenValueError(message) from error
 
     def freeze_lent(self, place: int, value: object) -> Hashable:
-        """Return the immutable form of a value that a leaf had access to and may have changed; called by the cells."""
+        """Return the immutable form of a value that a leaf may have changed; called by the cells."""
         name, held = self.cells.names[place], self.cells.content(place)
         return held._replace(frozen=self._freeze(name, value)) if held else None

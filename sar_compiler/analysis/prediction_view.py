@@ -39,7 +39,7 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     width = max(len(name) for name, _ in rows) + 1
     yield from (f"  {name + ':':{width}} {said}" for name, said in rows)
     for each in found.left_out:
-        yield f"  {each.name}: left out, since this tree has no {', '.join(each.missing)}"
+        yield f"  {each.name}: left out, because this tree has no {', '.join(each.missing)}"
     yield from _influence_lines(found)
     if found.unknown:
         names = ", ".join("/".join(path) for path in found.unknown)
@@ -49,10 +49,9 @@ def _lines(found: Prediction, seconds: float) -> Iterator[str]:
     yield from (f"\n{note}" for note in merging_notes(found.merged))
     if not found.complete:
         yield (
-            "\nNot all states were explored, so the bounds include any result of the others. A time between two takes a "
-            "state for each tick of it: "
-            "give answers a single time (sec: 30) or, if no limit depends on it, none. Or increase the time between ticks "
-            "(--period)."
+            "\nNot all states were explored, so the bounds are wide. A time interval needs a state for each "
+            "of its ticks: write a single time for each outcome (sec: 30), or omit it if no time limit "
+            "depends on it. Or increase the time between ticks (--period)."
         )
 
 
@@ -121,7 +120,7 @@ def prediction_as_json(prediction: Prediction, seconds: float) -> str:
 
 
 def prediction_as_svg(prediction: Prediction) -> str:
-    """Return a picture of the probabilities that a run has ended, and has succeeded, by each time; needs a distribution."""
+    """Return a plot of the probabilities that a run has ended, and has succeeded, by each time."""
     points = prediction.distribution
     last_sec = points[-1][0] or 1.0
     wide, high = _WIDTH - _LEFT - _ABOVE, _HEIGHT - _BELOW - _ABOVE

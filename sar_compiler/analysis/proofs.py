@@ -1,4 +1,4 @@
-"""Verify a loaded tree, with a file of properties and the user's facts."""
+"""Verify a loaded tree with a properties file and the user's facts."""
 
 import contextlib
 import functools
@@ -41,7 +41,7 @@ def search_runs(
     search: TreeSearch[SearchResult],
     answers: Iterable[str | Path] = (),
 ) -> SearchResult:
-    """Return the results of a search in the runs of a bound tree, with a file of properties."""
+    """Search the runs of a bound tree with a properties file, and return the results."""
     path = default_properties(tree, binding) if properties is None else properties
     file = None if path is None else read_property_file(path)
     others = [read_property_file(each) for each in answers]
@@ -73,13 +73,13 @@ def search_runs(
 
 
 def set_initial_facts(simulated: SimulatedTree, facts: Mapping[str, Fact]) -> None:
-    """Set the initial facts to those of one run; a file of properties defines those of proofs."""
+    """Set the initial facts of one run, which override a properties file's."""
     for name in facts.keys() & simulated.fact_values().keys():
         simulated.facts.resolve(name).write(facts[name])
 
 
 def try_runs(tree: ProjectTree, binding: Binding, budget: SearchBudget, how_to_see: str) -> list[Diagnostic]:
-    """Return findings about ticks of a bound tree that raise; see `tree_analysis.try_tree`."""
+    """Return findings about raising ticks of a bound tree; see `tree_analysis.try_tree`."""
     if not can_prepare(binding, budget):
         return []
     mark(binding)

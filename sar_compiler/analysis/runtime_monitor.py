@@ -1,4 +1,4 @@
-"""Monitor one run for the properties of a file, and for the assumptions of their proofs.
+"""Monitor a run for violations of properties and of proofs' assumptions.
 
 A leaf's answer determines the facts, exactly as in a proof: its script `then` is run on facts that start as in the run. The
 monitors are those of the search, and receive the same events in the same order. So a run violates a property here at the
@@ -88,13 +88,13 @@ class WatchAlarm(NamedTuple):
         if self.cause is AlarmCause.ASSUMPTION:
             return f"Assumption failed: {self.about}"
         if self.cause is AlarmCause.UNJUDGED:
-            return f"Not watched: {self.about}"
+            return f"Not monitored: {self.about}"
         how = "pending at the end" if self.cause is AlarmCause.OWED else self.event or "at the end"
         return f"Property violated: {self.about} ({how})"
 
 
 class _OwnKeys(FactVariables):
-    """Assumed facts, and the keys of a tree that writes these itself."""
+    """The variables of a monitored run: assumed facts, and keys that the tree itself writes."""
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
         """Write a fact."""
@@ -106,7 +106,7 @@ class _OwnKeys(FactVariables):
 
 
 class _HeldCondition:
-    """A condition in the state before a leaf's event has changed anything."""
+    """The value of a condition before a leaf's event changes the state."""
 
     def __init__(self, holds: Callable[[], bool], tell: Callable[[str], None]) -> None:
         self._holds, self._tell = holds, tell
@@ -186,7 +186,7 @@ class RuntimeMonitor:
 
     @property
     def remembered(self) -> int:
-        """The state of the properties as a number: if it is unchanged, `owed` is."""
+        """The state of the properties as a number, which determines `owed`."""
         return self._trail.watched
 
     @property
@@ -215,14 +215,14 @@ class RuntimeMonitor:
             self.halts(event.number)
 
     def raise_fact(self, name: str, by: int) -> None:
-        """Raise a fact changed by something else than a leaf, such as a command, if the tree has it."""
+        """Increase a fact of the tree because of an event outside of leaves, such as a command."""
         entry = self._facts.resolve(name)
         known = entry.read() if entry.exists else None
         if isinstance(known, int | float):
             entry.write(known + by)
 
     def looks(self, number: int) -> None:
-        """Evaluate the conditions on the next event of a leaf, before it changes anything."""
+        """Evaluate the conditions on a leaf's next event, before it changes the state."""
         for look in self._looks.get(number, ()):
             look.take()
 
@@ -231,7 +231,7 @@ class RuntimeMonitor:
         self._add_leaf_event(number, STARTED)
 
     def halts(self, number: int) -> None:
-        """Process that a running leaf was stopped."""
+        """Process the halt of a running leaf."""
         self._add_leaf_event(number, HALTED)
 
     def answers(self, number: int, status: str, label: str = "") -> None:
@@ -251,7 +251,7 @@ class RuntimeMonitor:
         self._spending.after(left)
 
     def _answer(self, number: int, numbers: Sequence[tuple[int, Answer | None]], deed: str) -> None:
-        """Process a declared answer, which may be one of several."""
+        """Process a declared outcome, which may be one of several."""
         (event, answer), excluded = numbers[0], None
         if len(numbers) > 1 or (answer is not None and answer.when):
             (event, answer), excluded = self._possible(number, numbers)
@@ -314,7 +314,7 @@ class RuntimeMonitor:
         return numbers[0], describe_condition(leaf, [answer for _, answer in numbers if answer is not None])
 
     def _answers_unknown(self, number: int, status: str, label: str) -> None:
-        """Process an answer that a leaf has not declared or not identified."""
+        """Process an outcome that a leaf has not declared or not identified."""
         self._note(number, label or status)
         leaf = self._leaves.get(number)
         if leaf is None:
@@ -324,7 +324,9 @@ class RuntimeMonitor:
             self._report_assumption(number, undeclared(leaf, status, label))
         else:
             listed = ", ".join(dict.fromkeys(answer.name for answer in known))
-            self._report_assumption(number, f"'{leaf.name}' says which of its answers it gives: {listed}")
+            self._report_assumption(
+                number, f"'{leaf.name}' reports which of its outcomes it returns: {listed}"
+            )
 
     def _change(self, leaf: StubLeaf, answer: Answer) -> None:
         try:
@@ -371,11 +373,11 @@ class RuntimeMonitor:
 
 
 def describe_condition(leaf: StubLeaf, answers: Sequence[Answer]) -> tuple[str, str]:
-    """Return when a leaf can give some answers that are impossible now, and the present values, in words."""
+    """Describe when a leaf can return outcomes that are impossible now, and the current values."""
     whens = dict.fromkeys(answer.when for answer in answers)
     names = dict.fromkeys(use.name for when in whens for use in name_uses(parse(when)))
     values = ", ".join(f"{name} is {_value(leaf, name)}" for name in names)
-    return f"'{leaf.name}' answers '{answers[0].name}' only when {' or '.join(whens)}", f"; {values}"
+    return f"'{leaf.name}' returns '{answers[0].name}' only when {' or '.join(whens)}", f"; {values}"
 
 
 def _value(leaf: StubLeaf, name: str) -> str:
@@ -386,9 +388,9 @@ def _value(leaf: StubLeaf, name: str) -> str:
 
 
 def undeclared(leaf: StubLeaf, status: str, label: str) -> str:
-    """Return the declared answers of a leaf that has given another one, in words."""
+    """Describe the declared outcomes of a leaf that has returned a different one."""
     listed = ", ".join(dict.fromkeys(answer.name for answer in leaf.answers))
-    return f"'{leaf.name}' answers {listed}, and this was {label or status}"
+    return f"'{leaf.name}' returns {listed}, but returned {label or status}"
 
 
 def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
@@ -408,7 +410,7 @@ def _read_keys_of(watched: CompiledTree, simulated: SimulatedTree) -> None:
 
 
 def _numbers(alphabet: EventAlphabet) -> Mapping[tuple[int, str, str, str], list[tuple[int, Answer | None]]]:
-    """Return the indices of events of answers, by the leaf's number, event, status and label.
+    """Return the indices of outcome events, by the leaf's number, event, status and label.
 
     If a status has only one answer, a leaf need not identify it.
     """

@@ -1,4 +1,4 @@
-"""Tick a loaded tree by a script, and compare the result with expectations."""
+"""Simulate a loaded tree with a script, and compare the result with expectations."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,7 +21,7 @@ from sar_compiler.project.project_tree import ProjectTree
 
 
 def simulate_tree(tree: ProjectTree, script: Mapping[str, object]) -> "Simulated":
-    """Return a tree that is ticked by a script; see `LoadedTree.simulate`."""
+    """Return a simulated tree with a script; see `LoadedTree.simulate`."""
     return Simulated(understand(_document(script), stage_of(tree)))
 
 
@@ -39,7 +39,7 @@ def play_scenario(tree: ProjectTree, scenario: str | Path) -> None:
 
 
 class Simulated:
-    """A tree that is ticked by a script."""
+    """A simulated tree with a script."""
 
     def __init__(self, play: ScenarioSimulation) -> None:
         self._simulation = ScenarioPlayer(play.simulated, play.scenario)
@@ -68,7 +68,7 @@ class Simulated:
         return trace(self.run)
 
     def run_to_end(self) -> "Simulated":
-        """Tick until the end: until the root has succeeded or failed, unless the scenario has another `until`.
+        """Tick until the scenario's end, by default until the root has succeeded or failed.
 
         Raises:
             AssertionError: If there is no end within the scenario's `ticks`, or a tick cannot be finished.
@@ -78,7 +78,7 @@ class Simulated:
         return self
 
     def tick(self, times: int = 1) -> "Simulated":
-        """Tick a number of times, regardless of the end.
+        """Tick a number of times, even after the end.
 
         Raises:
             Exception: Any exception of a node.
@@ -88,7 +88,7 @@ class Simulated:
         return self
 
     def expect(self, *, trace: str | Path | None = None, **expectations: object) -> None:
-        """Compare the run with expectations as in a scenario's `expect`: `root`, `order`, `never`, `count`...
+        """Compare the run with expectations, which are written as in a scenario's `expect`.
 
         Args:
             trace: The file of the expected trace, from the current folder.
@@ -110,11 +110,11 @@ class Simulated:
 
 
 def _document(said: Mapping[str, object]) -> Document:
-    return document_from_data(said, "script", "list the answers of the leaves")
+    return document_from_data(said, "script", "list the outcomes of the leaves")
 
 
 def _complain(run: ScenarioRun, missed: list[Failure], golden: Path | None = None) -> None:
-    """Raise the expectations that are not met, with the trace."""
+    """Raise an error with the violated expectations and the trace."""
     different = compare_golden(golden, trace(run), "the trace now") if golden else None
     if different is not None:
         missed = [*missed, Failure("trace", different)]

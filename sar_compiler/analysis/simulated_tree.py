@@ -1,4 +1,4 @@
-"""A tree with stub leaves: the tree of a real run, without the robot.
+"""A tree with stub leaves, which runs without a robot.
 
 Controls, decorators and the leaves of the language itself are real, on a simulated clock. Every other leaf, installed or only
 described, is a `StubLeaf`: an outcome policy chooses among its possible answers.
@@ -92,7 +92,7 @@ def described_parents(binding: Binding) -> list[BoundNode]:
 
 
 def self_ticking_parents(binding: Binding) -> list[BoundNode]:
-    """Return the controls and decorators that only the methods of users' py_trees classes define."""
+    """Return the controls and decorators whose behaviour only users' py_trees classes define."""
     return [
         node
         for node in binding.nodes()
@@ -101,7 +101,7 @@ def self_ticking_parents(binding: Binding) -> list[BoundNode]:
 
 
 def by_semantics(bound: BoundNode, clock: Clock) -> Substitute | None:
-    """Return an exact implementation of a node's semantics; None if they leave anything open.
+    """Return an implementation of a node's semantics; None if the semantics are incomplete.
 
     Args:
         bound: The node, without children that can be skipped.
@@ -154,7 +154,7 @@ def _repeat(again: int, rounds: float, name: str, child: Behaviour) -> Behaviour
 
 
 def replace_nodes(binding: Binding, controls: Mapping[str, NodeSpec]) -> None:
-    """Replace some nodes, with the defaults of their attributes.
+    """Replace some nodes, using the defaults of attributes.
 
     Args:
         binding: The tree, which is changed.
@@ -173,7 +173,7 @@ _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.clas
 
 
 def needs_stub(spec: NodeSpec) -> bool:
-    """Return whether a node is a leaf that acts on something outside the tree, and so becomes a stub leaf."""
+    """Return whether a node is a leaf that acts outside the tree and becomes a stub leaf."""
     return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
 
@@ -191,13 +191,13 @@ class Assumptions:
     answers: Mapping[str, tuple[Answer, ...]] = field(default_factory=dict)
 
     def __or__(self, other: "Assumptions") -> "Assumptions":
-        """Return both combined; the other one overrides this one."""
+        """Return the combination of both, in which the other one has precedence."""
         return Assumptions({**self.facts, **other.facts}, {**self.answers, **other.answers})
 
 
 @dataclass(eq=False)
 class SimulatedTree:
-    """A compiled tree whose leaves give the answers of an outcome policy.
+    """A compiled tree whose leaves return the outcomes of an outcome policy.
 
     Args:
         compiled: The tree.
@@ -240,7 +240,7 @@ class SimulatedTree:
             leaf.policy = policy
 
     def explain(self, error: BaseException) -> str:
-        """Return an exception of a tick in words."""
+        """Describe an exception of a tick."""
         if isinstance(error, NoStatusError):
             return f"'{error.behaviour.name}' ({type(error.behaviour).__name__}) failed: {error}"
         kind = "" if isinstance(error, SarError) else f"{type(error).__name__}: "
@@ -299,7 +299,7 @@ def compile_simulated(
 
 
 class UnreadableClock(ManualClock):
-    """The clock for an exploration of all runs: any time may have passed, so a timer may expire at any check."""
+    """The clock for an exploration of all runs, whose time is unknown."""
 
     def now(self) -> float:
         """Refuse to return the time.
@@ -321,10 +321,12 @@ class SimulationArguments(Arguments):
     """
 
     stand_ins: Mapping[BoundNode, Substitute] = MappingProxyType({})
-    parameter_advice = "give it a value: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
+    parameter_advice = (
+        "set it: --params FILE, or parameters: {{{name}: ...}} in the scenario or the file of properties"
+    )
 
     def of(self, instance: TreeInstance, bound: BoundNode) -> dict[str, Any]:
-        """Return the arguments of a node, by parameter name; the replacement of a leaf has its ports."""
+        """Return the arguments of a node by parameter name."""
         if bound in self.stand_ins or bound.spec.stand_in:
             return {"name": bound.name}
         if not needs_stub(bound.spec):
@@ -383,7 +385,7 @@ class SimulationBuilder(Builder):
         self._start: dict[str, tuple[Fact, str]] = {}
 
     def prepare(self, instance: TreeInstance) -> None:
-        """Set the identifiers of an instance's leaves, and check that all nodes can get their arguments."""
+        """Set the identifiers of an instance's leaves, and check the nodes' arguments."""
         for bound in instance.tree.nodes:
             if bound.spec.kind.is_leaf or bound.spec.asks:
                 self._names[instance, bound] = self._identifiers.take(bound.name)
@@ -394,7 +396,7 @@ class SimulationBuilder(Builder):
         super().prepare(instance)
 
     def _numbers_in(self, said: Sequence[Answer], instance: TreeInstance, bound: BoundNode) -> dict[str, str]:
-        """Return the integers in the scripts of some answers, by their placeholders."""
+        """Return the integers in the scripts of some outcomes, by their placeholders."""
         scripts = [script for answer in said for script in (answer.when, answer.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))
@@ -403,12 +405,12 @@ class SimulationBuilder(Builder):
         }
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Report a subtree without a file; anything else that is only described here is a leaf."""
+        """Report a subtree without a file; ignore other described nodes, which are leaves."""
         if bound.element.tag == SUBTREE_TAG:
             super().report_only_described(bound)
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the constructor of a node, or that of its replacement."""
+        """Return the constructor of a node or its replacement."""
         if bound in self._stand_ins:
             return self._stand_ins[bound]
         return bound.spec.stand_in.maker if bound.spec.stand_in else super()._maker(bound)
@@ -432,7 +434,7 @@ class SimulationBuilder(Builder):
         return made
 
     def _stub(self, instance: TreeInstance, bound: BoundNode) -> StubLeaf:
-        """Create the leaf that answers for a node, or for the world around it."""
+        """Create the stub leaf for a node, or for the world around it."""
         names = {SELF: self._names[instance, bound], **self._numbers[instance, bound]}
         for parameter in bound.spec.references:
             target = instance.target_of(bound, parameter.name)
@@ -454,13 +456,13 @@ class SimulationBuilder(Builder):
         first, other = self._start.setdefault(name, (value, leaf))
         if first != value and name not in self._assumptions.facts:
             self.disputes[name] = (
-                f"the fact '{name}' is {first!r} at the start for '{other}', and {value!r} for '{leaf}'. "
+                f"the fact '{name}' is {first!r} at the start for '{other}', but {value!r} for '{leaf}'. "
                 f"Write the value: facts: {{{name}: {first!r}}}"
             )
 
 
 class _Outputs:
-    """The keys that a leaf writes in a real run: those of its ports, and those within a value.
+    """The keys that a leaf writes in a real run, in ports and within values.
 
     The written values are unknown, unless the scripts of its answers define them.
 
@@ -491,7 +493,7 @@ class _Outputs:
         self._attributes.append(attribute)
 
     def with_unknown_outputs(self, answers: list[Answer]) -> list[Answer]:
-        """Return the answers of the leaf, with unknown values for the keys that no answer writes."""
+        """Return the outcomes of the leaf, with unknown values for keys that no outcome writes."""
         if not self.named:
             return answers
         uses = (use for answer in answers if answer.then for use in name_uses(parse(answer.then)))
@@ -519,7 +521,7 @@ class NodePaths:
         self._around = {child: node for node in binding.nodes() for child in node.children}
 
     def path(self, instance: TreeInstance, bound: BoundNode) -> tuple[str, ...]:
-        """Return the names of a node's ancestors, from the root down, and its own."""
+        """Return the names of a node and its ancestors, from the root down."""
         names: list[str] = []
         place: tuple[TreeInstance, BoundNode] | None = (instance, bound)
         while place is not None:
@@ -536,7 +538,7 @@ class NodePaths:
 
 
 def match_rank(key: str, path: Sequence[str], tag: str) -> int:
-    """Return how specifically a key of a file names a leaf.
+    """Return how specifically a key names a leaf.
 
     Args:
         key: The key: a path, whose parts are names of ancestors of the leaf, in order but possibly incomplete, and then its
@@ -559,13 +561,13 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
 
 
 def _may_name(keys: Iterable[str], bound: BoundNode) -> bool:
-    """Return whether one of some keys names a node at one of its positions."""
+    """Return whether one of some keys may name a node."""
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 
 def answers_for(
     assumed: Mapping[str, tuple[Answer, ...]], path: Sequence[str], spec: NodeSpec
 ) -> tuple[Answer, ...]:
-    """Return the possible answers of a leaf: the assumed ones, else its own declarations."""
+    """Return the possible outcomes of a leaf: the assumed ones, or its declarations."""
     best = max(assumed, key=lambda key: match_rank(key, path, spec.tag), default="")
     return assumed[best] if best in assumed and match_rank(best, path, spec.tag) else spec.answers

@@ -1,4 +1,4 @@
-"""A leaf whose outcomes a policy chooses, in place of a real one that needs a robot.
+"""A leaf whose outcomes a policy chooses, instead of a real leaf.
 
 Its only state is py_trees' status. Answers change facts: entries of a board beside the tree's, so scripts and snapshots work
 on them as on any entry.
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in Outcome}
-"""The return value of `update` for the status of an answer."""
+"""The return value of `update` for the status of an outcome."""
 
 
 class StubLeafError(SarError):
-    """A leaf cannot answer: none of its answers is possible, or a script of one fails.
+    """A leaf cannot return an outcome: none is possible, or a script fails.
 
     Attributes:
         leaf: The leaf's name.
@@ -47,15 +47,15 @@ class OutcomePolicy(Protocol):
     """Chooses the outcomes of leaves."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:
-        """Return the answer of this tick, one of those that are possible now."""
+        """Return one of the possible outcomes for this tick."""
         ...
 
 
 class NominalPolicy:
-    """Chooses the default answers."""
+    """Chooses the default outcomes."""
 
     def choose(self, leaf: "StubLeaf", options: Sequence[Answer]) -> Answer:  # noqa: ARG002 - as the protocol has it
-        """Return the first possible answer that is not RUNNING."""
+        """Return the first possible outcome that is not RUNNING."""
         return nominal(options)
 
 
@@ -89,18 +89,18 @@ class FactVariables:
         self._known: dict[str, ScopeVariables] = {}
 
     def read(self, name: str) -> ScriptValue:
-        """Return the value; raises as `Variables` says."""
+        """Return the value; see `Variables`."""
         if name == UNKNOWN and not self.is_fact(name):
             # A script passes it to `create` or `assign` unchanged.
             return cast("ScriptValue", UnknownValue(self._leaf))
         return self._of(name).read(name)
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value, which creates a key of the tree if there is neither fact nor key; raises as `read`."""
+        """Write the value; create a key of the tree if the name is unknown."""
         return self._forget(name, value) or self._of(name).create(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write the value of an existing name; raises as `read`."""
+        """Write the value of an existing name."""
         return self._forget(name, value) or self._of(name).assign(name, value)
 
     def entry(self, name: str) -> Entry:
@@ -108,7 +108,7 @@ class FactVariables:
         return self._of(name).entry(name)
 
     def facts(self, names: Iterable[str]) -> dict[str, object]:
-        """Return the values of the facts among some names, by their names on the board."""
+        """Return the values of the facts among some names, by their board names."""
         entries = [self.entry(name) for name in names if self.is_fact(name)]
         return {entry.name.rpartition("/")[2]: entry.read() for entry in entries}
 
@@ -132,7 +132,7 @@ class FactVariables:
     def quick(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
-        """Return a runner for a program on facts that are not numbers; None for other names, or a long program.
+        """Return a fast runner for a short program on facts; None for other programs.
 
         Args:
             program: The program.
@@ -144,7 +144,7 @@ class FactVariables:
         return compile_fast_script(program.script, self.entry, self.enums.numbers, usual, condition)
 
     def _forget(self, name: str, value: object) -> ScriptValue | None:
-        """Write an unknown value over any earlier one; return None for any other value."""
+        """Write an unknown value; return None for any other value."""
         if not isinstance(value, UnknownValue):
             return None
         entry = self.entry(name)
@@ -163,7 +163,7 @@ class FactVariables:
 
 
 class StubLeaf(SkippableLeaf):
-    """Gives the possible answer that an outcome policy chooses.
+    """Returns the outcome that an outcome policy chooses.
 
     Args:
         name: The node's name.
@@ -201,11 +201,11 @@ class StubLeaf(SkippableLeaf):
 
     @property
     def is_random(self) -> bool:
-        """Whether any of its answers has a known probability or duration."""
+        """Whether any of its outcomes has a known probability or duration."""
         return any(answer.p is not None or answer.sec != (0.0, 0.0) for answer in self.answers)
 
     def options(self) -> tuple[Answer, ...]:
-        """Return the answers that are possible now.
+        """Return the outcomes that are possible now.
 
         Raises:
             StubLeafError: If there is none, or a condition cannot be evaluated.
@@ -215,12 +215,12 @@ class StubLeaf(SkippableLeaf):
         possible = tuple(answer for answer in self.answers if self.is_possible(answer))
         if not possible:
             conditions = "; ".join(f"'{answer.name}' when {answer.when}" for answer in self.answers)
-            message = f"'{self.name}' ({self.tag}) has no possible answer now: {conditions}"
+            message = f"'{self.name}' ({self.tag}) has no possible outcome now: {conditions}"
             raise StubLeafError(self.name, message)
         return possible
 
     def change(self, answer: Answer) -> None:
-        """Apply the changes of an answer.
+        """Apply the effects of an outcome.
 
         Raises:
             StubLeafError: If its script fails.
@@ -234,7 +234,7 @@ class StubLeaf(SkippableLeaf):
                 raise self._unusable(answer, "then", answer.then, error) from error
 
     def entries(self, scripts: Iterable[str]) -> list[Entry]:
-        """Return the entries that scripts of its answers can read or write."""
+        """Return the entries that scripts of its outcomes can read or write."""
         names = (use.name for script in scripts for use in name_uses(parse(script)))
         return [
             self.variables.entry(name) for name in names if name != UNKNOWN or self.variables.is_fact(name)
@@ -245,7 +245,7 @@ class StubLeaf(SkippableLeaf):
         self.events.append(self.event(STARTED))
 
     def update(self) -> Status:
-        """Give the answer that the policy chooses, and change the facts accordingly.
+        """Return the outcome that the policy chooses, and apply its effects.
 
         Raises:
             StubLeafError: If no answer is possible, or a script fails.
@@ -267,7 +267,7 @@ class StubLeaf(SkippableLeaf):
         return Event(self.path, self.number, what, status, label, facts)
 
     def _recall(self, what: Answer | None, programs: Iterable[Program], run: Callable[[], T]) -> T:
-        """Run code that uses the entries of some scripts; on numbered boards once for equal values."""
+        """Run code that uses some entries; on numbered boards, reuse the result for equal values."""
         if what not in self._memos:
             self._memos[what] = self.variables.memo(each.script for each in programs)
         memo = self._memos[what]
@@ -275,7 +275,7 @@ class StubLeaf(SkippableLeaf):
         return answer
 
     def _give(self, answer: Answer) -> Event:
-        """Apply the changes of an answer, and return its event; an error is an event as well."""
+        """Apply the effects of an outcome, and return its event; an error is also an event."""
         before = self._facts_of(answer)
         try:
             self.change(answer)
@@ -288,12 +288,12 @@ class StubLeaf(SkippableLeaf):
         return self.event(ANSWERED, answer, changes_in(before, self._facts_of(answer)))
 
     def _facts_of(self, answer: Answer) -> dict[str, object]:
-        """Return the current facts that the script of an answer uses."""
+        """Return the current facts that an outcome's script uses."""
         effect = self._effects.get(answer)
         return {} if effect is None else self.variables.facts(use.name for use in name_uses(effect.script))
 
     def is_possible(self, answer: Answer) -> bool:
-        """Return whether an answer is possible now.
+        """Return whether an outcome is possible now.
 
         Raises:
             StubLeafError: If its condition cannot be evaluated.
@@ -310,7 +310,7 @@ class StubLeaf(SkippableLeaf):
     def _quick_form(
         self, program: Program, condition: Callable[[ScriptValue], bool] | None = None
     ) -> Callable[[], Any] | None:
-        """Return the fast form of a script of its answers; None if there is none."""
+        """Return the fast form of one of its scripts; None if there is none."""
         if self.variables.is_numbered:
             return None
         wanted = self.variables, program

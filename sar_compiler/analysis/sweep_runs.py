@@ -1,4 +1,4 @@
-"""Random runs of a scenario, which other processes can play, and the smallest failing scenario."""
+"""Random runs of a scenario, for worker processes, and the smallest failing scenario."""
 
 import functools
 import hashlib
@@ -98,7 +98,7 @@ class ScenarioRuns:
         return [each for each in found if each is not None]
 
     def play(self, seed: int) -> ScenarioPlayer:
-        """Return a run that was played."""
+        """Play a run, and return its player."""
         play = self.understood()
         player = ScenarioPlayer(play.simulated, replace(play.scenario, seed=seed, unusual=self.unusual))
         player.go()
@@ -106,7 +106,7 @@ class ScenarioRuns:
 
 
 class _Replays:
-    """The cache of a worker for some runs: their tree, compiled once.
+    """A worker's cache of a compiled tree for some runs.
 
     Args:
         runs: The runs.
@@ -139,7 +139,7 @@ class _Replays:
         return RunResultSample(seed, missed, run.time_sec, counts, size)
 
     def _player(self, seed: int) -> Player:
-        """Return a run that was played."""
+        """Play a run, and return its player."""
         if self._tree is None:
             return self._runs.play(seed)
         if self._tree.needs_replacement:
@@ -166,7 +166,7 @@ def _stage(path: Path, content: str, additions: CommandLineSettings) -> Scenario
 
 
 def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object]) -> str:
-    """Return the text of a scenario with some keys changed; below `facts` and `parameters`, some of theirs.
+    """Return the text of a scenario with some keys, facts and parameters changed.
 
     The expected trace is removed: random runs have none in common. Without an expectation or end condition, the root must succeed.
     """
@@ -182,14 +182,14 @@ def change_scenario(scenario: Mapping[str, object], changes: Mapping[str, object
 
 
 class _Group(NamedTuple):
-    """Some equal consecutive choices of one leaf."""
+    """Equal consecutive choices of one leaf."""
 
     leaf: str
     step: Mapping[str, object]
 
 
 def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
-    """Return a scenario without randomness that fails as a run does, with as few answers as necessary.
+    """Return a minimal scenario without randomness that reproduces a run's failure.
 
     Args:
         runs: The runs.
@@ -232,7 +232,7 @@ def _kinds(missed: Sequence[Failure]) -> list[str]:
 
 
 def _groups(player: ScenarioPlayer) -> list[_Group]:
-    """Return the choices for each leaf in order, as short as possible."""
+    """Return the choices for each leaf in order, with repetitions grouped."""
     leaves = player.run.simulated.leaves
     names = Counter(word for leaf in leaves for word in {leaf.name, leaf.tag})
     by_leaf: dict[str, list[DrawnChoice]] = {}

@@ -36,7 +36,7 @@ def sweep_as_text(
 
 
 def table_text(lines: Sequence[Mapping[str, str]], labels: int) -> str:
-    """Return lines, each with its cells by their heads, as a table.
+    """Format lines as a table; each line maps column heads to cells.
 
     Args:
         lines: The lines, one at least.
@@ -70,7 +70,7 @@ def _line(row: SweepRow, rule: StoppingRule, confidence: str) -> Mapping[str, st
 def sweep_as_json(
     rows: Sequence[SweepRow], rule: StoppingRule, smallest: Smallest, written: tuple[Path, str] | None
 ) -> str:
-    """Return the same as `sweep_as_text` as a JSON object; times are seconds, rates between 0 and 1."""
+    """Return the table as a JSON object; times in seconds, rates from 0 to 1."""
     result: dict[str, object] = {"rows": [_object(row, rule) for row in rows], "smallest": None}
     if smallest is not None:
         row, played = smallest
@@ -108,7 +108,7 @@ class _Mean(NamedTuple):
 
 
 def _means(outcomes: Sequence[RunResultSample], confidence: float) -> dict[str, _Mean]:
-    """Return the mean of each number over the runs that have it: some runs have no time of a first event."""
+    """Return the mean of each number over the runs that have it."""
     names = dict.fromkeys(name for each in outcomes for name in each.counts)
     counts = {name: [each.counts[name] for each in outcomes if name in each.counts] for name in names}
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
@@ -128,5 +128,5 @@ def _times(outcomes: Sequence[RunResultSample]) -> list[float]:
 
 
 def quantile(ordered: Sequence[float], part: float) -> float:
-    """Return the smallest time that this share of the times does not exceed."""
+    """Return a quantile of times."""
     return ordered[max(0, -(-len(ordered) * round(part * 100) // 100) - 1)]

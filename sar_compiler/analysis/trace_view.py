@@ -26,7 +26,7 @@ def trace(run: ScenarioRun) -> str:
 
 
 def leaf_labels(leaves: Sequence[StubLeaf]) -> Mapping[int, str]:
-    """Return a label for each leaf, by its number: its name, or the distinguishing part of its path."""
+    """Return a label for each leaf by its number: its name or the distinguishing part of its path."""
     return {
         leaf.number: _label(leaf, [other for other in leaves if other.name == leaf.name]) for leaf in leaves
     }
@@ -43,10 +43,10 @@ def _label(leaf: StubLeaf, namesakes: Sequence[StubLeaf]) -> str:
 
 
 def verdict(run: ScenarioRun, failures: Sequence[Failure]) -> str:
-    """Return a scenario's unmet expectations, or that all are met; for a run without a scenario, the reason of its end."""
+    """Describe whether a scenario's expectations are met, or why a run without a scenario ended."""
     scenario = run.scenario
     if not (scenario.path or failures):
-        said = "Every leaf gave its default answer."
+        said = "Every leaf returned its default outcome."
         by_root = run.ended and scenario.until is None
         return (
             f"{said} A run ends when the root succeeds or fails. Set another end with --until."
@@ -61,13 +61,13 @@ def verdict(run: ScenarioRun, failures: Sequence[Failure]) -> str:
 
 
 def failure_line(run: ScenarioRun, failure: Failure) -> str:
-    """Return an unmet expectation with its location."""
+    """Describe a violated expectation with its location."""
     place = f"{run.scenario.path}:{failure.line}: " if failure.line and run.scenario.path else ""
     return f"{place}{failure.expected}: {failure.message}"
 
 
 def coverage_text(coverage: OutcomeCoverage) -> str:
-    """Return the nodes and outcomes that did not occur in a set of runs."""
+    """Describe the nodes and outcomes that did not occur in a set of runs."""
     nodes, missed = coverage.nodes, coverage.never_ticked
     possible = sum(len(node.outcomes) for node in nodes)
     unseen = sum(len(node.unseen) for node in nodes)
@@ -81,7 +81,7 @@ def coverage_text(coverage: OutcomeCoverage) -> str:
 
 
 def _is_news(tick: TickRecord, before: TickRecord | None) -> bool:
-    """Return whether a tick has events that the previous one did not have."""
+    """Return whether a tick has events that the previous tick did not have."""
     if before is None or tick.facts or tick.keys or tick.root != before.root:
         return True
     known = {(event.number, event.status, event.label) for event in _visible_events(before)}
@@ -114,7 +114,7 @@ class _Writer:
             yield f"  keys: {_values(_new(tick.keys))}"
 
     def left_out(self, quiet: Sequence[TickRecord]) -> list[str]:
-        """Return a line for ticks without new events, with the repeated ones in them."""
+        """Return a line for ticks that only repeat events."""
         if not quiet:
             return []
         first, last = quiet[0], quiet[-1]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def _start_values(
     tree: ProjectTree, params: str | Path | StartValues | None, binding: Binding
 ) -> StartValues:
-    """Return the start values in a parameter file for the runs of a tree, without ROS; unusual ones are reported.
+    """Read a tree's start values from a parameter file, without ROS; report unusual values.
 
     Raises:
         ParameterFileError: If ROS would refuse or misread the file.
@@ -46,7 +46,7 @@ def _start_values(
 def stage_of(
     tree: ProjectTree, tree_id: str | None = None, params: str | Path | StartValues | None = None
 ) -> "ScenarioStage":
-    """Return the object that simulates scenarios.
+    """Return the stage that simulates scenarios of a tree.
 
     Args:
         tree: The tree file.
@@ -198,7 +198,7 @@ def predict_tree(  # noqa: PLR0913 - as `LoadedTree.predict`
     max_states: int = 1_000_000,
     budget: "Budget | None" = None,
 ) -> "Prediction":
-    """Compute how likely the tree is to succeed and to keep its properties, and how long it takes. Needs numpy and scipy.
+    """Compute the tree's probability of success and of its properties, and its duration.
 
     Args:
         tree: The tree file.

@@ -1,4 +1,4 @@
-"""Search of a tree file's runs before its first run; other modules are imported only if that is needed."""
+"""Search of a tree file's runs for errors before the first run."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -61,7 +61,7 @@ def try_runs_within(
 
 
 def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Diagnostic]:
-    """Return findings about ticks that raise, within a budget; none for a file with errors.
+    """Return findings about raising ticks, within a budget; none for a file with errors.
 
     A tree without keys and scripts cannot raise, and is not even compiled.
 
@@ -102,7 +102,7 @@ def try_tree(tree: ProjectTree, budget: "Callable[[], SearchBudget]") -> list[Di
 
 
 def _may_raise(tree: Element, registry: Registry) -> bool:
-    """Return whether a tree has keys or scripts, which only have values in a run."""
+    """Return whether a tree has keys or scripts, whose values are known only in runs."""
     return any(
         "{" in text or name in CONDITIONS or _is_script(element.tag, name, registry)
         for element in tree.iterate()
@@ -121,7 +121,7 @@ _MOST = 10**15
 
 
 def is_plain(tree: BoundTree) -> bool:
-    """Return whether the scripts of a tree raise nothing in any run, by their text alone; False if unknown.
+    """Return whether the scripts of a tree certainly never raise errors, judging by their text.
 
     Importing the search takes a third of a second, and most trees with scripts are of this kind: a script assigns a
     number or a string to a variable, and another one, which is ticked only after that, compares it.
@@ -150,7 +150,7 @@ class _ScriptWalk:
         self._types: dict[str, type] = {}
 
     def visit(self, bound: BoundNode, known: frozenset[str]) -> frozenset[str] | None:
-        """Return the variables that certainly have values after a node has succeeded; None if a script in it may raise.
+        """Return the variables that are set after a node has succeeded; None if one of its scripts may raise an error.
 
         Args:
             bound: The node.

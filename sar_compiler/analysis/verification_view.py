@@ -24,7 +24,7 @@ _WIDTH = 110
 
 
 def verification_as_text(verification: Verification, seconds: float) -> str:
-    """Return the results: a line for each property, and then the counterexamples.
+    """Return the results as text: a line for each property, then the counterexamples.
 
     Args:
         verification: The results.
@@ -60,7 +60,7 @@ def verification_data(verification: Verification) -> dict[str, object]:
 
 
 def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return the changes of the results: a line for each property, and a run for each that is worse.
+    """Return the changed results as text: a line for each property, and a run for each worse one.
 
     Args:
         comparison: The changes.
@@ -78,7 +78,7 @@ def comparison_as_text(comparison: VerificationComparison, names: tuple[str, str
 
 
 def comparison_as_json(comparison: VerificationComparison, names: tuple[str, str], seconds: float) -> str:
-    """Return the changes of the results as a JSON object; see `comparison_as_text`."""
+    """Return the changed results as a JSON object; see `comparison_as_text`."""
     sides = zip(("before", "now"), names, (comparison.before, comparison.now), strict=True)
     data = {
         "worse": comparison.worse,
@@ -176,7 +176,7 @@ def _tally(verification: Verification) -> str:
 
 
 def _answer(verdict: Verdict) -> str:
-    """Return a result, with its limits."""
+    """Return a verdict with its limits."""
     shown = verdict.trace is not None or not verdict.reason
     return verdict.outcome.value if shown else f"{verdict.outcome.value}: {verdict.reason}"
 
@@ -184,7 +184,7 @@ def _answer(verdict: Verdict) -> str:
 def _limits(verification: Verification) -> Iterator[str]:
     """Yield notes on the search, and on parts without proof."""
     if verification.branches:
-        yield f"{verification.branches} parallel branches share nothing, and were searched apart: {verification.searches} searches."
+        yield f"{verification.branches} parallel branches share no data, and were searched separately: {verification.searches} searches."
     yield from merging_notes(verification.merged)
     for tag, cls in verification.by_semantics:
         yield f"<{tag}> ({cls}) was replaced by its semantics. Its own methods are not verified."
@@ -194,7 +194,7 @@ def _limits(verification: Verification) -> Iterator[str]:
     yield f"Not proved beyond {count_with_noun(verification.states, 'state')}: there are more states ({how})."
     if verification.growing:
         listed = ", ".join(f"{name} ({count})" for name, count in verification.growing)
-        yield f"Most different values among the last ones had: {listed}."
+        yield f"Among the last states, these had the most different values: {listed}."
 
 
 def _numbers(verification: Verification) -> dict[str, object]:

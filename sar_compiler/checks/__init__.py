@@ -41,14 +41,14 @@ Palettes = Iterable[TreeFile]
 
 
 def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
-    """Return the findings of binding all trees of a forest, executed or not."""
+    """Bind all trees of a forest, including unused ones, and return the findings."""
     findings = context.bound.findings
     # A missing tree may be in a file that could not be read.
     return findings if context.is_whole else [each for each in findings if each.code != "unknown-tree"]
 
 
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield the findings about the classes of the leaves that the trees use; a class that is declared by its path is not imported."""
+    """Yield the findings about the used leaves' classes; a class declared by its path is not imported."""
     specs = {
         spec.class_path: spec for spec in context.bound.specs if not (spec.is_foreign or spec.is_by_path)
     }
@@ -72,7 +72,7 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
-    """Return the findings about the palettes themselves, which do not depend on the tree file."""
+    """Return the findings about the palettes themselves, which are the same for every tree file."""
     collector, palettes = FindingCollector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare_models(models, registry_without(registry, models), collector)
@@ -86,7 +86,7 @@ def _recoveries(files: Palettes) -> Iterable[Diagnostic]:
 def _guard(
     name: str, rule: Callable[[], Iterable[Diagnostic]], forest: Forest, found: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
-    """Yield a rule's findings; if it fails, those it yielded before, then the finding that it failed."""
+    """Yield a rule's findings; if the rule raises an error, end with a finding about this error."""
     try:
         yield from rule()
     except Exception as error:  # noqa: BLE001 - whatever it is, the other rules still run
@@ -116,14 +116,14 @@ def make_check_context(
     palettes: Palettes = (),
     btcpp: Version | None = None,
 ) -> CheckContext:
-    """Return the context in which the rules check a forest; arguments as for `check`."""
+    """Return the context for the rules that check a forest; arguments as for `check`."""
     palettes = tuple(palettes)
     registry = registry_without(registry, read_models([*forest.files, *palettes], FindingCollector()))
     return CheckContext(forest, registry, palettes, btcpp)
 
 
 def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list[Diagnostic]:
-    """Return the schema's findings that add to those of the rules; none in a browser, which has no lxml."""
+    """Return findings of the schema that the rules do not report; none in a browser, which has no lxml."""
     if sys.platform == "emscripten":
         return []
     forest, registry, findings = context.forest, context.registry, [*found]
@@ -166,7 +166,7 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
 
 
 def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diagnostic]:
-    """Return the findings that no comment silences, and the findings about these comments."""
+    """Return the findings that no comment suppresses, and the findings about these comments."""
     if not any("sar:" in each.source.text for each in (*forest.files, *forest.others)):
         return findings
     from sar_compiler.checks.suppressions import remove_suppressed
@@ -175,7 +175,7 @@ def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diag
 
 
 def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return the first `MOST` findings of each kind, with a note about the number of the others."""
+    """Return the first `MOST` findings of each kind, with a note that counts the others."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
     if max(counts.values(), default=0) <= MOST:
@@ -207,7 +207,7 @@ _START = Span(1, 1, 1, 1)
 def failure_of_rule(
     name: str, error: Exception, default: Element, found: Iterable[Diagnostic]
 ) -> Iterator[Diagnostic]:
-    """Yield the finding that a rule has failed, or that a user's class has.
+    """Yield a finding about an error in a rule or in a user's class.
 
     Args:
         name: The rule's name.
@@ -226,7 +226,7 @@ def failure_of_rule(
         raise error
     else:
         told = _describe_error(error)
-        message = f"the rule {name} failed here: {told}"
+        message = f"the rule {name} raised an error here: {told}"
         finding = element.finding("internal-error", message, hint=_HINT)
     said = (each.message for each in found if each.code == finding.code)
     if not any(message == finding.message or message.endswith(told) for message in said):
@@ -234,7 +234,7 @@ def failure_of_rule(
 
 
 def failure_of_file(path: Path, error: Exception, what: str = "check") -> Diagnostic:
-    """Return the finding that something other than a rule has failed on a file.
+    """Return a finding about an error outside of the rules.
 
     Args:
         path: The file.
@@ -258,7 +258,7 @@ def _describe_error(error: Exception) -> str:
 
 
 def _element_of(error: Exception) -> Element | None:
-    """Return the element that was being checked when an error was raised: that of the innermost call with one."""
+    """Return the element that was being checked when an error was raised."""
     values = (value for frame in reversed(_calls(error)) for value in frame.f_locals.values())
     elements = (value if isinstance(value, Element) else getattr(value, "element", None) for value in values)
     return next((each for each in elements if isinstance(each, Element)), None)
@@ -298,7 +298,7 @@ _OF_AN_ELEMENT = frozenset({"empty-control", "missing-child", "out-of-reach"})
 def check_beginning(
     beginning: FileBeginning, cut: Span, forest: Forest, registry: Registry, palettes: tuple[TreeFile, ...]
 ) -> list[Diagnostic]:
-    """Return the findings about the elements before the location where a file is malformed.
+    """Return the findings about the elements that precede a syntax error in a file.
 
     Args:
         beginning: These elements.

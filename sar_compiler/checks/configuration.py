@@ -122,7 +122,7 @@ def find_repository(folder: Path) -> Path | None:
 
 
 def enclosing_folder(folder: Path) -> Path:
-    """Return the folder that no path in a file may leave: the folder's repository, or without one the folder itself.
+    """Return the folder that paths in a file may not leave: the folder's repository, or else the folder itself.
 
     A file of this package may name other files of the package.
     """
@@ -160,7 +160,7 @@ def _folder_of(folder: Path, pattern: str) -> Path:
 
 
 def _has_trusted_owner(configuration: Path, tree_file: Path) -> bool:
-    """Return whether a configuration belongs to the user, to root, or to the owner of the tree file."""
+    """Return whether the user, root, or the tree file's owner owns a configuration."""
     if sys.platform == "win32":
         return True
     # A missing tree file is reported when it is read.
@@ -231,7 +231,7 @@ def _paths(
 def path_inside(
     document: "Document", folder: Path, value: "Value", name: str, otherwise: str = ""
 ) -> Path | None:
-    """Return a path that a file names, from its folder; None, with a finding, if it leaves the repository.
+    """Resolve a path relative to its file's folder; report a path that leaves the repository, and return None.
 
     Args:
         document: The file.

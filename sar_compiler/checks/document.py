@@ -112,7 +112,7 @@ def _tree_ids(forest: Forest, registry: Registry, guesses: Guesses) -> Iterator[
 
 
 def _ids_of_palettes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees with the ID of a palette's node, which the program that runs the trees registers."""
+    """Yield trees whose ID is that of a palette's node."""
     named = [palette for palette in context.palettes if palette.is_named]
     models = read_models(named, FindingCollector()).nodes if named else {}
     for tree in context.forest.iterate() if models else ():

@@ -40,12 +40,12 @@ def _same_but_case(written: str, suggestion: str) -> bool:
 
 
 def _attribute(written: str, suggestion: str) -> bool:
-    """Attributes that any node may have, with one typo; others in the wrong case."""
+    """Accept common attributes with one typo, and other attributes in the wrong case."""
     return _same_but_case(written, suggestion) or (suggestion in _COMMON and is_typo(written, suggestion))
 
 
 def _value(written: str, suggestion: str) -> bool:
-    """Blanks around a value, its case, a missing brace of a key, true and false with one typo."""
+    """Accept blanks around a value, its case, a missing brace of a key, and true or false with one typo."""
     return (
         written.strip() == suggestion
         or _same_but_case(written.strip(), suggestion)
@@ -55,12 +55,12 @@ def _value(written: str, suggestion: str) -> bool:
 
 
 def _script(written: str, _suggestion: str) -> bool:
-    """Operators, quotation marks and numbers of other languages, if they have one translation."""
+    """Accept operators, quotation marks and numbers of other languages that have one translation."""
     return written not in _OTHERWISE_IN_SCRIPTS
 
 
 def _shape(written: str, suggestion: str) -> bool:
-    """A reference without the quotation marks that YAML requires around its braces."""
+    """Accept a reference without the quotation marks that YAML requires around its braces."""
     return suggestion == f"'{written}'"
 
 
@@ -70,7 +70,7 @@ def _is_output(_escape: str, suggestion: str) -> bool:
 
 
 def _stand_alone(_escape: str, _suggestion: str) -> bool:
-    """Characters that XML escapes, in positions in which they can only mean themselves."""
+    """Accept unescaped characters where they can only mean themselves."""
     return True
 
 
@@ -155,7 +155,7 @@ def fixes(
 def each_fix(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> Iterator[Fix]:
-    """Yield fixes finding by finding, to be applied one by one; arguments as for `fixes`.
+    """Yield the fixes of each finding, to be applied one by one; arguments as for `fixes`.
 
     Args:
         source: As for `fixes`.
@@ -172,7 +172,7 @@ def each_fix(
 
 
 def apply_fixes(text: str, chosen: Iterable[Fix]) -> str:
-    """Return a text with fixes applied that do not overlap."""
+    """Apply fixes that do not overlap, and return the text."""
     parts, done = [], 0
     for fix in chosen:
         parts += [text[done : fix.start], fix.text]
@@ -226,7 +226,7 @@ def _value_of(element: Element, attribute: str) -> _AttributeSpan:
 
 
 def _fix(finding: Diagnostic, values: _Values) -> Fix | None:
-    """Return a finding's suggestion as it must be written there; None if that needs more than one replacement."""
+    """Return a finding's suggestion in the syntax of its location; None if it needs several replacements."""
     start, end = finding.source.offsets(finding.span)
     text = finding.suggestion or ""
     if not text and finding.code == "ignored-attribute":
@@ -266,7 +266,7 @@ def _attribute_removal(finding: Diagnostic, start: int) -> Fix | None:
 
 
 def _tag_fix(finding: Diagnostic, start: int, end: int) -> Fix:
-    """Return the fix of a tag's name in XML, in its start tag and end tag."""
+    """Return the fix that renames an XML element in its start tag and end tag."""
     text, tag, depth = finding.source.text, finding.suggestion or "", 0
     for found in _MARKUP.finditer(text, start - 1):
         if found["tag"] is not None:

@@ -61,7 +61,7 @@ class _WrittenClass(NamedTuple):
                     yield node.attr, node
 
     def replaced(self) -> set[str]:
-        """Return the attributes that are set to a function: replacing a method of one instance is valid Python."""
+        """Return the attributes that are set to a function, because an instance may replace a method."""
         found = set()
         for method in self.methods():
             given = {each.arg: ast.unparse(each.annotation) for each in method.args.args if each.annotation}
@@ -138,7 +138,7 @@ def _module(path: str) -> tuple[Source, ast.Module] | None:
 def _missing_attributes(
     spec: NodeSpec, part: _WrittenClass, assigned: Collection[str]
 ) -> Iterator[Diagnostic]:
-    """Yield attributes that a base class requires, and that neither the class nor a method sets."""
+    """Yield attributes that a base class requires but neither the class nor a method sets."""
     cls = part.cls
     for name, example in getattr(cls, "required_attributes", {}).items():
         if not getattr(cls, name, None) and name not in assigned:
@@ -169,7 +169,7 @@ def _owner(cls: type, name: str) -> str:
 
 
 def _undeclared_uses(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield a server or a topic that a leaf needs, and that its registration does not declare."""
+    """Yield servers and topics that a leaf needs but its registration does not declare."""
     kind = getattr(part.cls, "use_kind", "")
     if not kind or any(use.kind == kind for use in spec.uses) or (kind == "action" and _uses_nav2(spec)):
         return
@@ -191,7 +191,7 @@ def _registration(part: _WrittenClass) -> ast.AST:
 
 
 def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield a status that `update` returns literally, and that `outcomes` does not list."""
+    """Yield statuses that `update` returns literally but `outcomes` does not list."""
     for method in part.methods():
         for node in ast.walk(method) if spec.outcomes and method.name == "update" else ():
             status = node.value if isinstance(node, ast.Return) else None
@@ -208,7 +208,7 @@ def _undeclared_outcomes(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagno
 
 
 def _undeclared_keys(spec: NodeSpec, part: _WrittenClass) -> Iterator[Diagnostic]:
-    """Yield a key that is written through py_trees' client, and that `writes` does not list."""
+    """Yield keys that are written through py_trees' client but `writes` does not list."""
     for node in ast.walk(part.node):
         if not (isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "register_key"):
             continue

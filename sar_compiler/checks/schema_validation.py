@@ -53,7 +53,7 @@ def _schema_of(registry: Registry, tags: frozenset[str], notes: frozenset[str]) 
 def _schema(
     registry: Registry, tags: frozenset[str], notes: frozenset[str], described: Iterable[NodeSpec]
 ) -> etree.XMLSchema:
-    """Return the part of the schema that a file needs: generating all of it takes longer than reading most files."""
+    """Return the part of the schema that a file needs, because generating the whole takes too long."""
     return etree.XMLSchema(etree.fromstring(xml_schema(registry, described, tags, sorted(notes)).encode()))
 
 
@@ -95,13 +95,13 @@ def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str
 
 
 def _notes(elements: Iterable[Element]) -> frozenset[str]:
-    """Return the attributes of elements that may be an editor's notes; the rules have reported typos."""
+    """Return the attributes that may be an editor's data; the rules have reported typos."""
     names = set().union(*(element.attributes for element in elements)).difference(CONDITIONS)
     return frozenset(name for name in names if name.startswith("_") and ":" not in name)
 
 
 def _as_xml(tree_file: TreeFile) -> tuple[str, Sequence[int]]:
-    """Return a file as XML, and for each line of that the line of the file."""
+    """Return a file as XML, and the original line of each XML line."""
     if tree_file.source.form is not Form.XML:
         from sar_compiler.tree.xml_writer import xml_with_tag_per_line
 
@@ -161,7 +161,7 @@ def check_schema(
 
 
 def _stray_text(tree_file: TreeFile) -> Iterator[Diagnostic]:
-    """Yield the text between elements with its location, which libxml2 does not report."""
+    """Yield the text between elements with its location, which libxml2 omits."""
     from sar_compiler.tree.conversion import ignored_content
 
     message = "this text between elements has no meaning"

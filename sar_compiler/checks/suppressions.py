@@ -101,7 +101,7 @@ def _suppressions(tree_file: TreeFile) -> Iterator[_Suppression]:
 
 
 def _comments(tree_file: TreeFile) -> Iterator[tuple[Element | None, Comment, int]]:
-    """Yield each comment with the element to which it applies, and an offset before which it does not begin."""
+    """Yield each comment with the element it applies to, and a lower bound of its offset."""
     for comment in tree_file.comments:
         if comment.index == 0:
             yield tree_file.root, comment, 0

@@ -29,16 +29,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("file", nargs="?", type=TREE, metavar="FILE", help=FILE_HELP)
     other = parser.add_mutually_exclusive_group()
-    text = "approve nothing, but print the information for a decision as JSON: findings, proofs, and the digest of the proposed run"
+    text = "print the findings, proofs and digest of the proposed run as JSON, without approving it"
     other.add_argument("--propose", action="store_true", help=text)
     other.add_argument("--list", action="store_true", help="list the approved files, with approver and date")
-    text = "revoke the approval of this file, whatever its version"
+    text = "revoke the approval of every version of this file"
     other.add_argument("--revoke", action="store_true", help=text)
-    add("--by", metavar="NAME", help="the approver (default: the name of the user)")
+    add("--by", metavar="NAME", help="the approver (default: your user name)")
     text = "approve the file only if it has this digest, which a proposal prints"
     add("--digest", metavar="HEX", help=text)
     text = (
-        "a file of properties, approved with the tree for monitored runs, and verified by --propose (default: "
+        "a properties file, approved with the tree for monitored runs, and verified by --propose (default: "
         "the mission's own)"
     )
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
@@ -82,7 +82,7 @@ def _revoke(name: str) -> int:
     from sar_compiler.resources import find
 
     for each in revoke(find("trees", name, ".xml")):
-        print_text(f"no more: {each}")
+        print_text(f"revoked: {each}")
     return OK
 
 

@@ -1,4 +1,4 @@
-"""Arguments that several commands have, and the trees that they name."""
+"""Arguments shared by several commands, and the loading of the trees that they name."""
 
 import argparse
 import math
@@ -60,7 +60,7 @@ T = TypeVar("T")
 def reader(
     read: Callable[[str], T], what: str, fits: Callable[[T], bool] = lambda _: True
 ) -> Callable[[str], T]:
-    """Return a function that converts a string to a value; its error says that the string is not *what* is expected."""
+    """Return a function that converts a string to a value; its error names *what* is expected."""
 
     def parse(text: str) -> T:
         with suppress(ValueError):
@@ -73,7 +73,7 @@ def reader(
 
 
 def telling(read: Callable[[str], T]) -> Callable[[str], T]:
-    """Return a function whose errors are reported as errors of an argument."""
+    """Return a function that reports its errors as errors of an argument."""
 
     def parse(text: str) -> T:
         try:
@@ -141,7 +141,7 @@ confidence = reader(float, "a number above 0 and below 1", lambda value: 0 < val
 
 def add_page_options(parser: "argparse.ArgumentParser | argparse._ArgumentGroup", when: str = "") -> None:
     """Add `--open` and `--web-port`; *when* is their condition, as a prefix of the help."""
-    parser.add_argument("--open", action="store_true", help=f"{when}open it in a browser")
+    parser.add_argument("--open", action="store_true", help=f"{when}open the page in a browser")
     text = f"{when}the page's port (default 8043; 0 for any)"
     parser.add_argument("--web-port", type=port, metavar="N", help=text)
 
@@ -176,7 +176,7 @@ PROJECT_OPTIONS = "options that add to the project's configuration"
 
 def add_project_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that extend a project's configuration."""
-    text = "a further folder for included tree files (in addition to the file's own); may be repeated"
+    text = "another folder that contains included tree files; may be repeated"
     add = add_vocabulary_options(parser).add_argument
     add("--include-path", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text)
 
@@ -192,12 +192,9 @@ def add_vocabulary_options(parser: argparse.ArgumentParser) -> "argparse._Argume
         "nav2:kilted, nav2:main); may be repeated"
     )
     add("--model", action="append", default=[], type=PALETTE, metavar="NODES.xml", help=text)
-    text = (
-        "run the modules of leaves that the project's own configuration names and contains, now and until "
-        "one of them changes"
-    )
+    text = "trust the modules of leaves that the project contains and its configuration lists, until one of them changes"
     add("--trust", action="store_true", help=text)
-    text = "ignore the surroundings of a tree file: sar.toml, and palettes and trees that no option names"
+    text = "ignore sar.toml, and palettes and trees that no option names"
     add("--isolated", action="store_true", help=text)
     return options
 
@@ -216,7 +213,7 @@ def workspace(arguments: argparse.Namespace, **added: Any) -> "Workspace":
 
 
 def further_checks() -> "Sequence[FurtherCheck]":
-    """Return the checks of a tree in addition to the rules, from the installed parts."""
+    """Return the further checks of a tree that the installed parts provide."""
     if not is_part_installed("missions"):
         return ()
     from sar_compiler.missions.tree_check import check_mission
@@ -225,7 +222,7 @@ def further_checks() -> "Sequence[FurtherCheck]":
 
 
 def load_checked(arguments: argparse.Namespace, *names: str | Path) -> "list[ProjectTree]":
-    """Load trees for a command that does more than report findings; report findings other than errors on standard error.
+    """Load trees for a command; print warnings and notes on standard error.
 
     Args:
         arguments: The options of the command.

@@ -50,11 +50,11 @@ PROG = "sar-compile"
 _COMMANDS = {
     "validate": "Report all errors in tree files.",
     "show": "Draw a tree, even if its file has errors, and report the findings.",
-    "convert": "Write a tree file in another form, and report any loss.",
-    "format": "Write tree files in their canonical form; comments stay.",
-    "diff": "Show the differences between two trees, whatever their form.",
-    "simulate": "Tick the tree by a script, without ROS, and check the expectations.",
-    "sweep": "Tick the tree many times with random outcomes, without ROS: success rate and causes of failure.",
+    "convert": "Convert a tree file to another format, and report what is lost.",
+    "format": "Format tree files canonically, and keep their comments.",
+    "diff": "Show the differences between two trees, in any format.",
+    "simulate": "Simulate scripted runs without ROS, and check their expectations.",
+    "sweep": "Simulate many runs with random outcomes, without ROS: success rate and causes of failure.",
     "verify": "Explore all possible runs of a tree, and prove its properties.",
     "predict": "Compute a tree's probability of success, the verdicts of its properties, its duration, and the main influences.",
     "conform": "Compare recorded runs with all possible runs of their tree: deviations, and violated properties.",
@@ -65,7 +65,7 @@ _COMMANDS = {
     "edit": "Edit a tree file in the browser: drawing and text side by side, with findings, runs and proofs.",
     "lsp": "Serve an editor by the Language Server Protocol: findings, completion, names, and more.",
     "mcp": "Serve an agent by the Model Context Protocol: these commands as tools.",
-    "completion": "Print the code for completion of these commands with the Tab key.",
+    "completion": "Print shell code that completes these commands with the Tab key.",
 }
 _STATUSES = (
     "Exit status: 0 without findings; 1 with findings; 2 wrong usage, or a missing or unreadable file; "
@@ -135,8 +135,8 @@ def _add_show(parser: argparse.ArgumentParser) -> None:
     add_project_options(parser)
     add_tree_id(parser, "show")
     text = (
-        "a drawing of characters (default unicode, or ascii), nested nodes with attributes and locations in the file "
-        "(json), a picture (svg), or the language of Mermaid or Graphviz (dot)"
+        "a text drawing (default unicode, or ascii), nested nodes with attributes and file locations (json), "
+        "a picture (svg), or source for Mermaid or Graphviz (dot)"
     )
     forms = ("unicode", "ascii", "json", *_PICTURES)
     parser.add_argument("--format", choices=forms, default="unicode", help=text)
@@ -170,7 +170,7 @@ def _add_nodes(parser: argparse.ArgumentParser) -> None:
     add("tag", nargs="?", type=ArgumentKind("tag"), metavar="TAG", help=text)
     text = "for people (default text), for scripts, as a palette for Groot2, or as specs of the leaves of --nodes for its package"
     add("--format", choices=("text", "json", "groot2", "specs"), default="text", help=text)
-    text = "print a palette of undescribed nodes that the trees in a folder use, with guesses of their ports"
+    text = "print a palette of the undescribed nodes that the trees in a folder use, with guessed ports"
     add("--from-use", type=FOLDER, metavar="FOLDER", help=text)
     add_vocabulary_options(parser)
     parser.set_defaults(run=_nodes, include_path=[])
@@ -204,7 +204,7 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[Diagnostic], str]":
-    """Return the findings about a file, and the drawing of its tree.
+    """Return the drawing of a file's tree, and the findings about the file.
 
     Raises:
         TreeError: If there is nothing to draw: the file is malformed, or has no tree, or no tree of the requested ID.

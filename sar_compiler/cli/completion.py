@@ -29,8 +29,10 @@ _yaml_files = FilesCompleter(("yaml", "yml"))
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `completion`."""
-    parser.add_argument("shell", choices=SHELLS, help="the shell that reads the code")
-    parser.epilog = 'In its start-up file, for instance ~/.bashrc: eval "$(sar-compile completion bash)"'
+    parser.add_argument("shell", choices=SHELLS, help="the shell to print the code for")
+    parser.epilog = (
+        'Add this line to your start-up file, such as ~/.bashrc: eval "$(sar-compile completion bash)"'
+    )
     parser.set_defaults(run=print_code)
 
 
@@ -42,7 +44,7 @@ def print_code(arguments: argparse.Namespace) -> int:
 
 
 def add_completers(parser: argparse.ArgumentParser) -> None:
-    """Give every argument of a parser, and of its subcommands, the completer of its values."""
+    """Add completers to all arguments of a parser and its subcommands."""
     for action in parser._actions:  # noqa: SLF001 - argparse has no other access to them
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
             for command in action.choices.values():

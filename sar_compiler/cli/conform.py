@@ -1,4 +1,4 @@
-"""`sar-compile conform`: check that recorded runs are possible runs of their tree and keep its properties."""
+"""`sar-compile conform`: check that recorded runs are possible runs of their tree and satisfy its properties."""
 
 import argparse
 from pathlib import Path
@@ -30,7 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="JOURNAL",
         help="journals of runs; the last run of each is compared",
     )
-    text = "a file of properties for the recorded runs (default: the mission's own)"
+    text = "a properties file for the recorded runs (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     add_search_options(parser, "compare with")
     parser.set_defaults(run=conform_runs)
@@ -76,7 +76,7 @@ def _compared_run(
     state.update_process(is_gone=not file.is_written)
     compared = ComparedRun(place, state.runs[-1].number if state.runs else 0, journal_state(state), None)
     if not state.nodes:
-        return compared._replace(problem="it has no run of a tree")
+        return compared._replace(problem="it contains no run of a tree")
     try:
         found = budget.run(lambda: _compared(tree, place, state, arguments))
         return compared._replace(found=found, changed=_changed(tree, state, arguments))

@@ -1,4 +1,4 @@
-"""`sar-compile convert`: write a tree file in another form."""
+"""`sar-compile convert`: convert a tree file to another format."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""`sar-compile format`: write tree files in their canonical form."""
+"""`sar-compile format`: format tree files canonically."""
 
 import argparse
 import sys
@@ -17,7 +17,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `format`."""
     text = "a tree file, or - for standard input; its canonical form is then written to standard output"
     parser.add_argument("files", nargs="+", type=TREE_INPUT, metavar="FILE", help=text)
-    text = "write nothing, and list the files that would change (status 1)"
+    text = "list the files that would change, without writing them (status 1)"
     parser.add_argument("--check", action="store_true", help=text)
     parser.set_defaults(run=format_files)
 

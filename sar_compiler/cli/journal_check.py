@@ -17,7 +17,7 @@ def head(text: str) -> str:
         argparse.ArgumentTypeError: If it is invalid.
     """
     if not _DIGITS.fullmatch(text.lower()):
-        raise argparse.ArgumentTypeError(f"'{text}' is no journal hash, which has 64 hexadecimal digits")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a journal hash, which has 64 hexadecimal digits")
     return text.lower()
 
 
@@ -32,7 +32,7 @@ def add_check(parser: argparse.ArgumentParser) -> None:
 
 
 def check_journals(parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
-    """Report for each journal whether it was altered; return the exit status: 1 if one was, or if this is unknown.
+    """Report for each journal whether it was altered; return 1 if one was, or if this is unknown.
 
     Raises:
         JournalError: If one cannot be read.

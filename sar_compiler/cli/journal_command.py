@@ -55,9 +55,9 @@ def _parser() -> Parser:
     text = "origin of the frame map, and direction of its x axis clockwise from north, in degrees (default: as in the run)"
     report.add_argument("--georeference", type=georeference, metavar="LAT,LON,HEADING", help=text)
     report.set_defaults(run=_report)
-    text = "Explain why a mission failed: from the root down to the outcomes that caused it, and which outcomes would have made it succeed."
+    text = "Explain why a mission failed: the outcomes that caused it, and the outcomes that would have made it succeed."
     add_why(commands.add_parser("why", help=text, description=text))
-    text = "Check that journals were not altered, by the chained hashes of their entries."
+    text = "Check that journals were not altered, using the chained hashes of their entries."
     add_check(commands.add_parser("check", help=text, description=text))
     text = "Count the outcomes of the leaves in all runs of journals: frequencies, durations and intervals."
     add_stats(commands.add_parser("stats", help=text, description=text))

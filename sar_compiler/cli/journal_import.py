@@ -41,7 +41,7 @@ def _import(options: argparse.Namespace) -> None:
     for flaw in found.flaws:
         print_note(f"{options.recording}: {flaw}")
     if found.unsure:
-        print_note(f"{found.unsure} borders between ticks rest on a short pause alone")
+        print_note(f"{found.unsure} tick boundaries are inferred from a short pause alone")
     runs = f"{found.runs} runs" if found.runs != 1 else "1 run"
     print_text(
         f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} changes of status in {found.ticks} ticks"

@@ -20,7 +20,7 @@ def add_stats(parser: argparse.ArgumentParser) -> None:
     add("journals", type=FILE, nargs="+", metavar="FILE", help="the journals, of one tree")
     text = "the confidence of the intervals, which are Wilson's (default 0.95)"
     add("--confidence", type=confidence, default=0.95, metavar="C", help=text)
-    text = f"{FORMAT_HELP}; yaml: as answers: of a file of properties, each with its probability p and its time sec"
+    text = f"{FORMAT_HELP}; yaml: `answers:` of a properties file, with probabilities (p) and times (sec)"
     add("--format", choices=("text", "json", "yaml"), default="text", help=text)
     parser.set_defaults(run=print_statistics)
 
@@ -52,15 +52,15 @@ def _statistics(journals: Sequence[Path]) -> "RunStatistics":
             first = nodes if first is None else first
             if nodes != first:
                 raise JournalError(
-                    f"{place} is of another tree than {journals[0]}: {nodes_difference(first, nodes)}. Outcomes are counted for "
-                    "one tree only"
+                    f"{place} and {journals[0]} record different trees: {nodes_difference(first, nodes)}. "
+                    "Outcomes can be counted for one tree only"
                 )
             found.add(file.every_run(without=OF_ROBOT, is_condensed=True))
     return found
 
 
 def node_identities(tree: Any) -> list[tuple[str, int, str, Any]]:
-    """Return the identity of each node, which is equal in two journals of one tree, wherever its file is."""
+    """Return the identity of each node, which does not depend on the file's location."""
     from sar_compiler.journal.mission_state import tree_nodes
 
     return [(node.name, node.depth, node.kind, node.attributes) for node in tree_nodes(tree)]
@@ -72,5 +72,5 @@ def nodes_difference(there: Sequence[tuple[Any, ...]], here: Sequence[tuple[Any,
         if was[:3] != now[:3]:
             return f"'{now[0]}' ({now[2]}) replaces '{was[0]}' ({was[2]})"
         if was != now:
-            return f"'{now[0]}' has other attributes"
+            return f"'{now[0]}' has different attributes"
     return f"it has {len(here)} nodes instead of {len(there)}"

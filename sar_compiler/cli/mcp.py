@@ -1,4 +1,4 @@
-"""`sar-compile mcp`: the server of tools, started by the program of an agent."""
+"""`sar-compile mcp`: the tool server that an agent's program starts."""
 
 import argparse
 import sys
@@ -15,7 +15,7 @@ _MEMORY_MIB, _LEAST_MEMORY_MIB = 2048, 256
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `mcp`."""
-    text = "a folder that the tools may read (default: the current one); paths start at the first; may be repeated"
+    text = "a folder that the tools may read (default: the current one); relative paths refer to the first; may be repeated"
     parser.add_argument("--root", action="append", default=[], type=FOLDER, metavar="FOLDER", help=text)
     text = f"abort a call after SEC seconds (default {_LIMIT_SEC:g})"
     parser.add_argument("--limit", type=seconds, default=_LIMIT_SEC, metavar="SEC", help=text)
@@ -42,7 +42,7 @@ def serve_agent(arguments: argparse.Namespace) -> int:
     """
     if arguments.trust:
         raise SarError(
-            "--trust would trust every change that an agent makes to the modules: use it once with another command"
+            "--trust would also trust an agent's changes to the modules: pass it once to another command instead"
         )
     from sar_compiler.agent.mcp_server import ToolAccess, agent_server, find_roots
     from sar_compiler.commands import version_of

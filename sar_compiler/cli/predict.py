@@ -24,13 +24,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `predict`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "a file of properties, with the probabilities p and times sec of outcomes (default: the mission's own)"
+    text = "a properties file with the probabilities (p) and times (sec) of outcomes (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     text = "a further file with probabilities and times of outcomes, such as statistics of journals; may be repeated"
     add("--answers", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     text = "the time between two ticks, seconds (default: that of --params, or 0.5)"
     add("--period", type=tick_period, metavar="SEC", help=text)
-    text = f"explore at most N states; behaviour after the others is unknown (default {MAX_STATES})"
+    text = f"explore at most N states, and leave the rest undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
     text = "write a plot (SVG) of the probabilities that a run has ended, and has succeeded, over time"
     add("--plot", type=FILE, metavar="OUT.svg", help=text)
@@ -79,7 +79,7 @@ def predict_file(arguments: argparse.Namespace) -> int:
         print_error(f"sar-compile: {budget.reason}")
     if arguments.plot is not None and not found.distribution:
         print_error(
-            f"sar-compile: {arguments.plot} is not written: no time of an end was computed, or no run ends"
+            f"sar-compile: {arguments.plot} was not written, because no end times were computed, or no run ends"
         )
         return FINDINGS
     if arguments.plot is not None:

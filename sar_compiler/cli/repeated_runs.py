@@ -1,4 +1,4 @@
-"""A process that runs `sar-run` repeatedly, each time in a new ROS context; used by `sar-sim sweep`."""
+"""The process in which `sar-sim sweep` runs `sar-run` repeatedly, each time in a new ROS context."""
 
 import gc
 import json
@@ -17,7 +17,7 @@ _LOGGED = ("[INFO]", "[DEBUG]")
 
 
 def serve() -> int:
-    """Execute runs whose arguments are read as JSON lists, one a line; write the status, the output and the last error output of each.
+    """Execute the runs whose arguments standard input lists, and write status, output and errors of each.
 
     A result is written before ROS is shut down, because native code may crash there and take the process with it.
     """
@@ -39,7 +39,7 @@ def serve() -> int:
 
 
 def _last_words(log: str, status: int) -> str:
-    """Return why a run failed: all errors of a run that has not started, otherwise the last line, such as argparse's error."""
+    """Return why a run failed: all errors if it has not started, otherwise the last line."""
     lines = [line for line in log.strip().splitlines() if not line.startswith(_LOGGED)]
     return "\n".join(lines if status == USAGE and "usage: " not in log else lines[-1:])
 

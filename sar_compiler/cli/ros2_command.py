@@ -1,4 +1,4 @@
-"""`ros2 mission`: this project's commands within ROS's own, and commands to running missions."""
+"""`ros2 mission`: this project's commands as part of `ros2`, and commands to running missions."""
 
 import argparse
 import getpass
@@ -52,7 +52,7 @@ class MissionCommand(CommandExtension):
         for name, text in (*_ORDERS.items(), ("order", "send any command without values")):
             order = verbs.add_parser(name, help=text)
             if name == "order":
-                order.add_argument("order", metavar="ORDER", help="its name, or the beginning of it")
+                order.add_argument("order", metavar="ORDER", help="its name, or a prefix of it")
             order.add_argument("--node", help="the mission's node (default: the only mission)")
             order.add_argument("--reason", default="", help="the reason, for the journal")
 
@@ -88,10 +88,10 @@ def _list() -> int:
         claims = find_missions(node)
         for claim in claims:
             since = time.strftime("%H:%M:%S", time.localtime(claim.since / 1e9))
-            state = "flying" if claim.runs else "waiting"
+            state = "running" if claim.runs else "waiting"
             print(f"{claim.describe()}: {state} since {since}, drives {claim.action}")
             if orders := available_commands(node, claim.node):
-                print(f"  orders: {', '.join(orders)}")
+                print(f"  commands: {', '.join(orders)}")
     if not claims:
         print("No mission that drives a robot was found.")
     return OK
@@ -105,7 +105,7 @@ def _give(name: str, of: str | None, reason: str) -> str:
         known = {claim.node for claim in claims}
         if of is None and len(known) != 1:
             which = (
-                f"several missions run ({', '.join(sorted(known))}): choose one with --node"
+                f"several missions are running ({', '.join(sorted(known))}): choose one with --node"
                 if known
                 else "no mission was found"
             )

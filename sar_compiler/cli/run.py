@@ -55,7 +55,7 @@ _SERVE, _MANAGED = "--serve", "--managed"
 
 
 def command() -> NoReturn:
-    """Run `sar-run` as a process, which ends with its exit status however ROS shuts down."""
+    """Run `sar-run` and end the process with its exit status, however ROS shuts down."""
     with ExitStack() as ros:
         status = run_with_ros(sys.argv[1:], ros)
         end_process(status, ros.pop_all().close, PROG)
@@ -87,7 +87,7 @@ def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) 
 
 
 def _own_program() -> list[str]:
-    """Return the command of a run in another process, which imports what this one can."""
+    """Return the command that starts a run in another process with the same import paths."""
     return helper_command("sar_compiler.cli.console", "sar_run")
 
 
@@ -179,7 +179,7 @@ def _reports(options: Namespace) -> Callable[[Path], object]:
 
 
 def _supervise(options: Namespace, supervision: Supervision) -> None:
-    """Adapt the options to a supervised run: one after a crash resumes the mission, and records to another file."""
+    """Adapt the options to a supervised run, which resumes the mission after a crash and records to another file."""
     if supervision.has_begun:
         options.resume, options.new = True, False
     if options.record is not None and supervision.deaths:
@@ -187,7 +187,7 @@ def _supervise(options: Namespace, supervision: Supervision) -> None:
 
 
 def _passed_on(argv: Sequence[str], options: Namespace) -> list[str]:
-    """Return the command line of each served run: this one without its trees and its ROS arguments."""
+    """Return the command line of served runs: the server's without its trees and ROS arguments."""
     own, left = split_arguments(argv).own, list[str]()
     while own:
         word = own.pop(0)
@@ -224,11 +224,11 @@ def _option_errors(given: Namespace) -> Iterator[str]:
         if given.sim is None and getattr(given, option) not in (None, []):
             yield f"--{option} applies to the simulator: add --sim"
     if given.sim is not None and _looks_like_a_tree(given.sim):
-        yield f"--sim expects a world, and '{given.sim}' looks like a tree: write the tree before --sim"
+        yield f"--sim expects a world, but '{given.sim}' looks like a tree: write the tree before --sim"
     if given.check and (given.resume or given.new or given.report):
         yield "--check starts no run: remove --resume, --new and --report"
     if given.no_journal and (given.resume or given.new):
-        yield "--journal none excludes --resume and --new: remove one of them"
+        yield "--journal none conflicts with --resume and --new: remove one of them"
     if given.supervise is not None and (given.no_journal or given.check):
         yield "--supervise resumes a mission from its journal: remove --journal none and --check"
 
@@ -275,7 +275,7 @@ def _default_tree(mission: str | None) -> str:
 
 
 def _looks_like_a_tree(world: str) -> bool:
-    """Return whether the argument for a world is a tree file, or the name of a shipped tree but not of a world."""
+    """Return whether an argument for a world names a tree instead."""
     if world.endswith(".xml"):
         return True
     named = (find(kind, world, suffix) for kind, suffix in (("worlds", ".yaml"), ("trees", ".xml")))
@@ -286,7 +286,7 @@ def _looks_like_a_tree(world: str) -> bool:
 _EPILOG = (
     "ROS arguments follow --ros-args: -p name:=value, -r from:=to, -r __ns:=/robot1. "
     "Exit status: 0 mission complete (without a mission: as --until asks); 1 failed or incomplete; "
-    "2 wrong usage, tree, parameter or journal: the robot has not moved; 3 a requirement did not appear in time; "
+    "2 wrong usage, tree, parameter or journal: the robot has not moved; 3 a requirement was not available in time; "
     "4 stopped, but the robot may still be moving; 129, 130, 143 stopped by a signal."
 )
 _RARE = (
@@ -297,7 +297,7 @@ _RARE = (
 """The options that only `--help-all` shows."""
 _SHORT = {
     "tree": "a tree file or shipped tree (default: the mission's)",
-    "until": "the end of the run (default: see --help-all)",
+    "until": "when to end the run (default: see --help-all)",
     "sim": "simulate a world, Nav2 and the mission's servers",
     "speed": "with --sim: simulated seconds per second (default 1)",
     "fault": "with --sim: a fault: navigate_to_pose:reject=1",
@@ -394,7 +394,7 @@ def _add_safety(group: _ArgumentGroup) -> None:
     add("--journal", type=FILE, metavar="FILE", help=text)
     text = "monitor these properties (without FILE: the mission's own); a violation raises an alarm"
     add("--properties", nargs="?", const=True, type=YAML_FILE, metavar="FILE", help=text)
-    text = "start the tree only in the version that a person approved with sar-compile approve"
+    text = "start the tree only if a person has approved this version with sar-compile approve"
     add("--approved", action="store_true", help=text)
     begun = group.add_mutually_exclusive_group()
     text = "resume the mission in the journal; active goals are cancelled first"

@@ -1,4 +1,4 @@
-"""The extensions of a run from its command line; their dependencies are imported only then."""
+"""The extensions of a run that its command line requests; only their dependencies are imported."""
 
 from argparse import Namespace
 from collections.abc import Iterator

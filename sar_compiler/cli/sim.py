@@ -78,7 +78,7 @@ def _parser() -> Parser:
 def _add_run(parser: argparse.ArgumentParser) -> None:
     """Add the options of `run`."""
     add = parser.add_argument
-    text = "simulated seconds per second, at most; time slows down rather than skipping a step (default 1)"
+    text = "maximum number of simulated seconds per second; no step is skipped (default 1)"
     add("--speed", type=speed, default=1.0, metavar="N", help=text)
     text = (
         "a robot in the namespace /NAME, which includes its /tf and /tf_static, at X, Y (metres) with heading YAW "
@@ -99,7 +99,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     add("--like", choices=MANNER_NAMES, default=QUICK_NAME, help=text)
     text = "store the robots' poses in FILE, and start at the last stored ones, even after a kill"
     add("--keep", type=FILE, metavar="FILE", help=text)
-    text = "let the localisation know the robots' poses without an initial pose: for robots that continue from stored ones"
+    text = "localise the robots without an initial pose: for robots that continue from stored poses"
     add("--localised", action="store_true", help=text)
 
 

@@ -91,7 +91,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweepRow, SimulatedRuns]]":
-    """Yield a row for each combination, with its runs, after all possible checks."""
+    """Yield a row for each combination with its runs, after checking all combinations."""
     from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.sim.simulated_runs import SimulatedRuns
 

@@ -41,7 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `simulate`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = "a scripted run, or a folder of them; may be repeated (default: every leaf has its usual outcome)"
+    text = "a scenario, or a folder of them; may be repeated (default: every leaf has its usual outcome)"
     add("--scenario", action="append", default=[], type=YAML_FILE, metavar="S.yaml", help=text)
     add_tree_id(parser, "tick")
     add("--ticks", type=count, metavar="N", help="stop after N ticks; this is not a failure")
@@ -61,7 +61,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate_file(arguments: argparse.Namespace) -> int:
-    """Run the scenarios and return the exit status: 0 if all expectations are met; 130 after Ctrl-C, 1 if the budget was too small.
+    """Run the scenarios, and return the exit status: 0 if all expectations are met, 130 after Ctrl-C, otherwise 1.
 
     Raises:
         TreeError: If the tree has errors.
@@ -203,5 +203,5 @@ def script(text: str) -> "Script":
     try:
         return parse(text)
     except ScriptError as error:
-        message = f"'{text}' is no valid condition: {error}{did_you_mean(error.suggestion)}"
+        message = f"'{text}' is not a valid condition: {error}{did_you_mean(error.suggestion)}"
         raise argparse.ArgumentTypeError(message) from error

@@ -1,4 +1,4 @@
-"""`sar-compile sweep`: the success rate of a tree from many simulated runs; also the code shared with `sar-sim sweep`."""
+"""`sar-compile sweep`: the success rate of a tree in many simulated runs. `sar-sim sweep` shares this code."""
 
 import argparse
 import contextlib
@@ -126,7 +126,7 @@ def sweep_file(arguments: argparse.Namespace) -> int:
 
 
 def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRuns]]":
-    """Yield a row for each combination, with its runs; all of them are known to be valid."""
+    """Yield a row for each combination with its runs, all of them valid."""
     from sar_compiler.analysis.simulate.scenario_files import read_scenario
     from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.analysis.sweep_runs import ScenarioRuns, change_scenario, content_of
@@ -194,7 +194,7 @@ def add_varied_parameters(parser: CommandParser, noun: str) -> None:
 
 
 def add_sweep_options(parser: CommandParser, *, runs: int, half_width: float) -> None:
-    """Add the common options of both commands; *runs* and *half_width* are the defaults of two."""
+    """Add the common options of both commands; *runs* and *half_width* are defaults."""
     add = parser.add_argument
     text = f"run each combination at most N times (default {runs})"
     add("--runs", type=count, default=runs, metavar="N", help=text)
@@ -242,7 +242,7 @@ def run_sweep(
     arguments: argparse.Namespace,
     budget: Budget,
 ) -> int:
-    """Run rows and print their table, even after Ctrl-C or at the end of the budget; return the exit status.
+    """Run the rows, print their table even after Ctrl-C or an exhausted budget, and return the exit status.
 
     Args:
         rows: The rows with their runs.

@@ -47,9 +47,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_mission(parser)
     add("--strict", action="store_true", help="exit with 1 for warnings, too")
     trial = parser.add_mutually_exclusive_group()
-    text = "try the runs of each file for SEC seconds, to find errors raised in ticks (default: a fixed amount of work)"
+    text = "search the runs of each file for SEC seconds for errors raised in ticks (default: a fixed amount of work)"
     trial.add_argument("--deep", type=seconds, metavar="SEC", help=text)
-    trial.add_argument("--no-deep", action="store_true", help="try no runs to find errors raised in ticks")
+    trial.add_argument("--no-deep", action="store_true", help="do not search for errors raised in ticks")
     add_budget(parser)
     text = "check every file, and store no results (default: unchanged files are not checked again)"
     add("--no-cache", action="store_true", help=text)
@@ -97,7 +97,7 @@ def _validate(arguments: argparse.Namespace) -> int:
 
 
 def _validate_singly(arguments: argparse.Namespace) -> int:
-    """Check files one by one, in an installation without the part that keeps results, fixes, and checks sets of files."""
+    """Check files one by one, in an installation without `sar_compiler.validation`."""
     trees = [*map(workspace(arguments).load, arguments.files)]
     found = {tree.path: tree.check() for tree in trees}
     findings = [each for some in found.values() for each in some]
@@ -176,7 +176,7 @@ def _print_findings(
 
 
 def _group_by_cause(findings: "Sequence[Diagnostic]") -> "Sequence[Diagnostic]":
-    """Return each cause once."""
+    """Group findings by cause, and return one of each."""
     if len(findings) <= 1:
         return findings
     from sar_compiler.views.findings import group_by_cause

@@ -40,11 +40,9 @@ def add_options(parser: CommandParser) -> None:
     """Add the arguments of `verify`."""
     add = parser.add_argument
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
-    text = (
-        "the tree file before a change, or a shipped tree: report the verdicts that differ from its verdicts"
-    )
+    text = "the tree file before a change, or a shipped tree: report the verdicts that have changed"
     add("--against", type=TREE_INPUT, metavar="OTHER", help=text)
-    text = "a file of properties to prove for every run (default: the mission's own)"
+    text = "a properties file to prove for every run (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
     text = f"explore at most N states, and leave the rest undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
@@ -117,7 +115,7 @@ def _verify_into(
     progress: "SearchProgress",
     arguments: argparse.Namespace,
 ) -> None:
-    """Verify the trees one after the other by the same properties, until the budget is spent."""
+    """Verify the trees one after the other with the same properties, until the budget is spent."""
     from sar_compiler.analysis.proofs import default_properties
     from sar_compiler.analysis.tree_analysis import verify_tree
 
@@ -189,7 +187,7 @@ def _assignment(text: str) -> tuple[str, str]:
 
 
 class SearchProgress:
-    """Shows progress and violated properties on standard error."""
+    """Shows a search's progress and violated properties on standard error."""
 
     _PATIENCE_SEC = 1.0  # a violation found sooner is part of the result
 
@@ -203,7 +201,7 @@ class SearchProgress:
         self._whose, self._started, self._broken = whose, time.monotonic(), 0
 
     def close(self) -> None:
-        """Remove the line from a terminal; a continuing search shows nothing more."""
+        """Remove the progress line, and show no further progress."""
         self._is_closed = True
         self._line.clear()
 

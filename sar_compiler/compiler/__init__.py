@@ -1,4 +1,4 @@
-"""Compilation of a tree file to py_trees objects: constructor arguments, building, and the origin of each behaviour."""
+"""Compilation of a tree file to py_trees objects whose origins in the file are known."""
 
 import functools
 import weakref
@@ -57,7 +57,7 @@ class Origin:
 
 
 class Construction(NamedTuple):
-    """How a behaviour was constructed: its node, subtree instance and blackboard values.
+    """The construction of a behaviour: its node, subtree instance and blackboard values.
 
     Attributes:
         behaviour: Its id.
@@ -107,7 +107,7 @@ class Origins(Mapping[UUID, Origin]):
         }
 
     def place(self, behaviour: UUID) -> str | None:
-        """Return the file and line that a behaviour was built from; None if it was not built from a file."""
+        """Return the file and line of a behaviour's element; None if the behaviour was not built from a file."""
         made = self._by_id.get(behaviour)
         return None if made is None else made.bound.element.file_and_line
 
@@ -123,7 +123,7 @@ _of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakre
 
 
 def register_origins(root: Behaviour, origins: Origins) -> None:
-    """Register the origins of a compiled tree, so that its behaviours can find them while the tree exists."""
+    """Register the origins of a compiled tree for its behaviours, as long as the tree exists."""
     _of_trees[root] = weakref.ref(origins)
 
 
@@ -193,7 +193,7 @@ class Arguments:
         self._parameters = parameters
         self._collector = collector
 
-    parameter_advice = "give it one: --params FILE, or --ros-args -p {name}:=..."
+    parameter_advice = "set it: --params FILE, or --ros-args -p {name}:=..."
     """The advice for a missing mission parameter."""
 
     @property
@@ -245,7 +245,7 @@ class Arguments:
     def _check_mission_parameter(
         self, bound: BoundNode, parameter: Parameter, key: str, scope: Scope
     ) -> None:
-        """Report a mission parameter that is a number but is read as a string: a file distinguishes the two."""
+        """Report a mission parameter that is a number but is read as a string."""
         if parameter.value_type.python is not str or not self._parameters:
             return
         owner, name = scope.owner(key)
@@ -299,13 +299,13 @@ class Arguments:
 
 
 def write_constant(entry: Entry, value: object) -> None:
-    """Write an entry's value before the first tick; a number also sets its type."""
+    """Write an entry's value before the first tick; a number also sets the entry's type."""
     entry.declare(kind_of(type(value)) if not isinstance(value, str) else None)
     entry.write(value)
 
 
 def kind_of(python: type | None) -> type | None:
-    """Return the type that an entry parses strings as, from a Python type."""
+    """Return the type to which an entry of a Python type converts strings."""
     if python is Script:
         return str
     return python if python in (bool, int, float, str) else None
@@ -319,7 +319,7 @@ def _as_text(value: object) -> str:
 
 
 class PreviewArguments(Arguments):
-    """Collects arguments with placeholders for objects and values that only a mission has."""
+    """Collects arguments, with placeholders for a mission's objects and values."""
 
     def _handed_over(self, instance: TreeInstance, bound: BoundNode, parameter: Parameter) -> object:
         if parameter.target in (Scope, Enums):
@@ -489,7 +489,7 @@ class Builder:
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.plain}
 
     def _maker(self, bound: BoundNode) -> Any:
-        """Return the factory of a node: a class of this project if the stock py_trees class would misread a skip.
+        """Return the factory of a node: a class of this project if py_trees' class would misinterpret a skip.
 
         A described node without a class becomes a stock behaviour of its kind (unless it is an error).
         """
@@ -504,7 +504,7 @@ class PreviewBuilder(Builder):
     """Builds a tree for display, without objects of a mission and modules of leaves."""
 
     def report_only_described(self, bound: BoundNode) -> None:
-        """Do nothing: a stock behaviour of its kind is used instead."""
+        """Do nothing, because a stock behaviour of the same kind is used instead."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
         """Return a stock behaviour if the rejected argument may be a placeholder for a key's value."""

@@ -1,4 +1,4 @@
-"""A drawable tree that is built from the parsed file only, even if the file has errors.
+"""A drawable tree built from a parsed file, even if the file has errors.
 
 A drawing shows behaviours of py_trees with their origins. A compiled tree has them. For a file with errors, placeholders
 replace them: an unknown node has no meaning, and a subtree that is in no file, or in itself, is folded.
@@ -62,7 +62,7 @@ class Sketch:
 
 
 class SketchedNode(Behaviour):
-    """A behaviour in a sketch that is no stock composite; it can have any number of children.
+    """A behaviour in a sketch with any number of children, if no stock composite represents it.
 
     Attributes:
         class_name: The import path of the class that it represents; None if there is none.
@@ -182,7 +182,7 @@ class _SketchBuilder:
 
 
 def _is_as_written(bound: BoundNode) -> bool:
-    """Return whether a node is written with the tag that it is bound as, and not with a similar one."""
+    """Return whether a node is written with the tag that it is bound to, and not with a similar one."""
     return bound.element.tag == SUBTREE_TAG or _tag(bound.element) == bound.spec.tag
 
 
@@ -211,7 +211,7 @@ def _stand_in(bound: BoundNode) -> Behaviour:
 
 
 def _attributes(bound: BoundNode) -> Iterator[tuple[str, object]]:
-    """Yield the attributes of a node: parsed values if possible, else texts as written."""
+    """Yield the attributes of a node: parsed values if possible, otherwise the texts."""
     written = bound.element.attributes
     if is_unknown(bound):
         yield from ((name, text) for name, text in written.items() if name not in ("name", "ID"))

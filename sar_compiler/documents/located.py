@@ -1,4 +1,4 @@
-"""Values with their locations, and their validation by schemas, which reports all errors in a file at once as findings."""
+"""Values with their locations, and validation by schemas that reports all errors in a file."""
 
 import functools
 import json
@@ -40,7 +40,7 @@ _MOST_LISTED = 15
 
 @dataclass(frozen=True)
 class SchemaViolation:
-    """A value that a schema refuses.
+    """A value that a schema rejects.
 
     Attributes:
         code: The kind of the finding.
@@ -60,7 +60,7 @@ class SchemaViolation:
 
 
 def refusals(root: "Value", schema: str) -> Iterator[SchemaViolation]:
-    """Yield the parts of a value that a schema refuses."""
+    """Yield the parts of a value that a schema rejects."""
     validator = _validator(schema)
     errors: Iterator[Any] = validator.iter_errors(root.data)
     for error in errors:
@@ -111,7 +111,7 @@ def _unknown_keys(root: "Value", path: Path, error: Any) -> Iterator[SchemaViola
 
 
 def _missing_keys(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
-    """Yield one finding for all missing keys, except those probably meant by an unknown one that has its own."""
+    """Yield one finding for all missing keys, except for misspelt ones."""
     given, properties = error.instance, error.schema["properties"]
     unknown = set() if error.schema.get("additionalProperties", True) else given.keys() - properties.keys()
     meant = {nearest(name, properties) for name in unknown}
@@ -149,7 +149,7 @@ def _wrong_quotes(
     if meant is None or meant == value.data or not validator.evolve(schema=error.schema).is_valid(meant):
         return None
     message = (
-        f"{_title(path, error.schema)} is {_accepted_values(error.schema)}, and {value.text} {which} quotes is "
+        f"{_title(path, error.schema)} is {_accepted_values(error.schema)}, but {value.text} {which} quotes is "
         f"{_KINDS.get(type(value.data), 'a date or a time')}"
     )
     return SchemaViolation("wrong-value", message, path, value, suggestion, hint)
@@ -157,7 +157,7 @@ def _wrong_quotes(
 
 def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
     value, schema = root.at(path), error.schema
-    message = f"{_title(path, schema)} is {_accepted_values(schema)}, and this is {value.kind}"
+    message = f"{_title(path, schema)} is {_accepted_values(schema)}, but this is {value.kind}"
     if value.text and "enum" in schema:
         suggestion, hint = nearest(value.text, _texts(schema["enum"])), None
     else:
@@ -170,7 +170,7 @@ def _wrong(validator: "Draft7Validator", root: "Value", path: Path, error: Any) 
 
 
 def _unusual(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
-    """Yield a warning about a number that is possible but unusual in its unit."""
+    """Yield a warning about a valid number that is unusual in its unit."""
     oddity = find_implausible_number(error.instance, error.schema[UNIT])
     assert oddity is not None  # noqa: S101 - the error is about it
     message = f"{_title(path, error.schema)} {oddity.message}"
@@ -178,7 +178,7 @@ def _unusual(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]
 
 
 def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str | None, str | None]:
-    """Return the replacement of a value and the hint about it, at most one of them; the hint may give an example."""
+    """Return either a replacement or a hint for a value."""
     only = value.items[0] if value.items is not None and len(value.items) == 1 else value
     text, unit = only.text or "", schema.get(UNIT, "")
     meant = next(
@@ -409,7 +409,7 @@ class Document:
         self.findings.append(Diagnostic(code, message, self.source, self.span(value, part), **advice))
 
     def validate(self, schema: str, value: Value | None = None) -> Value:
-        """Validate a value by a schema, report its errors, and return the value without them.
+        """Validate a value by a schema, report its errors, and return its valid parts.
 
         The result conforms to the schema, so that it needs no further checks.
 
@@ -442,7 +442,7 @@ class Document:
 
     @contextmanager
     def prefer_findings(self) -> Iterator[None]:
-        """Raise the findings about the file in place of an error that may result from them.
+        """Raise the file's findings instead of an error that may result from them.
 
         Raises:
             TreeError: If the file has findings and the block raises a `SarError`.
@@ -454,7 +454,7 @@ class Document:
             raise
 
     def raise_findings(self) -> None:
-        """Raise all findings about the file, in its order; if there are only warnings, keep them in `warnings`.
+        """Raise all findings about the file in file order; store them in `warnings` if none is an error.
 
         Raises:
             TreeError: If there are errors.
@@ -464,11 +464,11 @@ class Document:
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """The findings that do not prevent the use of the file, in its order."""
+        """The findings that do not prevent the use of the file, in file order."""
         return tuple(each for each in _sort_findings(self.findings) if each.severity is not Severity.ERROR)
 
     def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
-        """Return the location of a value, or of a part of its text; for lists and mappings the first line."""
+        """Return the location of a value or a part of its text; for lists and mappings, the first line."""
         source = self.source
         if value.text is None:
             # Only its beginning, because a mapping may extend over many lines.

@@ -1,4 +1,4 @@
-"""TOML files with the location of every key and value: tomllib reads them, and a scan of the text finds the locations."""
+"""TOML files with the location of every key and value: tomllib parses them, and a scanner finds the locations."""
 
 import re
 import sys
@@ -64,7 +64,7 @@ def read_toml(path: Path, shown: str) -> Document:
 def _value(
     data: Any, path: _KeyPath, places: "_TomlLocations", around: _Offsets, document: Document
 ) -> Value:
-    """Return the value at a path; one of unknown location has that of the enclosing one."""
+    """Return the value at a path; if its location is unknown, use the enclosing value's."""
     document.count_value()
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
@@ -109,7 +109,7 @@ class _TomlLocations:
                 self._pair(table)
 
     def text_of(self, path: _KeyPath, data: object) -> str:
-        """Return a value other than a string as it is written: `4.10` is another version than `4.1`."""
+        """Return the text of a value that is not a string, which distinguishes `4.10` from `4.1`."""
         if path in self.values:
             return self._text[slice(*self.values[path])]
         return str(data).lower() if isinstance(data, bool) else str(data)

@@ -122,7 +122,7 @@ def _value(events: YamlEvents, document: Document) -> Value:
                 message = SPLIT.format(split.written)
                 document.report("wrong-value", message, number, suggestion=split.meant, hint=split.hint)
             elif not key.text:
-                document.report("wrong-shape", f"a key must be a string, and this is {key.kind}", key)
+                document.report("wrong-shape", f"a key must be a string, but this is {key.kind}", key)
             elif key.text in entries:
                 document.report("duplicate-key", f"'{key.text}' is written twice here", key)
             else:

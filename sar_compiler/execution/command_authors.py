@@ -1,4 +1,4 @@
-"""Author and reason of the operator's commands: announced before each service call, and recorded with it in the journal."""
+"""Authors and reasons of commands: announced before each service call, and recorded in the journal."""
 
 import time
 from collections import defaultdict, deque
@@ -139,7 +139,7 @@ class CommandAuthors:
 
 
 def escape_to_single_line(text: str) -> str:
-    """Return untrusted text as part of a sentence: one line, limited in length, without a full stop."""
+    """Return untrusted text for use in a sentence: one line, shortened, without a full stop."""
     return "".join(filter(str.isprintable, text))[:_LONGEST].strip().removesuffix(".")
 
 
@@ -165,7 +165,7 @@ class RemoteCommandAuthor:
         seen: SeenObjects = _NOTHING_SEEN,
         refuse: Callable[[str], object] = _ignore,
     ) -> None:
-        """Announce the author of the next call of a command's service, and run *then*, which calls it, after the response.
+        """Announce the author of a command; after the response, run *then*, which calls the command's service.
 
         A node without parameters gets no announcement. If the response is lost, which happens when two nodes have just discovered each other, the
         command is delayed, but still sent, unless it has an object: then it might be carried out on another one, and *refuse* is called with the

@@ -1,4 +1,4 @@
-"""Calls of the operator's commands from threads other than the mission's."""
+"""Client for the operator's commands, for threads other than the mission's."""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -44,7 +44,7 @@ def _send_at_once(
 
 
 class CommandClient:
-    """Calls the services of a mission's commands; usable from any thread, while the calls are made in the node's executor.
+    """Calls the services of a mission's commands, from any thread, in the node's executor.
 
     Args:
         node: The node that calls; by default the mission's own, which also has the services.
@@ -71,7 +71,7 @@ class CommandClient:
         self._node = node
 
     def available(self) -> list[str]:
-        """Return the commands with a service, which are those that the tree's leaves execute."""
+        """Return the commands that the tree's leaves execute."""
         return [name for name, client in self._clients.items() if client.service_is_ready()]
 
     def give(
@@ -81,7 +81,7 @@ class CommandClient:
         author: CommandAuthor = _UNKNOWN,
         seen: SeenObjects = _NOTHING_SEEN,
     ) -> "Future[tuple[bool, str]]":
-        """Give a command, from any thread.
+        """Send a command, from any thread.
 
         Args:
             verb: The name of a command.

@@ -49,11 +49,11 @@ class EndCondition:
 
     @property
     def complete(self) -> bool:
-        """Whether there is a mission with its own end condition, and it is complete."""
+        """Whether the mission's own end condition is fulfilled; False without one."""
         return self.mission.shortfalls() == []
 
     def shortfalls(self) -> list[str]:
-        """Return a sentence for each item that a complete mission still needs; empty for a mission without its own end condition."""
+        """Return a sentence for each unfinished item of the mission; empty without an end condition of its own."""
         return self.mission.shortfalls() or []
 
     def after_tick(self, status: Status, elapsed_sec: float) -> RunResult | None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def guardian_of(run: RunSetup) -> RunExtension | None:
-    """Return the guardian of a run's goals, by option or default; a simulation dies with the run and needs none."""
+    """Return the guardian of a run's goals; a simulation needs none, because it ends with the run."""
     if not run.options.guardian and not (run.journal.is_kept and run.options.sim is None):
         return None
     from sar_compiler.ros.arguments import security_arguments
@@ -64,15 +64,15 @@ class RunExtensions:
 
     @property
     def how_to_see_it_again(self) -> str:
-        """The command that replays a simulation; empty for other runs, and without a journal."""
+        """The command that replays a simulation; empty for other runs."""
         return self._journal.how_to_see_it_again
 
     def cause_of_failure(self) -> str:
-        """Return the likeliest cause of a failure in a line; empty if none is known, or without a journal."""
+        """Return the likeliest cause of a failure in a line; empty if none is known."""
         return next(filter(None, (each.cause_of_failure() for each in self._extensions)), "")
 
     def on_begin(self) -> None:
-        """Open the journal, whose start also notifies the other extensions; ticks follow.
+        """Open the journal, which notifies the other extensions; ticks follow.
 
         Raises:
             JournalError: If it cannot be written.

@@ -151,7 +151,7 @@ def _approval(options: RunOptions, loaded: ProjectTree) -> ApprovalCheck:
 
 
 def _executor(options: RunOptions, context: Context) -> "Executor | SteppedExecutor":
-    """Return the executor of the mission's node, which also steps the world if requested and supported by rclpy."""
+    """Return the executor of the mission's node, which may also step the world."""
     if options.stepped:
         from sar_compiler.sim.node_host import SteppedExecutor
 
@@ -161,7 +161,7 @@ def _executor(options: RunOptions, context: Context) -> "Executor | SteppedExecu
 
 
 def _world(options: RunOptions) -> "World | None":
-    """Return the world to simulate, if any; a wrong name is reported before any slow step."""
+    """Return the world to simulate, if any; report a wrong name before slow steps."""
     if options.sim is None:
         return None
     from sar_compiler.sim.world import find_world
@@ -173,7 +173,7 @@ def _world(options: RunOptions) -> "World | None":
 
 
 def _require_navigation(tree: CompiledTree, world: "World") -> None:
-    """Check that the simulation provides Nav2 if the tree needs it, because no other node may provide it beside a simulation.
+    """Check that the simulation provides Nav2 if the tree needs it.
 
     Raises:
         NotReadyError: If it does not provide Nav2.

@@ -34,7 +34,8 @@ def require_same_identity(journal: Journal, about: Mapping[str, Any]) -> None:
     there: Any = journal.about
     if there.get("mission") != about["mission"]:
         raise JournalError(
-            f"the journal {journal.place} is of {_called(there.get('mission'))}, but this is {_called(about['mission'])}: "
+            f"the journal {journal.place} belongs to {_called(there.get('mission'))}, but this is "
+            f"{_called(about['mission'])}: "
             f"name another file, {_ADVICE}"
         )
     if there.get("simulated") != about["simulated"]:
@@ -76,7 +77,7 @@ def require_same_tree(journal: Journal, tree: CompiledTree, outline: Mapping[str
     behaviour, words = difference
     collector = FindingCollector()
     element = tree.origins[behaviour.id].bound.element
-    message = f"the mission in {journal.place} has another tree: {words}"
+    message = f"the mission in {journal.place} has a different tree: {words}"
     collector.add("other-tree", message, element, hint=f"resume with that tree, {_ADVICE}")
     raise TreeError(collector.findings)
 
@@ -86,11 +87,11 @@ def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tupl
     then = _mapping(then)
     for key in ("class", "name", "memory", "policy"):
         if then.get(key) != now.get(key):
-            return behaviour, f"{key} is {_value(now.get(key))} here, and was {_value(then.get(key))}"
+            return behaviour, f"{key} is {_value(now.get(key))} here, but was {_value(then.get(key))}"
     were, are = _mapping(then.get("attributes")), now["attributes"]
     for key in sorted({*were, *are}):
         if were.get(key) != are.get(key):
-            return behaviour, f"{key} is {_value(are.get(key))} here, and was {_value(were.get(key))}"
+            return behaviour, f"{key} is {_value(are.get(key))} here, but was {_value(were.get(key))}"
     children = then["children"] if isinstance(then.get("children"), list) else []
     for index, child in enumerate(behaviour.children[: len(children)]):
         found = _difference(children[index], now["children"][index], child)
@@ -99,12 +100,12 @@ def _difference(then: Any, now: Mapping[str, Any], behaviour: Behaviour) -> tupl
     if len(children) != len(behaviour.children):
         count = len(behaviour.children)
         noun = "child" if count == 1 else "children"
-        return behaviour, f"'{behaviour.name}' has {count} {noun} here, and had {len(children)}"
+        return behaviour, f"'{behaviour.name}' has {count} {noun} here, but had {len(children)}"
     return None
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
-    """Return a mapping, which a damaged journal may lack."""
+    """Return a mapping; empty if a damaged journal lacks it."""
     return value if isinstance(value, Mapping) else {}
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class JournalStart:
-    """The start of a run. If it is refused, the reason is stored for `sar-journal why`, because no journal is written then.
+    """The start of a run. If the start is refused, the reason is stored for `sar-journal why`.
 
     Args:
         options: The options of the run.
@@ -42,7 +42,7 @@ class JournalStart:
         self.journal: RunJournal | None = None
 
     def find_path(self, mission: Mission | None, node: "Node") -> None:
-        """Determine the journal that the run would write; simulated runs have a new name each time, so they are excluded."""
+        """Determine the journal that a run would write; simulated runs are excluded, because each has a new name."""
         if self._place is None and self._options.sim is None and _keeps_by_itself(self._options, mission):
             self._place = _usual_place(self._options, node.get_fully_qualified_name())
 
@@ -60,7 +60,7 @@ class JournalStart:
 
 
 class RunJournal(RunExtension):
-    """The journal of a run: written to a file, only listened to, or neither.
+    """The journal of a run: written to a file, kept in memory for listeners, or switched off.
 
     Args:
         options: The options of the run.
@@ -111,7 +111,7 @@ class RunJournal(RunExtension):
             run.keep_in(self.journal)
 
     def _identify(self, run: MissionRun, parameters: Mapping[str, object]) -> None:
-        """Record the mission's identity, or check that a resumed mission has the same."""
+        """Record the mission's identity, or check it when a mission resumes."""
         from sar_compiler.execution.resume_checks import require_same_identity
 
         self._run_about["parameters"] = json_data(parameters)
@@ -185,7 +185,7 @@ class RunJournal(RunExtension):
 
 
 def _node_options(additions: CommandLineSettings) -> list[list[str]]:
-    """Return the options that determine the tree's possible nodes, each with its value; files with absolute paths."""
+    """Return the options that determine the tree's nodes, with absolute paths."""
     models = [str(each) if is_palette_name(str(each)) else str(each.resolve()) for each in additions.models]
     return [
         *(["--nodes", str(each)] for each in additions.nodes),

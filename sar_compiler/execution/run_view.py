@@ -1,4 +1,4 @@
-"""`--view text` of `sar-run`: a screen drawn in place on a terminal, otherwise a line for each change.
+"""`--view text` of `sar-run`: a display in place on a terminal, otherwise a line for each change.
 
 On a terminal the view occupies the lower lines. The rest scrolls above them as usual, including the log, which nodes and libraries
 write directly to the terminal. The terminal's scroll margins make this possible.
@@ -87,7 +87,7 @@ class RunScreen(RunView):
         self._output.leave = self.close
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Process an entry, which appears with the next drawing."""
+        """Process an entry; the next refresh shows it."""
         self._state.take(entry)
         if entry.kind == RUN_BEGAN:
             self._start, self._has_begun = entry.time, True
@@ -104,7 +104,7 @@ class RunScreen(RunView):
                 self._leave()
 
     def close(self) -> None:
-        """Draw a last time and release the terminal: the view remains, and further output appears below."""
+        """Draw a last time and release the terminal; further output appears below the view."""
         if self._has_begun and not self._is_closed:
             self._is_closed = True
             self._try(self._draw)
@@ -115,7 +115,7 @@ class RunScreen(RunView):
         try:
             draw()
         except Exception as error:  # noqa: BLE001 - a view must not end a mission
-            self._node.get_logger().error(f"The view has failed and is switched off: {error!r}.")
+            self._node.get_logger().error(f"The view has failed and was switched off: {error!r}.")
             return False
         return True
 
@@ -180,7 +180,7 @@ class RunScreen(RunView):
 
 
 def _stop_process() -> None:
-    """Let the signal stop the process with its default handler; return when the process continues."""
+    """Stop the process with the signal's default handler; return when it continues."""
     signal.signal(signal.SIGTSTP, signal.SIG_DFL)
     signal.raise_signal(signal.SIGTSTP)
 

@@ -1,4 +1,4 @@
-"""Monitoring of a run for properties: a violated property, or a violated assumption of its proof, raises an alarm."""
+"""Monitoring of a run: violated properties and violated assumptions raise alarms."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -41,7 +41,7 @@ _PATIENCE_SEC = 3.0
 
 
 class _DueCommand(NamedTuple):
-    """A command to give because of a violated property.
+    """A command to send because of a violated property.
 
     Attributes:
         about: The property.
@@ -57,7 +57,7 @@ class _DueCommand(NamedTuple):
 
 
 class _PropertyReactions:
-    """Gives the mission's commands when properties are violated.
+    """Sends the mission's commands when properties are violated.
 
     Args:
         run: The run.
@@ -77,7 +77,8 @@ class _PropertyReactions:
                 continue
             if _ROLES[wanted] not in known:
                 raise SarError(
-                    f"--properties: '{name}' has if_broken: {wanted}, a command that this mission does not have: write tell"
+                    f"--properties: '{name}' has if_broken: {wanted}, but this mission has no such command: "
+                    "write tell"
                 )
             self._verbs[name] = known[_ROLES[wanted]]
         if self._verbs:
@@ -87,7 +88,7 @@ class _PropertyReactions:
             self._calls: CommandClient = CommandClient(run.node, used, run.orders.sign)
 
     def require(self) -> None:
-        """Check that leaves of the tree execute the possible commands.
+        """Check that leaves of the tree execute the commands.
 
         Raises:
             UnfitLeavesError: If one is missing.
@@ -97,8 +98,8 @@ class _PropertyReactions:
         for about, verb in self._verbs.items():
             if node.resolve_service_name(f"~/{verb.name}") not in services:
                 raise UnfitLeavesError(
-                    f"--properties: '{about}' has if_broken: {verb.name}, a command that no node of this tree executes: "
-                    "write tell, or run a tree with such a node"
+                    f"--properties: '{about}' has if_broken: {verb.name}, but no node of this tree executes "
+                    "that command: write tell, or run a tree with such a node"
                 )
 
     def order(self, about: str, event: str) -> None:
@@ -107,7 +108,7 @@ class _PropertyReactions:
             self._due.append(_DueCommand(about, event, self._verbs[about], time.monotonic()))
 
     def send_due(self) -> None:
-        """Give the commands that are due; wait for services that are not discovered yet."""
+        """Send the due commands; wait for services that are not discovered yet."""
         due, self._due = self._due, []
         for order in due:
             try:
@@ -130,7 +131,7 @@ class _PropertyReactions:
     def _say_refused(self, order: _DueCommand, why: str) -> None:
         self._logger.error(
             escape_to_one_line(
-                f"'{order.verb.label}', because '{order.about}' is violated, was not executed: {why}"
+                f"'{order.verb.label}' was not executed after a violation of '{order.about}': {why}"
             )
         )
 
@@ -236,12 +237,12 @@ class PropertyWatch(RunExtension):
         self._hear(self._watch.halts, number)
 
     def on_last_tick(self, *, is_over: bool) -> None:
-        """Evaluate the end of the run; halting the tree then is not an event of the run."""
+        """Evaluate the end of the run, before the tree is halted."""
         self._hear(partial(self._watch.conclude, is_over=is_over))
         self._is_over = True
 
     def _hear(self, take: "Callable[..., object]", *what: object) -> None:
-        """Pass on an event and report errors; monitoring must not end a mission."""
+        """Pass on an event and report errors, which must not end the mission."""
         if self._is_over:
             return
         try:

@@ -1,4 +1,4 @@
-"""`sar-run --serve`: runs started by clients, each in its own process."""
+"""`sar-run --serve`: starts runs for clients, each in its own process."""
 
 import json
 import re
@@ -101,7 +101,7 @@ class ServeOptions(NamedTuple):
 
 
 def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> int:
-    """Start runs for others until a signal comes.
+    """Start runs for clients until a signal arrives.
 
     Args:
         argv: The command line of each run after its tree.
@@ -188,7 +188,7 @@ class ProcessRunStarter:
         return found
 
     def why_not(self, tree: str, parameters: Mapping[str, object]) -> str:
-        """Return why a run cannot be started with some parameters; empty if it can. A client must not choose the files that are read."""
+        """Return why a run cannot be started with some parameters; empty if it can be."""
         paths = sorted(self._trees[tree].path_parameters & parameters.keys())
         if not paths:
             return ""
@@ -265,7 +265,7 @@ def holder(calls: "CommandClient", verbs: Mapping[str, str], by: str) -> Holder:
     def hold(wanted: bool, is_new: Callable[[], bool], refused: Callable[[str], None]) -> None:
         verb = verbs.get("hold" if wanted else "release")
         if verb is None:
-            refused("it has no such command")
+            refused("it does not have this command")
         else:
             author = CommandAuthor(by, f"the server was {'de' if wanted else ''}activated")
             orders.submit(give, verb, author, is_new, refused)
@@ -327,7 +327,7 @@ class ServedProcess:
         self._hold(wanted, self._is_new, refused)
 
     def _is_new(self) -> bool:
-        """Return whether it has shown no output yet, or has only just started to."""
+        """Return whether it has shown no output before now."""
         is_young = self._begun is None or time.monotonic() - self._begun < _FOUND_SEC
         return is_young and self._process.poll() is None
 
@@ -346,7 +346,7 @@ class ServedProcess:
                 self._tell(self._last)
 
     def _await_end(self) -> None:
-        """Wait for the end of the process and report it; processes that it started may keep its output open indefinitely."""
+        """Wait for the end of the process and report it, even if child processes keep its output open."""
         status = self._process.wait()
         for reader in (self._follower, self._listener):
             reader.join(_READ_SEC)
@@ -372,7 +372,7 @@ def run_result(status: int, last: str, complaints: str) -> EndedRun:
 
 
 def _reason_in(complaints: str) -> str:
-    """Return why a run has not started: from its own error output, or from ROS's log if there is none."""
+    """Return why a run has not started, from its error output or ROS's log."""
     lines = complaints.split("\n")
     plain = [line for line in lines if not _LOG_LINE.match(line)] or lines
     return "\n".join(sorted(plain, key=lambda line: not line.startswith("sar-run: ")))
@@ -381,7 +381,7 @@ def _reason_in(complaints: str) -> str:
 def _verbs_of(
     mission: "Mission | None", binding: "Binding", files: Sequence[Path], node: str
 ) -> "tuple[OperatorCommand, ...]":
-    """Return the commands of a mission; none if its parameters are not all in files."""
+    """Return the commands of a mission; none if some of its parameters are not in files."""
     from sar_compiler.missions.mission_start import begin_run
     from sar_compiler.missions.parameter_reader import ParameterReader
 

@@ -1,4 +1,4 @@
-"""Interface between a server of runs and the code that starts them, and the payload of its goals."""
+"""Interface between the tree server and the code that starts runs, and the payload of goals."""
 
 import json
 import re
@@ -99,7 +99,7 @@ def parameters_of(payload: str) -> Mapping[str, object]:
     try:
         found = json.loads(payload, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
-        raise PayloadError(f"the payload is no JSON: {error}") from error
+        raise PayloadError(f"the payload is not JSON: {error}") from error
     if not isinstance(found, dict):
         raise PayloadError(
             'the payload must be a JSON object with parameters of the mission, such as {"tick_rate_hz": 4.0}'
@@ -108,7 +108,7 @@ def parameters_of(payload: str) -> Mapping[str, object]:
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a JSON number")
 
 
 def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tuple[str, object]]:
@@ -127,7 +127,7 @@ def _flat(found: Mapping[str, object], before: str, levels: int) -> Iterator[tup
 
 
 def _as_one_type(value: object) -> object:
-    """Convert a list that mixes integers and other numbers to real numbers: JSON does not distinguish them, and ROS rejects a mixed list."""
+    """Convert a list that mixes integers and real numbers to real numbers, because ROS rejects a mixed list."""
     if not isinstance(value, list) or {type(each) for each in value} != {int, float}:
         return value
     try:

@@ -1,4 +1,4 @@
-"""Check for other nodes before a simulation starts, with a message because it can take some seconds."""
+"""Check for other nodes before a simulation starts, which can take some seconds."""
 
 import sys
 import time
@@ -10,7 +10,7 @@ from sar_compiler.terminal import ProgressLine
 
 
 def look_around(signals: StopSignals, **options: Any) -> None:
-    """Check that no other simulation or robot is present; on a terminal, report how long this still takes.
+    """Check that no other simulation or robot is present; on a terminal, show the remaining time.
 
     Args:
         signals: Requests to stop, which end the check.

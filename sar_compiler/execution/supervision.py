@@ -42,7 +42,7 @@ class Supervision(NamedTuple):
         return {_VARIABLE: json.dumps(self)}
 
     def send_heartbeat(self) -> None:
-        """Send a heartbeat, each `PERIOD_SEC`, which shows that the thread that ticks the tree is not blocked."""
+        """Send a heartbeat; call this every `PERIOD_SEC` in the thread that ticks the tree."""
         self._write(ALIVE)
 
     def send_journal_path(self, place: Path) -> None:
@@ -50,7 +50,7 @@ class Supervision(NamedTuple):
         self._write(JOURNAL + json.dumps(str(place.resolve())).encode())
 
     def send_discovery_lost(self) -> None:
-        """Report that discovery is lost, so that another process must resume the mission."""
+        """Report that discovery is lost, so that the supervisor resumes the mission in a new process."""
         self._write(DEAF)
 
     def send_end(self) -> None:
@@ -71,7 +71,7 @@ class Supervision(NamedTuple):
 
 
 def own_supervision(environment: MutableMapping[str, str] = os.environ) -> Supervision:
-    """Return the supervision of this process; on further calls, one without a supervisor."""
+    """Return the supervision of this process; further calls return one without a supervisor."""
     supervision = Supervision(*json.loads(environment.pop(_VARIABLE, "[]")))
     if supervision.signs is not None:
         os.set_inheritable(supervision.signs, False)  # noqa: FBT003 - its only form

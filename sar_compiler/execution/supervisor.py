@@ -74,7 +74,7 @@ def supervise(
         deaths.append(death)
         has_begun = has_begun or life.has_begun
         how = "resumed" if has_begun else "restarted"
-        print_error(f"sar-run: the mission has crashed ({death}): it is {how} ({len(deaths)} of {limit})")
+        print_error(f"sar-run: the mission has crashed ({death}) and is {how} ({len(deaths)} of {limit})")
 
 
 class _SupervisedRun:
@@ -110,7 +110,7 @@ class _SupervisedRun:
         self._listener.start()
 
     def watch(self, signals: StopSignals) -> None:
-        """Wait for the end of the run, or end it if its heartbeat stops; pass on a request to stop."""
+        """Wait for the end of the run; end it if its heartbeat stops, and pass on requests to stop."""
         is_asked = False
         turned_at = time.monotonic()
         while self._is_alive():
@@ -137,7 +137,7 @@ class _SupervisedRun:
                 time.sleep(_TURN_SEC)
 
     def end(self) -> tuple[int, str]:
-        """Return the exit status and the crash in words; empty if the run ended without one."""
+        """Return the exit status and a description of the crash; empty without a crash."""
         status = self._process.returncode
         # The journal takes precedence over the process: a run that recorded its end is over, even if native code crashed while ROS was
         # shut down. Resuming it would repeat a finished mission.
@@ -145,7 +145,7 @@ class _SupervisedRun:
         if ended is not None and ended.status is not None and ended.status != NOT_READY:
             return ended.status, ""
         if self._is_deaf:
-            return NOT_READY, "it no longer received messages of Nav2, although the ROS graph shows Nav2"
+            return NOT_READY, "it no longer received messages from Nav2, although the ROS graph shows Nav2"
         if self._is_frozen:
             return 128 + signal.SIGKILL, f"no heartbeat for {self._limit_sec:g} s"
         if status < 0:
@@ -163,7 +163,7 @@ class _SupervisedRun:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the mission has started in it, so that it can be resumed."""
+        """Whether the mission has started in this run, so that it can be resumed."""
         return self._run_in_journal() is not None
 
     def hurry(self, signals: StopSignals) -> int | None:
@@ -185,7 +185,7 @@ class _SupervisedRun:
         return self._process.returncode is None
 
     def _listen(self, signs: int) -> None:
-        """Process the signs as they arrive, until the pipe is closed."""
+        """Process the run's messages until the pipe is closed."""
         with open(signs, "rb") as lines:
             for line in lines:
                 self._take(line)

@@ -136,14 +136,14 @@ class RouteReport:
             if leg.trouble
         ]
         if unplanned := len(stops) - len(legs):
-            reason = f"planning takes more than {_MOST_PLANNING_SEC:g} s of processor time"
+            reason = f"planning takes more than {_MOST_PLANNING_SEC:g} s of CPU time"
             self.problems.append(f"{unplanned} of {len(stops)} stops were not checked: {reason}.")
         if legs and not mission.allows(x, y):
             self.problems.insert(0, f"The start ({x:.2f}, {y:.2f}) is outside the geofence.")
         limit, seconds = parameters.time_limit_sec, _distance(legs) / self._speed
         if limit is not None and seconds > limit:
             self.problems.append(
-                f"Driving takes {seconds:.0f} s (estimated), and time_limit_sec is {limit:g}."
+                f"Driving takes {seconds:.0f} s (estimated), but time_limit_sec is {limit:g}."
             )
         if planner is not None and (areas := mission.searched_areas()):
             self._add_areas(planner, (x, y), areas)
@@ -453,7 +453,7 @@ class TreeRun:
                     self._options.supervision.send_discovery_lost()
 
     def _stop_and_settle(self) -> None:
-        """Halt the tree, and wait until its goals have ended and the odometry, if any, shows that the robot stands."""
+        """Halt the tree, and wait until its goals have ended and the robot stands still."""
         limit_sec = self._parameters.settle_timeout_sec
         deadline = time.monotonic() + limit_sec
         names = self.engine.settle(self.executor, limit_sec)
@@ -481,7 +481,7 @@ class TreeRun:
             tell(self._node, f"A callback failed: {error_text(error)}. The tree is stopped.", error)
 
     def _tick_watch(self) -> TickWatch:
-        """Return the watchdog that names a blocking leaf, and ends the run on a request meanwhile; in a simulation its goals end with it."""
+        """Return the watchdog that reports a blocking leaf, and ends the run on request."""
         cancel, parameters = None, self._parameters
         if self.simulation is None:
             cancel = make_separate_canceller(self._node)

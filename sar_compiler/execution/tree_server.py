@@ -1,4 +1,4 @@
-"""A node that starts runs of trees for clients, like the server of BehaviorTree.ROS2: one run at a time, by the action `bt_execution`.
+"""A node that starts runs of trees for clients of the action `bt_execution`, like BehaviorTree.ROS2's server.
 
 It is a lifecycle node. Configuring it reads its trees, activating it accepts goals, and deactivating it pauses the current run. If another
 program manages it, it has a bond like Nav2's nodes.
@@ -41,7 +41,7 @@ _TURN_SEC, _LAST_TURNS = 0.1, 5
 
 
 def serve_trees(starter: RunStarter, ros: Sequence[str], signals: StopSignals, *, is_managed: bool) -> bool:
-    """Start runs for clients until a signal comes and the current run has ended.
+    """Start runs for clients until a signal arrives and the current run has ended.
 
     Args:
         starter: Starts them; receives the node.
@@ -78,7 +78,7 @@ def _spin(executor: Executor, node: "TreeExecutionServer", signals: StopSignals)
 
 
 class Bond:
-    """A node's end of its bond, which shows a lifecycle manager, such as Nav2's, that the process is alive.
+    """A node's bond, which shows a lifecycle manager that the process is alive.
 
     Both ends of a bond publish heartbeats on the topic `bond` of ROS's package of that name, and a last message when they end.
     Nav2's manager regards a node as dead if its bond is silent for `bond_timeout`, and does not activate a node without a
@@ -109,7 +109,7 @@ class Bond:
         )
 
     def end(self) -> None:
-        """Take leave."""
+        """Announce the end of the bond."""
         if self._timer is None:
             return
         self._node.destroy_timer(self._timer)
@@ -214,7 +214,7 @@ class TreeExecutionServer(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
-        """Forget the trees and stop the current run."""
+        """Discard the trees and stop the current run."""
         self._trees = ()
         self.stop_run()
         return TransitionCallbackReturn.SUCCESS
@@ -267,7 +267,7 @@ class TreeExecutionServer(LifecycleNode):
             return str(error)
 
     def _take_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
-        self.get_logger().info("The client requests the end of the run.")
+        self.get_logger().info("The client has requested the end of the run.")
         self.stop_run()
         return CancelResponse.ACCEPT
 
@@ -275,7 +275,7 @@ class TreeExecutionServer(LifecycleNode):
         """Start a run and wait for its end."""
         ended: Future = Future(executor=self.executor)
         request, say = goal.request, self.get_logger().info
-        say(f"Run of '{request.target_tree}' starts.")
+        say(f"Starting a run of '{request.target_tree}'.")
         try:
             self._run = self._starter.start(
                 str(request.target_tree),
@@ -303,7 +303,7 @@ class TreeExecutionServer(LifecycleNode):
             goal.publish_feedback(ExecuteTree.Feedback(message=line))
 
     def _schedule(self, call: Callable[[], object]) -> None:
-        """Schedule a call in the executor's thread, in order; its own tasks would start in any order."""
+        """Schedule calls in the executor's thread, in order."""
         self._due.append(call)
         executor = self.executor
         if executor is not None:

@@ -1,4 +1,4 @@
-"""The conditions that end a run; apart from what decides them, so that help names them without importing a tree."""
+"""The conditions that end a run, in a module that `--help` can import quickly."""
 
 from enum import Enum
 

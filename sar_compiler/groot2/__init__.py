@@ -1,4 +1,4 @@
-"""Monitoring of a ticked tree by Groot2: nodes by number, their statuses, and the protocol."""
+"""Monitoring of a ticked tree with Groot2."""
 
 PUBLIC_MODULES = ("groot2_extension",)
 """The modules that other parts may import."""

@@ -23,7 +23,7 @@ class Groot2Extension(RunExtension):
         self._publisher: Groot2Publisher | None = None
 
     def on_compiled(self, tree: "CompiledTree", engine: "Engine") -> None:
-        """Start to answer requests.
+        """Start responding to requests.
 
         Raises:
             SarError: If the port cannot be used, or the tree is too large.
@@ -35,6 +35,6 @@ class Groot2Extension(RunExtension):
             raise SarError(f"--groot2: {error}") from error
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002 - it is answered from before that on
-        """Stop answering requests."""
+        """Stop responding to requests."""
         if self._publisher is not None:
             self._publisher.close()

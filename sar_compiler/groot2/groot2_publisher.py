@@ -46,15 +46,15 @@ class Ticking(Protocol):
 
 
 class Groot2PortError(SarError):
-    """A port cannot be used to answer Groot2."""
+    """A port cannot be used for Groot2."""
 
 
 class RequestError(SarError):
-    """A request that cannot be answered; its text is the reply."""
+    """A request is invalid; the text of the error is the reply."""
 
 
 class Groot2Publisher:
-    """Answers Groot2, and other clients of its protocol, on this machine.
+    """Responds to Groot2 and other clients of its protocol on this machine.
 
     It answers in a thread of its own. No request changes the tree: breakpoints and substituted outcomes are not supported.
 
@@ -120,7 +120,7 @@ class Groot2Publisher:
         ticking.add_visitor(self._changes)
 
     def close(self) -> None:
-        """Stop answering requests; may be called again."""
+        """Stop responding to requests; further calls have no effect."""
         thread, self._thread = self._thread, None
         if thread is None:
             return
@@ -222,7 +222,7 @@ def snapshot(statuses: Iterable[int]) -> bytes:
 
 
 def _plain(value: object) -> object:
-    """Return a copy of a value for msgpack, because the tick may change the value itself.
+    """Return a copy of a value for msgpack, because a tick may change the value.
 
     The result is None for an unsupported value, as BehaviorTree.CPP returns without a converter.
     """

@@ -40,7 +40,7 @@ def read_mcap(path: Path) -> Recording:
         try:
             return _read(messages(descriptor), "mcap")
         except (McapError, EOFError, ValueError, struct.error) as error:
-            raise UnusableRecordingError(f"it is a damaged bag: {error}") from error
+            raise UnusableRecordingError(f"the bag is damaged: {error}") from error
 
 
 def read_db3(connection: sqlite3.Connection) -> Recording:
@@ -95,7 +95,7 @@ class TreeLogReader:
 
 
 def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
-    """Yield the changes in a message: time in microseconds since 1970, name, number and status."""
+    """Yield the status changes in a message: time in microseconds since 1970, name, number and status."""
     order = "<" if data[1] & 1 else ">"
     at = 4
 

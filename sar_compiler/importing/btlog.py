@@ -42,7 +42,7 @@ def read_btlog(data: bytes) -> Recording:
     at += length
     (start,) = _START.unpack_from(data, at)
     if not 0 <= start < _LATEST_USEC:
-        raise UnusableRecordingError(f"its start at byte {at} is no date")
+        raise UnusableRecordingError(f"its start time at byte {at} is not a date")
     at += _START.size
     found = Recording("btlog", start / 1e6, tree)
     whole = (len(data) - at) // _CHANGE.size * _CHANGE.size
@@ -51,7 +51,7 @@ def read_btlog(data: bytes) -> Recording:
     for index, (low, high, uid, status) in enumerate(_CHANGE.iter_unpack(memoryview(data)[at : at + whole])):
         if status > SKIPPED:
             found.flaws.append(
-                f"byte {at + index * _CHANGE.size + _CHANGE.size - 1} is no status: {status}. The rest is left out"
+                f"byte {at + index * _CHANGE.size + _CHANGE.size - 1} is not a status: {status}. The rest was skipped"
             )
             break
         found.add(low | high << 32, uid, status)

@@ -75,7 +75,8 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
     recording = read_recording(path)
     if not recording.times:
         raise UnusableRecordingError(
-            f"{path} has no change of status: the program has not ticked the tree, or was killed before the logger wrote"
+            f"{path} contains no status change: the program has not ticked the tree, or was killed before the "
+            "logger wrote"
         )
     tree = find_tree(recording, path.resolve(), Path(f"{journal}.xml"), projects, trees)
     with closing(JournalFile.create(journal)) as file:

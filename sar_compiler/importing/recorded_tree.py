@@ -94,7 +94,7 @@ class ExportedTree:
 
 
 def read_exported(xml: str) -> ExportedTree:
-    """Return the tree of an export with node numbers, which has one `BehaviorTree` for each use of a subtree.
+    """Read the tree of an export with node numbers, in which each use of a subtree has its own `BehaviorTree`.
 
     Raises:
         UnusableRecordingError: If the text is not such an export.

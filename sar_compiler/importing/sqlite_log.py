@@ -43,13 +43,13 @@ def read_sqlite_log(path: Path) -> Recording:
             tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
             return read_db3(connection) if {"messages", "topics"} <= tables else _read(connection)
         except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
-            raise UnusableRecordingError(f"it is no log of SqliteLogger: {error}") from error
+            raise UnusableRecordingError(f"it is not a log of SqliteLogger: {error}") from error
 
 
 def _read(connection: sqlite3.Connection) -> Recording:
     session, tree = connection.execute(_TREE).fetchone() or (None, "")
     if not isinstance(tree, str) or not tree:
-        raise UnusableRecordingError("it has no tree in its table Definitions")
+        raise UnusableRecordingError("its table Definitions contains no tree")
     found = Recording("SqliteLogger", 0.0, tree)
     first: int | None = None
     for row, (time, uid, status) in enumerate(connection.execute(_CHANGES, (session,)), 1):
@@ -57,7 +57,7 @@ def _read(connection: sqlite3.Connection) -> Recording:
         if not (
             is_number and 0 <= time < _LATEST_USEC and 0 < uid <= _MOST_NODES and IDLE <= status <= SKIPPED
         ):
-            found.flaws.append(f"row {row} of Transitions is no change of status. The rest is left out")
+            found.flaws.append(f"row {row} of Transitions is not a status change. The rest was skipped")
             break
         first = time if first is None else first
         found.add(time - first, uid, status)

@@ -37,7 +37,7 @@ _NEAR = 3
 
 
 class WaitRule(Enum):
-    """The conditions under which a RUNNING node may have returned RUNNING."""
+    """When a RUNNING node may have returned RUNNING."""
 
     FREE = "always: a leaf, or a control of an unknown kind"
     CHILD = "while a child is RUNNING"
@@ -235,7 +235,7 @@ class TickFinder:
         self._has_turned = False
 
     def _visit(self, uid: int, status: int) -> None:
-        """Record the progress of the tick: it has passed all nodes before `_passed`, except the ancestors of the last one, `_done`."""
+        """Record that the tick has passed all nodes before `_passed`, except the ancestors of the last one, `_done`."""
         is_late = self._is_around(uid)
         if is_late or status != RUNNING or not self._children[uid]:
             self._passed, self._done = self._ends[uid], uid
@@ -434,7 +434,7 @@ class TickFinder:
         return not (is_in_order and any(statuses[each] == RUNNING for each in self._children[parent]))
 
     def _shows_end(self, index: int, leaf: int) -> bool:
-        """Return whether a change shows that the parent has processed the end of a leaf: it ends, continues, or resets a child."""
+        """Return whether a change shows that the parent has processed the end of a leaf."""
         uid, parent = self._recording.uids[index], self._parents[leaf]
         is_reset = (
             self._recording.statuses[index] == IDLE
@@ -444,7 +444,7 @@ class TickFinder:
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
     def _was_noticed(self, index: int, parent: int, end: int) -> bool:
-        """Return whether a parent had processed the end of a child by a change, instead of halting the child."""
+        """Return whether a parent had processed the end of a child before a change, instead of halting the child."""
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
             return True
@@ -591,7 +591,7 @@ class TickFinder:
 
 
 def _waiting(node: RunNode) -> WaitRule:
-    """Return when a node may have returned RUNNING, by its semantics."""
+    """Return when a node may have returned RUNNING, according to its semantics."""
     means, count = node.bound.spec.semantics, len(node.children)
     is_decorator = node.bound.spec.kind is not Kind.CONTROL
     if not count or means.possible is None:
@@ -643,7 +643,7 @@ def _repeats(node: RunNode) -> bool:
 
 
 def _thresholds(node: RunNode) -> tuple[int, int]:
-    """Return how many successes, and how many failures, end a Parallel at once; more than its children if unknown."""
+    """Return the numbers of successes and failures that end a Parallel; more than its children if unknown."""
     ports, count = node.bound.spec.semantics.counts, len(node.children)
     if len(ports) != 2:  # noqa: PLR2004 - successes and failures
         return count + 1, count + 1

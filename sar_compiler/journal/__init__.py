@@ -1,4 +1,4 @@
-"""The journal of a mission: its events, on disk before anything acts on them, and its observations.
+"""The journal of a mission: events, which are on disk before they take effect, and observations.
 
 Only the mission's own process writes to the file. All later displays of the mission are read from it.
 """

@@ -96,7 +96,7 @@ def _text(values: Any) -> str:
 
 
 def _blob(value: bytes) -> list[str]:
-    """Return a text for bytes: a journal contains none, so the text matches no entry."""
+    """Return a text for bytes, which matches no entry, because journals contain no bytes."""
     return [value.hex()]
 
 
@@ -176,7 +176,7 @@ class JournalChain(NamedTuple):
 
 
 def follow(entries: Iterable[tuple[Any, ...]]) -> JournalChain:
-    """Check a chain from its start to its end, or to the first entry that does not match.
+    """Check a chain up to its end or the first entry that does not match.
 
     Args:
         entries: The entries, as `chained` yields them.

@@ -1,4 +1,4 @@
-"""The objects of commands: a comparison of the state that the operator saw with the present one.
+"""The objects of commands: a comparison of the state that the operator saw with the current one.
 
 A page shows the state of a moment ago, and a person needs seconds to confirm a command. Meanwhile the robot may have reached the next
 place, or another operator may have reviewed the same detection. So each command carries what its sender saw, by the keys of this module, and the

@@ -206,7 +206,7 @@ class JournalFile:
 
     @classmethod
     def create(cls, path: Path) -> "JournalFile":
-        """Create a journal, or take over one in which no run has started, and lock it.
+        """Create a journal, or reuse one in which no run has started, and lock it.
 
         Raises:
             JournalError: If the file cannot be created, belongs to another process, or has a mission.
@@ -252,7 +252,7 @@ class JournalFile:
         self._write_spilled(self._spilled_entries())
 
     def _spilled_entries(self) -> SpilledEntries:
-        """Return the content of the reserve beside it, if it belongs to this journal."""
+        """Return the content of the journal's reserve, if it belongs to this journal."""
         kept = read_reserve(self.path)
         began = self._connection.execute("SELECT min(began) FROM run").fetchone()[0]
         return kept if kept.began == began else SpilledEntries()
@@ -264,7 +264,7 @@ class JournalFile:
             self.write((), [fact for fact in kept.facts if fact.number not in known], kept.end)
 
     def _show(self, kept: SpilledEntries) -> None:
-        """Include the entries of its reserve in reads, as if they were in the file."""
+        """Include the entries of the reserve in reads."""
         if kept.facts or kept.end:
             self._connection.executescript(_OVERLAY)
             self._connection.executemany("INSERT INTO kept VALUES (?, ?, ?, ?, ?, ?)", kept.facts)
@@ -272,7 +272,7 @@ class JournalFile:
                 self._connection.execute(_END_OF_RUN, _end_of_run(kept.end))
 
     def reserve(self) -> SpillFile:
-        """Return its reserve, created if missing; from here on other processes' locks are not waited for.
+        """Return the journal's reserve, and create it if missing; do not wait for other processes' locks afterwards.
 
         Raises:
             JournalError: If it cannot be created.
@@ -285,7 +285,7 @@ class JournalFile:
 
     @classmethod
     def read(cls, path: Path) -> "JournalFile":
-        """Open a journal for reading, also while a run writes to it.
+        """Open a journal for reading, even while a run writes to it.
 
         Raises:
             JournalError: If it cannot be opened, or is no journal of this version.
@@ -349,7 +349,7 @@ class JournalFile:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Limit the work of a read, and raise its errors in words.
+        """Limit the work of a read, and explain its errors.
 
         Raises:
             JournalError: If it cannot be read.
@@ -398,22 +398,22 @@ class JournalFile:
         return self._read("fact")
 
     def watched(self, *kinds: str) -> Iterator[JournalEntry]:
-        """Yield observations in order: entries of the given kinds, or of all kinds by default."""
+        """Yield observations of some kinds, by default of all kinds, in order."""
         return self._read(f"watched WHERE kind IN ({_places(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in their order, one by one, as `Journal.listen` gives them live, without some observed kinds."""
+        """Yield all entries in order, as `Journal.listen` delivers them, without some kinds of observations."""
         for number, entry in enumerate(self.every_run(without=without), 1):
             yield JournalEntry(number, *entry[1:])
 
     def every_run(self, *, without: Sequence[str] = (), is_condensed: bool = False) -> Iterator[JournalEntry]:
-        """Yield all entries in their order, with the numbers that they have in the file; arguments as for `last_run`."""
+        """Yield all entries in order, with their numbers in the file; arguments as for `last_run`."""
         with self.snapshot():
             for run in self.runs():
                 yield from self._of_run(run, without, is_condensed=is_condensed)
 
     def stream_after(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries after a position in order, with their stream numbers, without some observed kinds."""
+        """Yield all entries after a position in order, with their stream numbers, without some kinds of observations."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
@@ -422,7 +422,7 @@ class JournalFile:
     def last_run(
         self, *, without: Sequence[str] = (), is_condensed: bool = False, log: TickLog | None = None
     ) -> Iterator[JournalEntry]:
-        """Yield the entries of the last run in their order, one by one.
+        """Yield the entries of the last run in order.
 
         Args:
             without: Watched kinds that are left out.
@@ -509,7 +509,7 @@ class JournalFile:
         return JournalEntry(END, run.number, run.ended, last, RUN_ENDED, data)
 
     def news(self, mark: "ReadCursor") -> "tuple[list[JournalEntry], ReadCursor]":
-        """Return the entries since a read position in order, and the next position.
+        """Return the entries after a read position, and the next position.
 
         Args:
             mark: The read position.
@@ -635,7 +635,7 @@ class JournalFile:
         return int(number)
 
     def write(self, watched: Iterable[Row], facts: Sequence[Row] = (), end: RunEnd | None = None) -> None:
-        """Write observations, events and ends of runs; events and ends are on disk when this returns.
+        """Write observations, events and ends of runs; the latter two are on disk when this returns.
 
         It does not wait: if another process has locked the file, or it cannot be written, no row is written.
         """
@@ -676,7 +676,7 @@ class JournalFile:
             raise
 
     def move(self, path: Path) -> None:
-        """Close it and rename it, with any files of SQLite beside it.
+        """Close and rename the file, including SQLite's auxiliary files.
 
         Raises:
             JournalError: If the name exists, or the file cannot be moved.
@@ -711,7 +711,7 @@ class JournalFile:
 
 
 def is_locked(path: Path) -> bool:
-    """Return whether another process is writing to a journal; not for the writing process itself."""
+    """Return whether another process is writing to a journal."""
     import fcntl
 
     try:
@@ -728,7 +728,7 @@ def is_locked(path: Path) -> bool:
 
 
 def _is_used(path: Path) -> bool:
-    """Return whether a process writes the journal: it holds the lock, and soon also a write-ahead log."""
+    """Return whether a process writes to the journal."""
     for _ in range(_ATTEMPTS):
         if Path(f"{path}-wal").exists():
             return True
@@ -739,7 +739,7 @@ def _is_used(path: Path) -> bool:
 
 
 def _locked(path: Path) -> int:
-    """Open or create a file, and lock it; the lock ends with the process, however that ends."""
+    """Open or create a file, and lock it until the process ends."""
     # Not blocking: a pipe without a reader would keep the command for good.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
     try:
@@ -758,7 +758,7 @@ def _locked(path: Path) -> int:
 
 
 def _lock(descriptor: int) -> None:
-    """Lock a file; retry, because a process that only tests the lock holds it for a moment."""
+    """Lock a file; retry, because another process may be testing the lock."""
     import fcntl
 
     for left in reversed(range(_ATTEMPTS)):
@@ -785,7 +785,7 @@ def _end_of_run(end: RunEnd) -> tuple[object, ...]:
 
 
 def _is_sqlites(name: object, text: object) -> bool:
-    """Return whether SQLite creates a part of a database by itself: a key's index, or results of ANALYZE."""
+    """Return whether SQLite creates a part of a database automatically, such as a key's index."""
     return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
 
 
@@ -816,7 +816,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 class _QueryBudget:
-    """Limits the work of SQLite for one read, since a malicious file can keep it busy forever.
+    """Limits the work of SQLite for one read, because a malicious file could block it forever.
 
     Args:
         steps: The number of SQLite's steps.
@@ -832,13 +832,13 @@ class _QueryBudget:
         self._left = self._steps
 
     def is_over(self) -> bool:
-        """Return whether SQLite must give up; its progress handler, called after some steps."""
+        """Return whether SQLite must abort; called as its progress handler."""
         self._left -= self.STRIDE
         return self._left < 0
 
     @property
     def was_interrupted(self) -> bool:
-        """Whether SQLite has given up for another reason: Ctrl-C, which it does not pass on."""
+        """Whether SQLite has aborted for another reason, such as Ctrl-C."""
         return self._left >= 0
 
 
@@ -852,7 +852,7 @@ def _connected(target: str | Path, **options: Any) -> sqlite3.Connection:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
-    """Raise errors of SQLite, and of damaged contents, as errors of the journal in words."""
+    """Convert errors of SQLite and of damaged contents to errors of the journal."""
     try:
         yield
     except UnreadableFileError as error:

@@ -206,7 +206,7 @@ class Gauge(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """A message that a person must see.
+    """A message that requires a person's attention.
 
     Attributes:
         text: The message. An alarm with another text is another alarm.
@@ -220,7 +220,7 @@ class Alarm(NamedTuple):
 
 
 class MissionPhase(NamedTuple):
-    """The present phase, as far as the mission itself knows it.
+    """The current phase according to the mission.
 
     Attributes:
         name: `held`, `aborted`, `working`, or another word; empty if the run determines it (driving, waiting, over).
@@ -271,7 +271,7 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
 
 
 def with_author(text: str, author: CommandAuthor) -> str:
-    """Return a sentence about a command with its author instead of `the operator` or in front, and the reason at its end."""
+    """Add the author and the reason to a sentence about a command."""
     by, reason = author
     if by and by not in text:
         text = text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"
@@ -279,7 +279,7 @@ def with_author(text: str, author: CommandAuthor) -> str:
 
 
 def changes_of_event(fact: JournalEntry, sentence: str, before: Display, after: Display) -> dict[str, Any]:
-    """Return the changes by an event, with the event as a sentence: the data of its `changed` entry; may be empty.
+    """Return the data of an event's `changed` entry: the changes and a sentence; may be empty.
 
     Goals, and the end of a run, have other entries.
     """
@@ -297,7 +297,7 @@ def _raised(before: Sequence[Alarm], after: Sequence[Alarm]) -> Iterator[Alarm]:
 
 
 def beginning(kinds: Iterable[LandmarkKind], shown: Display) -> dict[str, Any]:
-    """Return the whole display at a run's start as JSON values: the data of the run's first `changed` entry."""
+    """Return the data of a run's first `changed` entry: the whole display as JSON values."""
     return {"kinds": [_plain(each) for each in kinds], **changes(Display(), shown)}
 
 
@@ -315,7 +315,7 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 class DisplayState:
-    """The display state of a mission, folded from the `changed` entries of its journal.
+    """The display state of a mission, computed from the `changed` entries of its journal.
 
     Args:
         starts: The start of each run, by its number, in seconds of the mission's clock. Times of details are relative to it.

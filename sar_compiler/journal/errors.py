@@ -4,7 +4,7 @@ from sar_compiler.errors import SarError
 
 
 class JournalError(SarError):
-    """A journal cannot be used, or must not be used in this way; nothing has moved."""
+    """A journal cannot be used, or must not be used in this way; the robot has not moved."""
 
 
 class JournalPlaceError(JournalError):

@@ -33,7 +33,7 @@ class Georeference(NamedTuple):
         return None if any(place.mistakes()) else place
 
     def mistakes(self) -> Iterator[tuple[str, str]]:
-        """Yield the name of each number that is out of its range, with the problem in words."""
+        """Yield the name of each number out of range, with a description of the problem."""
         for name, value, most in zip(self._fields, self, _MOST, strict=True):
             if not abs(value) <= most:  # NaN is an error, too
                 yield name, f"must be degrees between -{most} and {most}, not {value:g}"

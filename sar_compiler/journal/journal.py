@@ -42,10 +42,10 @@ _MOST_FACTS, _MOST_WATCHED = 10_000, 20_000
 
 
 class FactState(Protocol):
-    """A state folded from events: the memory of a mission and its display."""
+    """A state computed from events, such as that of a mission."""
 
     def apply(self, fact: JournalEntry) -> None:
-        """Apply an event to the state, by the same code in the run that writes it and in a later run that resumes.
+        """Apply an event to the state, in the run that writes it and in runs that resume.
 
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event is impossible now.
@@ -62,7 +62,7 @@ class FactState(Protocol):
 
 
 class SentGoal(NamedTuple):
-    """A goal that a run has sent and whose end it has not seen.
+    """A goal that a run has sent, without an observed end.
 
     Attributes:
         action: The action's full name.
@@ -80,7 +80,7 @@ def _sent_goal(fact: JournalEntry) -> SentGoal:
         and re.fullmatch("[0-9a-f]{32}", goal.goal_id)
     ):
         message = (
-            f"fact {fact.number} of the journal, {fact.kind} {dict(fact.data)}, is not a goal of an action"
+            f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, is not a goal of an action"
         )
         raise JournalError(message)
     return goal
@@ -169,7 +169,7 @@ class Journal:
         return self.is_kept or bool(self._listeners)
 
     def listen(self, listener: Listener) -> None:
-        """Call a function with each entry after it is written, also without a file.
+        """Register a function to call with each entry after it is written.
 
         It is called in the thread of the mission, and must return at once. A function that raises an error is not called again. In addition to
         events and observations it receives the run's start and end; `JournalFile.stream` yields the same from a file.
@@ -183,7 +183,7 @@ class Journal:
 
     @property
     def about(self) -> Mapping[str, object]:
-        """The mission's description, as written by its first run; empty before."""
+        """The mission's description, which its first run writes; empty before."""
         return self._about
 
     def earlier(self) -> list[JournalEntry]:
@@ -209,7 +209,7 @@ class Journal:
         return [goal for goal in dict.fromkeys(sent) if times[goal.goal_id] > ends[goal.goal_id]]
 
     def attach(self, state: FactState, kinds: Iterable[LandmarkKind] = ()) -> None:
-        """Apply events to a state: those of earlier runs now, and each new one when it is recorded.
+        """Apply the events of earlier runs to a state now, and each new event when it is recorded.
 
         Args:
             state: The state of a mission that has just started.
@@ -229,7 +229,7 @@ class Journal:
                 ValueError,
             ) as error:
                 raise JournalError(
-                    f"fact {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not fit: {error}"
+                    f"event {fact.number} of the journal, {fact.kind} {dict(fact.data)}, does not fit: {error}"
                 ) from error
         self._state, self._apply, self._kinds = state, state.apply, tuple(kinds)
 
@@ -384,7 +384,7 @@ class Journal:
         self._tell(entry)
 
     def write_when_due(self) -> None:
-        """Write the queue if its oldest entry is a second old, or the last attempt failed a second ago."""
+        """Write the queue if its oldest entry or the last failed attempt is a second old."""
         if (self._watched or self._is_failing) and time.monotonic() - self._pending_since >= _BATCH_SEC:
             self._write()
 
@@ -469,7 +469,7 @@ class Journal:
             return
         self._is_failing = True
         beside = (
-            "facts are kept beside it"
+            "events are stored beside it"
             if self._reserve
             else "until then the mission cannot be resumed from here"
         )
@@ -479,7 +479,7 @@ class Journal:
         )
 
     def _keep(self, kept: SpilledEntries) -> None:
-        """Write events to the reserve; give up if that is impossible as well."""
+        """Write events to the reserve; raise an error if that is impossible, too."""
         if self._reserve is not None:
             try:
                 self._reserve.keep(kept, self._numbers)
@@ -495,5 +495,5 @@ class Journal:
         without = f", without {self._left_out} observations" if self._left_out else ""
         self._left_out = 0
         self.on_recovery(
-            f"The journal {self.place} is written again and has the events of the meantime{without}."
+            f"The journal {self.place} is written again, including the events of the meantime{without}."
         )

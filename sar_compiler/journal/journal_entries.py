@@ -68,7 +68,7 @@ _VALUE_TYPES: dict[str, dict[str, type]] = {
 
 
 def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
-    """Check the values of an entry as it is read from a file, which may have been altered.
+    """Check the values of an entry from a file, which may have been altered.
 
     Raises:
         TypeError: If the project never writes such a value.

@@ -12,7 +12,7 @@ _TRIES = 4
 
 
 class JournalFollower:
-    """Reads the new entries of a journal at each call; the file need not exist yet.
+    """Reads the new entries of a journal, which need not exist yet.
 
     Args:
         path: Its present or future path.
@@ -25,7 +25,7 @@ class JournalFollower:
         self._failed = 0
 
     def news(self) -> list[JournalEntry]:
-        """Return the entries since the last call; all of them, if another mission has started in the file.
+        """Return the entries since the last call, or all entries if a different mission has started in the file.
 
         Raises:
             JournalError: If it is no journal or is unreadable, in several calls in a row.

@@ -31,7 +31,7 @@ def default_place(node: str, environment: Mapping[str, str] = os.environ) -> Pat
 
 
 def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the path of the journal for a simulated run of a node, apart from those of robots.
+    """Return the path of the journal for a simulated run of a node.
 
     Args:
         node: The node's full name.
@@ -48,7 +48,7 @@ def simulated_place(node: str, *, resume: bool, environment: Mapping[str, str] =
 
 
 def delete_old_simulated(place: Path) -> None:
-    """Delete old journals of simulated runs before a new one, except the last ten and those that are written to."""
+    """Delete old journals of simulated runs, except for the last ten and active ones."""
     others = [path for path in _by_age(place.parent) if path != place]
     for path in others[: 1 - _KEPT_SIMULATED]:
         if not is_locked(path):
@@ -100,8 +100,7 @@ def _judged(file: JournalFile, *, resume: bool, anew: bool, is_named: bool) -> J
     if resume:
         if last.is_over:
             raise JournalError(
-                f"the mission in the journal {file.path} is over ({last.reason}). There is nothing to resume. Omit "
-                "--resume to start over"
+                f"the mission in the journal {file.path} is over ({last.reason}). Omit --resume to start over"
             )
         return Journal(file)
     if not (anew or last.is_over or (last.ending is Ending.STOPPED and not is_named)):

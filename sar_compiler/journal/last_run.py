@@ -1,4 +1,4 @@
-"""The events and the ticks of a journal's last run, which are read from the file again and again: a long run takes much memory."""
+"""The events and ticks of a journal's last run, which are read repeatedly from the file to save memory."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

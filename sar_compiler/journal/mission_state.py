@@ -1,4 +1,4 @@
-"""The state of a mission, folded from the entries of its journal, for the page, reports and the terminal.
+"""The state of a mission, computed from the entries of its journal, for the page, reports and the terminal.
 
 The entries arrive one by one while the mission runs (`Journal.listen`), or all at once from a file (`JournalFile.stream`); the
 state is the same. Entries of other kinds, or without the data of their kind, are events of the mission.
@@ -127,7 +127,7 @@ def answer_words(status: str, label: str | None) -> str:
     """
     if label is None or not status:
         return status
-    return f"{status} ({label or 'answer not said'})"
+    return f"{status} ({label or 'outcome not reported'})"
 
 
 @dataclass
@@ -191,7 +191,7 @@ class NodeState:
 
     @property
     def has_part(self) -> bool:
-        """Whether its status belongs to the present activation of its parent."""
+        """Whether its status belongs to the current activation of its parent."""
         return self.status not in _WITHOUT_PART
 
 
@@ -313,7 +313,7 @@ class MissionState:
         self._know(kind, entry.data)
 
     def take_status(self, entry: JournalEntry) -> NodeState:
-        """Apply a status whose data are known to be valid, as most entries are; return the state of its node."""
+        """Apply a status with valid data, and return the state of its node."""
         self._entry, self._now = entry, None
         data = entry.data
         state: NodeState = self.nodes[data["node"]]
@@ -326,7 +326,7 @@ class MissionState:
         return state
 
     def adopt_statuses(self, other: "MissionState") -> None:
-        """Take over the nodes of another state of the same run, which alone has received their statuses."""
+        """Take the nodes' states from another state of the same run."""
         self.nodes, self.tick = other.nodes, other.tick
         last = other._entry  # noqa: SLF001 - of this class
         if (self._entry.run, self._entry.number) < (last.run, last.number):
@@ -365,7 +365,7 @@ class MissionState:
 
     @property
     def phase(self) -> MissionPhase:
-        """The phase while its run has not ended: the mission's own, an obstacle, or whether it drives."""
+        """The phase of an active run: the mission's own, an obstacle, or driving."""
         told = self.situation.phase
         told = told._replace(reason=self.order or told.reason)
         if self.breakpoint:
@@ -386,13 +386,13 @@ class MissionState:
 
     @property
     def gauges(self) -> list[Gauge]:
-        """The gauges: the battery, as reported by the mission or else the robot, and the mission's other gauges."""
+        """The gauges: the battery and the mission's other gauges."""
         told = self.situation.gauges
         own = [self.battery] if self.battery is not None and self.battery.name not in told else []
         return [*own, *told.values()]
 
     def word_of(self, watched: WatchedProperty) -> str:
-        """Return the state of a property in a word: `broken`, `owed`, or else `watched`, `kept` after the run's end."""
+        """Return the state of a property: `broken`, `owed`, `watched`, or after the run `kept`."""
         if watched.broken is not None:
             return "broken"
         if watched.is_owed:
@@ -401,7 +401,7 @@ class MissionState:
 
     @property
     def likely_end(self) -> float | None:
-        """The estimated end of the mission from the present drive and the mean of finished visits; None without a mean.
+        """The estimated end of the mission, from the current drive and the mean duration of visits; None if unknown.
 
         Seconds of the mission's clock since the run's start.
         """
@@ -479,7 +479,7 @@ class MissionState:
         self.breakpoint = str(text)
 
     def _on_battery(self, share: float, at_least: float | None = None) -> None:
-        """A mission with a gauge of this name reports it itself; a battery report with a limit applies once."""
+        """Update the battery's gauge, unless the mission reports it."""
         if not math.isfinite(share):
             raise ValueError(share)
         known = None if self.battery is None else self.battery.least
@@ -586,7 +586,7 @@ class MissionState:
 
 
 def tree_nodes(tree: Any) -> Iterator[NodeState]:
-    """Yield the nodes of a journal's tree in pre-order; anything else in it is ignored."""
+    """Yield the nodes of a journal's tree in pre-order; ignore other content."""
     waiting: list[tuple[Any, NodeState | None]] = [(tree, None)] if isinstance(tree, Mapping) else []
     number = 0
     while waiting:

@@ -98,13 +98,13 @@ class NodeEnds:
         return self._began_sec.get(number, 0.0)
 
     def is_in_activation(self, number: int) -> bool:
-        """Return whether the last end of a node belongs to the present activation of its parent."""
+        """Return whether the last end of a node belongs to the current activation of its parent."""
         parent = self._nodes[number].parent
         began = self._began.get(parent, 0) if parent is not None else 0
         return self._gone.get(number, began) >= began
 
     def failed_before(self, number: int) -> Iterator[int]:
-        """Yield the earlier siblings of a node that failed in their parent's present activation, so that it was ticked."""
+        """Yield the failed earlier siblings because of which a node was ticked."""
         parent = self._nodes[number].parent
         if parent is None:
             return

@@ -1,4 +1,4 @@
-"""The open tasks of a mission: what a person has to do now, the most urgent first.
+"""The open tasks of a mission for people, the most urgent first.
 
 They are computed once, beside the status line, so that page, terminal and reports never disagree. Green means that there are none.
 """
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from sar_compiler.journal.display import Landmark, Level
 from sar_compiler.journal.mission_state import MissionState
 from sar_compiler.journal.status_line import (
-    BROKEN_OFF,
+    CRASHED,
     ERROR,
     GOOD,
     LOST,
@@ -29,7 +29,7 @@ _MOST_NAMES = 5
 
 
 class OpenTask(NamedTuple):
-    """Something that a person has to do.
+    """A task for a person.
 
     Attributes:
         level: Its severity: `warning` or `error`.
@@ -49,7 +49,7 @@ class OpenTask(NamedTuple):
 
 
 def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
-    """Return the open tasks of a mission, errors first, otherwise in the order of urgency."""
+    """Return the open tasks of a mission: errors first, then by urgency."""
     if not state.runs:
         return ()
     landmarks = state.situation.landmarks.values()
@@ -73,11 +73,11 @@ def severity(state: MissionState) -> str:
 
 
 def _of_robot(state: MissionState) -> Iterator[OpenTask]:
-    """Yield what the robot and its process need."""
+    """Yield the tasks about the robot and its process."""
     now, run = condition(state), state.runs[-1]
-    if now.word == LOST or (now.word == BROKEN_OFF and state.goals) or (run.ending and state.goals):
+    if now.word == LOST or (now.word == CRASHED and state.goals) or (run.ending and state.goals):
         yield OpenTask(ERROR, _STOP_BUTTON)
-    elif now.word == BROKEN_OFF:
+    elif now.word == CRASHED:
         yield OpenTask(ERROR, "Have the mission resumed, or fetch the robot: its program has crashed")
     elif run.ending and run.status and (end := _missed_end(state)):
         yield OpenTask(WARNING, f"Fetch the robot: it has not reached {end.name}", *_place(end))
@@ -96,7 +96,7 @@ def _is_over(state: MissionState) -> bool:
 
 
 def _missed_end(state: MissionState) -> Landmark | None:
-    """Return the place where the robot must end and is not; None if it is there, or none is known."""
+    """Return the final location that the robot has not reached; None if there is none."""
     ends = [each for each in state.situation.landmarks.values() if state.situation.kind_of(each).is_end]
     return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
 
@@ -118,7 +118,7 @@ def _of_gauges(state: MissionState) -> Iterator[OpenTask]:
 
 
 def _of_detections(state: MissionState) -> Iterator[OpenTask]:
-    """Yield the detections that nobody has reviewed, and those whose report the mission did not finish."""
+    """Yield the tasks about unreviewed detections and unfinished reports."""
     is_over = _is_over(state)
     for each in state.situation.found():
         kind = state.situation.kind_of(each)
@@ -132,7 +132,7 @@ def _of_detections(state: MissionState) -> Iterator[OpenTask]:
 
 
 def _of_places(state: MissionState) -> Iterator[OpenTask]:
-    """Yield the places that the robot has given up, and after the run all that it has not finished, by kind and state."""
+    """Yield the tasks about abandoned locations, and after the run about all unfinished ones."""
     is_over, groups = _is_over(state), dict[tuple[str, str], list[Landmark]]()
     for each in state.situation.landmarks.values():
         kind = state.situation.kind_of(each)

@@ -24,7 +24,7 @@ GONE = {"HALTED": HALTED, "IDLE": RESET}
 
 
 def is_status(entry: JournalEntry, count: int) -> bool:
-    """Return whether an entry is a valid status of a node, for a tree with this many nodes."""
+    """Return whether an entry is a valid status of a node in a tree of some size."""
     if entry.kind != STATUS:
         return False
     data = entry.data
@@ -85,7 +85,7 @@ class _RecordedRun:
         self._events: list[Event] = []
 
     def take(self, entry: JournalEntry) -> Sequence[Event]:
-        """Process an entry; return the events of the tick before, if it is the first of another one."""
+        """Process an entry; if it starts a tick, return the previous tick's events."""
         ended: Sequence[Event] = ()
         data = entry.data
         if is_status(entry, len(self._nodes)):

@@ -1,4 +1,4 @@
-"""The ticks of a recorded run in little memory, by the statuses of their nodes: few ticks of a long run differ.
+"""A compact store of a recorded run's ticks, most of which have equal statuses.
 
 Their events are those of `recorded_events` without the ones that need more than statuses: starts, decisions and facts.
 """
@@ -57,7 +57,7 @@ class TickSource(ABC):
 
     @abstractmethod
     def read_ticks(self) -> Iterator[LoggedTick]:
-        """Yield the ticks, with those between them in which nothing was recorded."""
+        """Yield the ticks, including those without recorded events."""
 
 
 class TickLog(TickSource):
@@ -151,7 +151,7 @@ class TickLog(TickSource):
         return number
 
     def read_ticks(self) -> Iterator[LoggedTick]:
-        """Yield the ticks, with those between them in which nothing was recorded."""
+        """Yield the ticks, including those without recorded events."""
         self.end_tick()
         before, time_before, root = 0, 0.0, ""
         for number, time_sec, content in zip(self._numbers, self._times, self._contents, strict=True):

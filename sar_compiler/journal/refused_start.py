@@ -38,7 +38,7 @@ class RefusedStart(NamedTuple):
 
 
 def record_refusal(journal: Path, status: int, reason: str) -> None:
-    """Record that the start of a run was refused; if that is impossible, the terminal alone has the reason."""
+    """Record that the start of a run was refused, if possible."""
     with suppress(OSError, ValueError):
         place = _beside(journal)
         written = place.with_name(f"{place.name}.{os.getpid()}")

@@ -1,4 +1,4 @@
-"""Read the rows of a journal as entries. Most rows are statuses, and few of those differ in more than their tick.
+"""Read the rows of a journal as entries, with a fast path for repeated statuses.
 
 Condensed reading omits rows that repeat a running node's status with another message; a reader needs the last one. A leaf
 that drives reports its distance in every tick, and such rows are most of a long journal. The results computed from statuses
@@ -27,7 +27,7 @@ _UNKNOWN = -1
 
 
 class _StatusText:
-    """The text of a status from its word on.
+    """The text of a status entry, starting at the status.
 
     Attributes:
         rest: For a running node, the part after the message; else None.
@@ -156,7 +156,7 @@ def _entry(row: RawRow) -> JournalEntry:
 
 
 def finite(number: Any) -> float:
-    """Return a time that was read.
+    """Return a time from a file, which must be finite.
 
     Raises:
         ValueError, TypeError: If it is no finite number.
@@ -167,7 +167,7 @@ def finite(number: Any) -> float:
 
 
 def mapping(text: str) -> dict[str, Any]:
-    """Return the names and values in a text of JSON.
+    """Parse a JSON object.
 
     Raises:
         ValueError, TypeError: If it is something else.

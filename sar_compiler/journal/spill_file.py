@@ -50,7 +50,7 @@ class SpilledEntries(NamedTuple):
 
 
 def lost(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return the event that replaces lost events: their count, and the numbers assigned until then."""
+    """Return the event that replaces lost events, with their count and the assigned numbers."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 
@@ -81,7 +81,7 @@ class SpillFile:
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
     def keep(self, kept: SpilledEntries, numbers: Mapping[str, int]) -> None:
-        """Replace its content; the new content is on disk when this returns.
+        """Replace the content; the new content is on disk when this returns.
 
         Args:
             kept: The new content. An event states the number of events that do not fit.
@@ -161,7 +161,7 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
 
 
 def _fitting(kept: SpilledEntries, numbers: Mapping[str, int]) -> str:
-    """Return the content as text of a slot's size at most."""
+    """Return the content as a text that fits into a slot."""
     count = len(kept.facts)
     while True:
         facts = [*kept.facts[:count], *([lost(kept.facts[count:], numbers)] if kept.facts[count:] else [])]

@@ -1,4 +1,4 @@
-"""The status line of a mission: a word, its severity, since when, and why.
+"""The status line of a mission: word, severity, start and reason.
 
 Page, terminal, reports and `sar-journal show` use it.
 """
@@ -67,7 +67,7 @@ def condition(state: MissionState) -> StatusLine:
     if run.ending:
         return _ended(state, run)
     if process.is_gone:
-        return StatusLine(BROKEN_OFF, ERROR, now, _last_words(state))
+        return StatusLine(CRASHED, ERROR, now, _last_words(state))
     # A drive writes an entry every second of the mission's clock.
     if process.silent_sec > _LONG_SILENCE_SEC and state.drive is not None:
         return StatusLine(LOST, ERROR, now, silence(process.silent_sec))
@@ -78,8 +78,8 @@ def condition(state: MissionState) -> StatusLine:
 
 
 def silence(seconds: float) -> str:
-    """Return the meaning of a silence of some seconds."""
-    return f"No word for {clock_text(seconds)}. The robot may still be driving."
+    """Describe a silence of some seconds."""
+    return f"No contact for {clock_text(seconds)}. The robot may still be driving."
 
 
 def _ended(state: MissionState, run: RunState) -> StatusLine:

@@ -66,7 +66,7 @@ class StatusWatch(VisitorBase):
         journal.leaf_in_hand = self._leaf_in_hand
 
     def _leaf_in_hand(self) -> Mapping[str, int]:
-        """Return the leaf whose method is running, and the tick; nothing if no leaf is ticked.
+        """Return the leaf whose method is running, and the tick; empty if there is none.
 
         Events are rare, and ticks are frequent. So Python's stack is searched for each event, and ticks do no work.
         This finds a leaf of any class, in any engine.
@@ -112,7 +112,7 @@ class StatusWatch(VisitorBase):
         self._journal.write_when_due()
 
     def _label(self, behaviour: Behaviour, status: str) -> str | None:
-        """Return the label of a leaf's answer; empty if several are possible, None if it declares none."""
+        """Return the label of a leaf's outcome; empty if several are possible, None if it declares none."""
         declared = self._answers.get(behaviour.id)
         if declared is None:
             return None

@@ -1,4 +1,4 @@
-"""The language server: answers editors' requests about tree files during editing."""
+"""The language server for tree files."""
 
 PUBLIC_MODULES = ("features",)
 """The modules that other parts may import."""

@@ -1,4 +1,4 @@
-"""The requests of an editor that the server answers, by their names in the Language Server Protocol."""
+"""The supported requests of the Language Server Protocol."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -112,7 +112,7 @@ async def _tree(server: TreeServer, uri: str) -> ProjectTree | None:
 
 
 def _formatted(server: TreeServer, tree: ProjectTree) -> list[lsp.TextEdit]:
-    """Return the edit that gives a file its canonical form.
+    """Return the edit that formats a file canonically.
 
     Raises:
         JsonRpcInvalidParams: If it has no canonical form.

@@ -123,14 +123,14 @@ class OpenText:
         return FORMS.get(self.path.suffix.lower(), Form.XML)
 
     def is_foreign(self) -> bool:
-        """Return whether it has not been a tree since it was opened: editors send all XML and YAML files."""
+        """Return whether an open file has never been a tree file."""
         is_other = is_other_file_type(self.text, self.form)
         self._was_tree = self._was_tree or bool(self.text.strip() and not is_other)
         return is_other and not self._was_tree
 
     @property
     def current_tree(self) -> ProjectTree | None:
-        """The file in its present state; None while it cannot be parsed, or before."""
+        """The parsed file; None while it cannot be parsed."""
         return self.tree if self.tree is not None and self.tree.source.text == self.text else None
 
     def change(self, text: str, version: int | None) -> None:
@@ -143,7 +143,7 @@ class OpenText:
         self._edited = self._grown(edit)
 
     def _grown(self, edit: Edit) -> tuple[int, int]:
-        """Return the position of typing: adjacent edits belong together."""
+        """Return the region of continued typing, in which adjacent edits are joined."""
         start, end = edit.start, edit.start + edit.length
         if self._edited is None or edit.end < self._edited[0] or edit.start > self._edited[1]:
             return start, end

@@ -134,7 +134,7 @@ class TreeServer(LanguageServer):
         self._loop.call_soon_threadsafe(self.window_log_message, lsp.LogMessageParams(kind, text))
 
     def _read(self, path: Path) -> TreeFile:
-        """Read a file in the editor's version; an unchanged file only once, because each change also checks other files."""
+        """Read a file in the editor's version; cache unchanged files."""
         text = self._texts.get(real_path(path))
         content = read_file(path, TREE) if text is None else None
         version = text if content is None else content.identity
@@ -167,14 +167,14 @@ class TreeServer(LanguageServer):
         self.renew()
 
     def closed(self, uri: str) -> None:
-        """Forget a file's text; its findings are no longer sent unless another file includes it."""
+        """Discard a closed file's text, and its findings unless another file includes it."""
         self._open.pop(uri, None)
         self._wanted.pop(uri, None)
         self._publish(uri, *self._told.pop(uri, ()))
         self.renew()
 
     def renew(self) -> None:
-        """Check all open files again: something has changed outside them."""
+        """Check all open files again after a change outside of them."""
         self._loader = self._new_loader()
         for uri in self._open:
             self._request_check(uri)
@@ -257,7 +257,7 @@ class TreeServer(LanguageServer):
         return tree, findings
 
     async def _in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
-        """Return the result of some work on a file; None with a report if it exceeds its budget."""
+        """Return the result of some work on a file; report an exhausted budget, and return None."""
         budget = self._new_budget()
 
         def work() -> _OfThread | None:
@@ -297,7 +297,7 @@ class TreeServer(LanguageServer):
                 self._publish_about(about)
 
     def _publish_about(self, uri: str) -> None:
-        """Send all findings about one file: its own, and those of files that include it."""
+        """Send all findings about one file, including those found by checks of other files."""
         file = self._open.get(uri)
         told: dict[object, lsp.Diagnostic] = {}
         if file is not None:
@@ -375,7 +375,7 @@ class TreeServer(LanguageServer):
         return lsp.Location(self._as_opened(uri), self.range_of(spot.source, *spot.source.offsets(spot.span)))
 
     def _as_opened(self, uri: str) -> str:
-        """Return the name that the editor has for a file: it may have opened it by a link."""
+        """Return the editor's URI of a file, which may refer to a link."""
         path = to_fs_path(uri)
         return next((name for name, each in self._open.items() if str(real_path(each.path)) == path), uri)
 
@@ -492,7 +492,7 @@ class TreeServer(LanguageServer):
         return found
 
     async def run_command(self, what: str, uri: str, tree_id: str | None) -> bool:
-        """Run a subcommand of `sar-compile` on the present text, and show its output.
+        """Run a subcommand of `sar-compile` on the current text, and show its output.
 
         Returns:
             Whether it found no problem.

@@ -158,7 +158,7 @@ class ServiceFaults:
         self._delay_sec = sum(fault.seconds for fault in faults if fault.kind == "delay")
 
     def next_call(self) -> CallFaults:
-        """Return the faults of the call that has just arrived."""
+        """Return the faults of the next call."""
         if self._drops > 0:
             self._drops -= 1
             return CallFaults(drop=True)
@@ -168,7 +168,7 @@ class ServiceFaults:
 
 
 class NavigationFaults:
-    """The faults of navigation. Aborts and codes affect every goal for their location; the other faults apply there once each."""
+    """The faults of navigation. Aborts and codes affect every goal at their location, other faults one goal each."""
 
     def __init__(self, faults: Sequence[Fault] = ()) -> None:
         self._rejections = sum(fault.count for fault in faults if fault.kind == "reject")
@@ -187,13 +187,13 @@ class NavigationFaults:
             _require_among(str(fault), "place", place, known)
 
     def should_reject(self) -> bool:
-        """Return whether to reject the goal that has just arrived."""
+        """Return whether to reject the next goal."""
         reject = self._rejections > 0
         self._rejections -= reject
         return reject
 
     def accepted(self, place: str | None) -> Fault | None:
-        """Return the fault of a goal that has just been accepted; None if it has none.
+        """Return the fault of a newly accepted goal; None if it has none.
 
         Args:
             place: The location of the goal, or None.
@@ -279,7 +279,7 @@ def create_service(
 
     def answer_by(fate: CallFaults, request: Any, response: Any) -> Any:
         if fate.refuse:
-            node.get_logger().warning(f"Fault: {name} refuses.")
+            node.get_logger().warning(f"Fault: {name} refuses a call.")
             return (refuse or answer)(request, response)
         return answer(request, response)
 
@@ -292,9 +292,9 @@ def create_service(
     def send_by(decided: tuple[CallFaults, Any, Any], header: Any) -> None:
         fate = decided[0]
         if fate.drop:
-            node.get_logger().warning(f"Fault: a call of {name} gets no response.")
+            node.get_logger().warning(f"Fault: {name} does not respond to a call.")
         elif fate.delay_sec > 0.0:
-            node.get_logger().warning(f"Fault: the response of {name} is {fate.delay_sec:g} s late.")
+            node.get_logger().warning(f"Fault: {name} responds {fate.delay_sec:g} s late.")
             _after(node, fate.delay_sec, lambda: send(answer_by(*decided), header))
         else:
             send(answer_by(*decided), header)

@@ -101,12 +101,12 @@ class OperatorCommand(NamedTuple):
             fits, wanted = _is_number(value), "a number"
         else:
             fits = isinstance(value, str) and 0 < len(value) <= LONGEST and value.isprintable()
-            wanted = f"a text of at most {LONGEST} characters, in one line"
+            wanted = f"a string of at most {LONGEST} characters on one line"
             if field.kind == "choice":
                 fits = fits and value in dict(field.choices)
                 wanted = f"one of {', '.join(dict(field.choices))}"
         if not fits:
-            raise CommandError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
+            raise CommandError(f"{self.name}: {field.name} is {value!r:.60}, but must be {wanted}")
         return float(value) if field.kind == "number" else value
 
     def _check_corners(self, field: CommandField, value: Any) -> list[tuple[float, float]]:
@@ -116,7 +116,7 @@ class OperatorCommand(NamedTuple):
         )
         if not (are_places and _LEAST_CORNERS <= len(corners) <= _MOST_CORNERS):
             wanted = f"{_LEAST_CORNERS} to {_MOST_CORNERS} corners, each [x, y] in metres"
-            raise CommandError(f"{self.name}: {field.name} is {value!r:.60}, and must be {wanted}")
+            raise CommandError(f"{self.name}: {field.name} is {value!r:.60}, but must be {wanted}")
         return [(float(x), float(y)) for x, y in corners]
 
 
@@ -140,7 +140,7 @@ class SearchedArea(NamedTuple):
 
 
 class MissionRun:
-    """One run of a mission: the state that its leaves share, and its result.
+    """One run of a mission: its leaves' shared state, and its result.
 
     Attributes:
         context: The objects for its leaves, by their type (see `runtime.context.mission_context`).
@@ -155,28 +155,28 @@ class MissionRun:
         return []
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
-        """Return the facts that its parameters determine, at the start: `{"zones_left": 4}`.
+        """Return the initial facts that the parameters determine: `{"zones_left": 4}`.
 
         Runs without a robot (`simulate`, `verify`) use them for leaves that know these facts.
         """
         return {}
 
     def facts_added(self) -> Mapping[str, int]:
-        """Return the increases of facts by commands since the start of the run: `{"zones_left": 1}` once a zone was added.
+        """Return by how much commands have increased facts: `{"zones_left": 1}` after a zone was added.
 
         No outcome of a leaf includes these changes, so a run that is monitored for properties reads them here.
         """
         return {}
 
     def limits(self) -> Mapping[str, int]:
-        """Return a run's values of facts that verification needs as limits and that are unknown beforehand: `{"more_pieces": 10_000}`.
+        """Return upper limits of facts for monitoring, if their values are unknown at the start: `{"more_pieces": 10_000}`.
 
         A limit is the largest number of occurrences: outcomes only lower it.
         """
         return {}
 
     def identity(self) -> Mapping[str, object]:
-        """Return the parameters that identify this mission, as JSON values: a different mission cannot resume from its journal."""
+        """Return the parameters that identify this mission, as JSON values; resuming requires equal ones."""
         return {}
 
     def keep_in(self, journal: "Journal") -> None:
@@ -192,7 +192,7 @@ class MissionRun:
         journal.attach(self, self.kinds)
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the run's state from an event: one of this run when it is recorded, those of earlier runs when it resumes.
+        """Update the run's state from an event of this run, or of an earlier run when it resumes.
 
         It also receives the start and the end of a run, `run_began` and `run_ended`. Nothing else may change persistent state.
 
@@ -201,7 +201,7 @@ class MissionRun:
         """
 
     def display(self) -> Display:
-        """Return the current display. It is requested after each event, and its changes are written after that event."""
+        """Return the current display; it is requested after each event."""
         return Display()
 
     def sentence(self, fact: JournalEntry) -> str:  # noqa: ARG002 - for subclasses
@@ -209,7 +209,7 @@ class MissionRun:
         return ""
 
     def verbs(self) -> Sequence[OperatorCommand]:
-        """Return the operator's commands, each with a button on pages; the tree's leaves offer the services."""
+        """Return the operator's commands; pages show a button for each, and leaves provide the services."""
         return ()
 
     def places(self) -> Mapping[str, tuple[float, float]] | None:
@@ -224,7 +224,7 @@ class MissionRun:
         return [(name, *place) for name, place in (self.places() or {}).items()]
 
     def may_visit(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions of optional stops, such as charging places, for the same check."""
+        """Return the names and positions of optional stops, such as charging places, for the route check."""
         return []
 
     def searched_areas(self) -> Sequence[SearchedArea]:
@@ -232,11 +232,11 @@ class MissionRun:
         return ()
 
     def allows(self, x: float, y: float) -> bool:  # noqa: ARG002 - for subclasses
-        """Return whether the robot may be at a position (frame `map`, metres), so whether it is inside its geofence."""
+        """Return whether a position (frame `map`, metres) is inside the robot's geofence."""
         return True
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":  # noqa: ARG002
-        """Create the nodes that a simulation must serve in addition to the world's own.
+        """Create the servers that a simulation needs in addition to the world's.
 
         Args:
             faults: The faults of their services (`faults.for_service`), and the run's seed (`faults.seed`).
@@ -245,7 +245,7 @@ class MissionRun:
         return []
 
     def shortfalls(self) -> list[str] | None:
-        """Return a sentence for each item that a complete mission still needs; empty if it is complete.
+        """Return a sentence for each unfinished item; empty if the mission is complete.
 
         Returns:
             The sentences; None for a mission whose end is decided by the tree's root.
@@ -257,7 +257,7 @@ class MissionRun:
         return []
 
     def nothing_left(self) -> str:
-        """Return the reason if no work is left, such as "No zone is left", else an empty string.
+        """Return a sentence if no work is left, such as "No zone is left", otherwise an empty string.
 
         If the tree is then idle, the run ends, complete or not.
         """

@@ -85,7 +85,7 @@ def load_missions(checkout: Path | None = None) -> "dict[str, Mission]":
 
 
 def default_mission() -> str | None:
-    """Return the name of the mission whose default tree runs if no tree is given; None if no installed package declares one."""
+    """Return the name of the mission whose default tree runs if no tree is given, or None."""
     return next((entry_point.name for entry_point in entry_points(DEFAULT)), None)
 
 
@@ -122,7 +122,7 @@ def find_mission(name: str, checkout: Path | None = None) -> "Mission":
 def choose_mission(
     binding: Binding, name: str | None = None, checkout: Path | None = None
 ) -> "Mission | None":
-    """Return the mission of a bound tree: the one whose context objects its leaves require.
+    """Return the mission whose context objects a bound tree's leaves require.
 
     Args:
         binding: The tree.

@@ -1,4 +1,4 @@
-"""The start of a run: reads the parameters of its node for the mission, the run and the tree."""
+"""The start of a run: reads the node's parameters for the mission, the run and the tree."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -60,7 +60,7 @@ def begin_run(mission: Mission | None, reader: ParameterReader, binding: Binding
     reader.complain()
     if mission is not None and (unlisted := reader.files.keys() - set(mission.path_parameters)):
         raise TypeError(
-            f"the mission '{mission.name}' reads the file of {min(unlisted)}: add it to path_parameters"
+            f"the mission '{mission.name}' reads a file named by {min(unlisted)}: add it to path_parameters"
         )
     own = mission.parameter_names if mission is not None else ()
     keys = (key.removeprefix("@") for key in (*_keys(binding), *_script_keys(binding)))
@@ -100,7 +100,7 @@ def start_without_ros(tree: ProjectTree, params: Path | None, binding: Binding) 
 def read_parameters(
     tree: ProjectTree, params: Path | None = None, tree_id: str | None = None
 ) -> ParameterReader:
-    """Return the parameters with which `sar-run` runs a tree, including the files that they name, read without ROS.
+    """Read, without ROS, the parameters of a run and the files that they name.
 
     Args:
         tree: The tree.
@@ -142,7 +142,7 @@ def path_parameters(mission: Mission | None, binding: Binding) -> set[str]:
 
 
 def fixed_parameters(mission: Mission | None, binding: Binding) -> set[str]:
-    """Return the parameters, or their prefixes, that are only read at the start."""
+    """Return the parameters, or their prefixes, that are read only at the start."""
     own = mission.parameter_names if mission is not None else ()
     names = (*RUN_PARAMETER_NAMES, *own, *(key for key in _keys(binding) if key.startswith("@")))
     return {"use_sim_time", *(name.removeprefix("@").partition(".")[0] for name in names)}

@@ -47,7 +47,7 @@ class FileProblem:
 
     @property
     def place(self) -> str:
-        """Its line and column, each after a colon; empty for the file as a whole."""
+        """Its line and column, each after a colon; empty for the whole file."""
         return f":{self.line}:{self.column}" if self.line else ""
 
 
@@ -83,7 +83,7 @@ def check_parameter_file(path: Path | str) -> None:
 
 
 def sections_elsewhere(paths: Iterable[Path | str], node: str) -> str:
-    """Return a note of the nodes that parameter files are for, if none of their sections is for the given one.
+    """Describe which nodes parameter files apply to, if no section applies to the given node.
 
     Args:
         paths: The files, each one that `check_parameter_file` passes.
@@ -147,7 +147,7 @@ class ParameterLocations:
             self._beginning = next(iter(places.values()), f"{path}:1:1")
 
     def of(self, key: str, parameters: Mapping[str, object]) -> str:
-        """Return file, line and column of a parameter, or of its parent if it is missing; empty if no file gives it.
+        """Return the file, line and column of a parameter or its parent; empty if no file contains it.
 
         Args:
             key: Its flat name.
@@ -166,7 +166,7 @@ class ParameterLocations:
 
 
 def _plain(value: object) -> object:
-    """Return a ROS value as a file has it, with lists instead of arrays."""
+    """Convert a ROS value to a plain one, with lists instead of arrays."""
     return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
 
 
@@ -184,7 +184,7 @@ def _sections(path: Path | str) -> dict[str, dict[str, _Given]]:
 
 
 def _is_for(section: str, node: str) -> bool:
-    """Return whether a section is for a node; `*` is one part of a name, `**` any number of them."""
+    """Return whether a section applies to a node; `*` matches one part of a name, `**` any number."""
     parts = {"**": r"(/\w+)*", "*": r"/\w+"}
     pattern = "".join(parts.get(part, "/" + re.escape(part)) for part in section.split("/")[1:])
     return re.fullmatch(pattern, node) is not None
@@ -222,13 +222,13 @@ def _needs_quotes(event: yaml.ScalarEvent) -> bool:
 
 
 def _is_meant_for_section(key: str, value: yaml.Node) -> bool:
-    """Return whether a key resembles the section's name, and is not the name of a node with a section below it."""
+    """Return whether a key is probably a misspelt section name."""
     below = [each.value for each, _ in value.value] if isinstance(value, yaml.MappingNode) else []
     return _SECTION not in below and bool(difflib.get_close_matches(key.lower(), [_SECTION], 1, 0.9))
 
 
 class _Walk:
-    """The content of a parameter file, read in one walk.
+    """Reads a parameter file in one pass.
 
     Attributes:
         problems: All errors.
@@ -268,7 +268,7 @@ class _Walk:
             self._nodes(root, "", "")
 
     def _look_at_events(self) -> None:
-        """Report YAML features that ROS does not support, up to the nesting limit; nothing after that is read.
+        """Report YAML features that ROS does not support, up to the nesting limit.
 
         An older libyaml, used by some builds of ROS, rejects some characters in plain scalars within brackets.
         """
@@ -322,14 +322,16 @@ class _Walk:
                 self._parameters(value, "", given)
                 self.sections.setdefault(above, {}).update(given)
             else:
-                self._report(key, f"{_SECTION} must hold parameters, 'name: value'")
+                self._report(key, f"{_SECTION} must contain parameters, 'name: value'")
 
     def _node(self, key: yaml.ScalarNode, value: yaml.Node, above: str) -> None:
         if _is_meant_for_section(key.value, value):
             self._report(key, f"'{key.value}': did you mean '{_SECTION}' (two underscores)?")
         elif isinstance(value, yaml.MappingNode):
             if _SECTION in key.value or not _NODE_NAME.fullmatch(key.value):
-                text = "is no valid node name or namespace: write letters, digits, _, / between them, * or **"
+                text = (
+                    "is not a valid node name or namespace: write letters, digits, _, / between them, * or **"
+                )
                 self._report(key, f"'{key.value}' {text}")
             self._nodes(value, key.value, f"{above}/{key.value.strip('/')}")
         else:
@@ -394,7 +396,7 @@ class _Walk:
         return values
 
     def _scalar(self, name: str, node: yaml.ScalarNode) -> object:
-        """Return a value as ROS reads it, and report values that differ from their author's intention."""
+        """Return a value as ROS reads it, and report probable errors."""
         text = node.value
         if node.tag != "tag:yaml.org,2002:str":
             # ROS ignores tags: it reads `!degrees 90` as 90, `!!int '3'` as a string.
@@ -436,7 +438,7 @@ _WORDS = re.compile(r"[+-]?(inf|infinity|nan)|[+-]?\.inf|\.nan", re.IGNORECASE)
 
 
 def rcl_kind(text: str) -> str:
-    """Return the type that the parser of ROS gives to an unquoted scalar.
+    """Return the type of an unquoted scalar according to ROS's parser.
 
     It decides like C's `strtol` (base 0) and `strtod`, not like YAML: `1e3` and `0x10` are numbers,
     `1_000` and `0o10` are text, and so is a number that is too large for a double.

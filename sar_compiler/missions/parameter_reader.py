@@ -1,4 +1,4 @@
-"""Reading the parameters of a node and of every run. Errors are collected with the names of the keys; works without ROS.
+"""Reading the parameters of a mission and a run, without ROS. Errors are collected.
 
 The keys are those of a ROS node, flat and relative: `points.yard.x`, `initial_pose.yaw`, `point_order`.
 Lengths are in metres, angles in radians, in the frame `map`.
@@ -102,7 +102,7 @@ def lookalikes(
 
 
 def report_unused_files(reader: "ParameterReader", read: Iterable[str]) -> list[str]:
-    """Report that no parameter of the files is used, if that is the case.
+    """Report if no parameter of the files is used.
 
     Args:
         reader: The parameters.
@@ -158,7 +158,7 @@ class ParameterReader:
     def from_files(
         cls, parameters: Mapping[str, object], files: Sequence[Path | str], node: str
     ) -> "ParameterReader":
-        """Return a reader of the parameters that files give to a node, by its full name."""
+        """Return a reader of the files' parameters for a node, by its full name."""
         return cls(parameters, sections_elsewhere(files, node), ParameterLocations(files, node))
 
     def report(self, key: str, text: str, place: str = "") -> None:
@@ -175,7 +175,7 @@ class ParameterReader:
             self.problems.append(problem)
 
     def place_of(self, key: str) -> str:
-        """Return file, line and column of a parameter, or of a missing one's parent; empty if no file gives it."""
+        """Return the file, line and column of a parameter or its parent; empty if no file contains it."""
         if key in self.places_elsewhere:
             return self.places_elsewhere[key]()
         return self._places.of(key, self.parameters) if self._places is not None else ""
@@ -234,7 +234,7 @@ class ParameterReader:
             return []
         value = self.parameters[key]
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-            self.report(key, f"{allowed}, is {_describe(value)}")
+            self.report(key, f"{allowed}, but is {_describe(value)}")
             return []
         entries = list(value)
         if not entries:
@@ -246,7 +246,7 @@ class ParameterReader:
         order: dict[str, None] = {}
         for entry in entries:
             if not isinstance(entry, str) or not entry:
-                self.report(key, f"{allowed} (strings), holds {_describe(entry)}")
+                self.report(key, f"{allowed} (strings), but contains {_describe(entry)}")
             elif entry in order:
                 self.report(key, f"names '{entry}' more than once")
             else:
@@ -272,7 +272,7 @@ class ParameterReader:
         listed = f"{', '.join(names[:-1])} and {names[-1]}"
         for key in self.parameters:
             if key == prefix:
-                self.report(key, f"must hold {listed}, is {_describe(self.parameters[key])}")
+                self.report(key, f"must contain {listed}, but is {_describe(self.parameters[key])}")
             elif key.startswith(f"{prefix}.") and key.partition(".")[2] not in names:
                 self.report(key, f"is unknown; {_did_you_mean(key.partition('.')[2], names)}")
 
@@ -285,7 +285,7 @@ class ParameterReader:
         return self._checked(key, self.parameters[key])
 
     def _checked(self, key: str, value: object, whose: str = "") -> float:
-        """Return a plausible number in the unit of a parameter; any other is reported as an error or noted.
+        """Check a number against its parameter's unit; report implausible ones.
 
         Args:
             key: The parameter.
@@ -294,15 +294,15 @@ class ParameterReader:
         """
         unit = unit_of_key(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            must = "must be a list of numbers, holds" if whose else "must be a number, is"
+            must = "must be a list of numbers, but contains" if whose else "must be a number, but is"
             self.report(key, f"{must} {_describe(value)}{_remedy(value, unit)}")
             return 0.0
         number = _as_float(value)
         if not math.isfinite(number):
             must = (
-                "must be a list of finite numbers, holds the number"
+                "must be a list of finite numbers, but contains the number"
                 if whose
-                else "must be a finite number, is"
+                else "must be a finite number, but is"
             )
             self.report(key, f"{must} {number}")
             return 0.0
@@ -319,10 +319,10 @@ class ParameterReader:
         """Return a list of finite numbers; a missing one is empty."""
         value = self.parameters.get(key, ())
         if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-            self.report(key, f"must be a list of numbers, is {_describe(value)}")
+            self.report(key, f"must be a list of numbers, but is {_describe(value)}")
             return []
         before = len(self.problems)
-        numbers = [self._checked(key, entry, "holds a number that ") for entry in value]
+        numbers = [self._checked(key, entry, "contains a number that ") for entry in value]
         return numbers if len(self.problems) == before else []
 
     def read_file(self, key: str, noun: str, most_bytes: int) -> str | None:
@@ -342,7 +342,7 @@ class ParameterReader:
         """
         value = self.parameters[key]
         if not isinstance(value, str) or not value:
-            self.report(key, f"must be the path of a {noun}, is {value!r:.60}")
+            self.report(key, f"must be the path of a {noun}, but is {value!r:.60}")
             return None
         given_in = self.place_of(key).rsplit(":", 2)[0]
         path = Path(given_in).parent / value
@@ -364,14 +364,14 @@ class ParameterReader:
         return text
 
     def read_json_file(self, key: str, noun: str, most_bytes: int) -> JsonFile | None:
-        """Return the content of a JSON file named by a parameter, as `read_file`; None if it is missing or invalid. Errors and duplicate keys are reported."""
+        """Return the content of a JSON file named by a parameter; report errors, and return None."""
         text = self.read_file(key, noun, most_bytes)
         if text is None:
             return None
         try:
             file = JsonFile(text, str(self.files[key].path))
         except MalformedJsonError as error:
-            self.report(key, f"is no {noun}: {error}", error.place)
+            self.report(key, f"is not a valid {noun}: {error}", error.place)
             return None
         for name, place in file.duplicates():
             self.report(key, f"has the key '{name}' twice in one mapping: delete one of them", place)
@@ -387,12 +387,12 @@ class ParameterReader:
             raise ParameterError(self.problems)
 
     def positive(self, key: str, default: float, most: float = math.inf) -> float:
-        """Return a number above 0 and at most *most*, such as a time span or a radius, in the unit that the key names."""
+        """Return a positive number, at most *most*, in the unit of its key."""
         value = self.number(key, default)
         is_reported = any(problem.key == key for problem in self.problems)
         if not 0.0 < value <= most and key in self.parameters and not is_reported:
             limit = "" if most == math.inf else f" and at most {most:g}"
-            self.report(key, f"must be above 0{limit}, is {value:g}")
+            self.report(key, f"must be above 0{limit}, but is {value:g}")
         return value
 
     def cruise_speed(self) -> float:
@@ -404,7 +404,7 @@ class ParameterReader:
         value = self.parameters.get(key, default)
         if isinstance(value, bool):
             return value
-        self.report(key, f"must be true or false, is {_describe(value)}")
+        self.report(key, f"must be true or false, but is {_describe(value)}")
         return default
 
 
@@ -433,7 +433,7 @@ def _as_float(value: float) -> float:
 
 
 def _remedy(value: object, unit: str) -> str:
-    """Return a suggestion for a value that is not a number, if it follows from the value; otherwise an empty string."""
+    """Return a suggestion for a value that is not a number; empty if there is none."""
     if isinstance(value, Iterable) and not isinstance(value, str | bytes):
         return f" (write {only[0]}, without brackets)" if len(only := list(value)) == 1 else ""
     if not isinstance(value, str):
@@ -532,5 +532,5 @@ def _rate(reader: ParameterReader, key: str, default: float) -> float:
     before = len(reader.problems)
     rate = reader.positive(key, default)
     if len(reader.problems) == before and not _SLOWEST_TICK_HZ <= rate <= _FASTEST_TICK_HZ:
-        reader.report(key, f"must be between {_SLOWEST_TICK_HZ:g} and {_FASTEST_TICK_HZ:g}, is {rate:g}")
+        reader.report(key, f"must be between {_SLOWEST_TICK_HZ:g} and {_FASTEST_TICK_HZ:g}, but is {rate:g}")
     return rate

@@ -1,1 +1,1 @@
-"""The registry of controls, decorators and leaves: the meanings of tags."""
+"""The registry of controls, decorators and leaves."""

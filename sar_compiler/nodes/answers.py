@@ -1,4 +1,4 @@
-"""The simulated outcomes of a tree's leaves: the registry's declarations, filled in for a node."""
+"""The simulated outcomes of a tree's leaves, from the registry's declarations."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -18,7 +18,7 @@ _NO_WORD = r"[^A-Za-z0-9_]"
 
 
 def answers_of(outcomes: Collection[str]) -> tuple[Answer, ...]:
-    """Return the outcomes of a leaf of which only the possible statuses are known."""
+    """Return the outcomes of a leaf whose declaration has only statuses."""
     known = outcomes or ("SUCCESS", "FAILURE", "RUNNING")
     return tuple(Answer(status) for status in STATUSES if status in known)
 
@@ -46,14 +46,14 @@ def fill_placeholders(text: str, names: Mapping[str, str]) -> str:
 
 
 def number_text(value: object) -> str:
-    """Return the replacement of a placeholder for an integer, valid after a minus sign, too."""
+    """Return the replacement of a placeholder for an integer, which is also valid after a minus sign."""
     return f"({value})" if str(value).startswith("-") else str(value)
 
 
 def find_script_error(
     answer: Answer, known: Iterable[str] = (SELF,), numbers: Iterable[str] = ()
 ) -> tuple[str, str, ScriptError] | None:
-    """Return the first script of an outcome that cannot be parsed, as its part, its text and the reason."""
+    """Find an outcome's first script that cannot be parsed; return its part, its text and the reason."""
     # As long as its placeholder, so that locations in the error match those in the text.
     names = {name: f"x{name}x" for name in known}
     names |= {name: f"({'1' * len(name)})" for name in numbers}

@@ -1,4 +1,4 @@
-"""A rule's view of a node, and the collection of the findings of rules and of binding."""
+"""A rule's view of a node, and the collection of findings."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
@@ -62,7 +62,7 @@ def file_of(element: Element, seen_from: Element) -> str:
 
 
 def text_of_output(code: str, element: Element, attribute: str, text: str) -> Diagnostic:
-    """Return the finding about a text in place of the key of an output."""
+    """Return the finding about a constant in place of an output's key."""
     message = f"{attribute}: an output needs a blackboard key, but '{text}' is not a key"
     key = text.strip(" ").removeprefix("$").removeprefix("{").removesuffix("}")
     suggestion = f"{{{key}}}" if key.isidentifier() else None
@@ -117,7 +117,7 @@ class FindingCollector:
     def wrong_value(
         self, element: Element, attribute: str, error: ConversionError, code: str = "wrong-value"
     ) -> None:
-        """Report an attribute's text that is not a value of its type, at the wrong part if that is known."""
+        """Report an attribute's text that is not a value of its type."""
         span = (
             element.value_part_span(attribute, *error.place) if error.place else element.value_span(attribute)
         )

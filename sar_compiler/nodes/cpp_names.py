@@ -50,7 +50,7 @@ def normalized(name: str) -> str:
 
 
 def _integer(match: "re.Match[str]") -> str:
-    """Return the name of an integer type that is written in words, as on 64-bit Linux."""
+    """Return the fixed-width name of an integer type that is written in words."""
     words = match[0].split()
     sign = "u" if "unsigned" in words else ""
     if "char" in words:

@@ -1,4 +1,4 @@
-"""Leaves as data: a JSON file with the declarations in the decorators and constructors of a package's leaves.
+"""Leaves as data: a JSON file with the declarations of a package's leaves.
 
 Trees with such leaves are checked without importing their classes. `sar-compile nodes --format specs` writes the file.
 """

@@ -1,4 +1,4 @@
-"""Declarations of nodes whose class is named by its import path, in place of annotations and a docstring.
+"""Declarations of nodes whose class is named by its import path.
 
 A spec names the class and describes all constructor parameters that a tree file or a mission provides, except for
 the name and the children. A tree is then checked without importing the class::

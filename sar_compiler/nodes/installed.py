@@ -75,7 +75,7 @@ def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple
 
 
 def pass_over(entries: Iterable[str]) -> None:
-    """Store the entries that were removed from `sys.path` because they depend on the working directory.
+    """Record the entries that were removed from `sys.path` because they depend on the working directory.
 
     Entries with installed packages are restored; the others are searched only for modules that the user names.
     """
@@ -86,7 +86,7 @@ def pass_over(entries: Iterable[str]) -> None:
 
 
 def allow_current_folder() -> None:
-    """Allow modules that the user names to be in the current folder; installed ones take precedence."""
+    """Allow imports of user-specified modules from the current folder; installed modules take precedence."""
     with suppress(OSError):  # the folder may have been deleted
         for entry in (*_passed_over, str(Path.cwd())):
             if entry not in sys.path:
@@ -94,7 +94,7 @@ def allow_current_folder() -> None:
 
 
 def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bool:
-    """Return whether a module belongs to an installed package with an entry point of a group, without importing it.
+    """Return, without an import, whether a module's installed package has an entry point of a group.
 
     Other modules were not written for import on a file's request: importing them may run a test suite, or worse.
 
@@ -124,7 +124,7 @@ def _shares(modules: Iterable[str], package: str) -> bool:
 
 
 def _is_entered_from_above(top: Path, rest: list[str], checkout: Path) -> bool:
-    """Return whether the path to a module leads from a folder of `sys.path` into a checkout below it.
+    """Return whether a module is in a checkout below a folder of `sys.path`.
 
     Such a folder, for example a user's folder of checkouts, makes each checkout a package.
     """
@@ -145,7 +145,7 @@ def import_installed(module: str, checkout: Path | None = None) -> ModuleType:
 
 
 def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], EntryPoint]:
-    """Return the entry points of a group by distribution and name; the first of equally named distributions wins."""
+    """Return the entry points of a group by distribution and name; of equally named distributions, the first is used."""
     found: dict[tuple[str, str], EntryPoint] = {}
     seen: set[str] = set()
     for name, text in _metadata(path, "entry_points.txt"):
@@ -165,7 +165,7 @@ def _metadata(path: Iterable[str], file: str) -> Iterator[tuple[str, str]]:
 
 @functools.cache
 def _metadata_in(folder: str, _as_it_is: tuple[int, int], file: str) -> list[tuple[str, str]]:
-    """Return the name and content for each distribution in a folder that has a metadata file.
+    """Return the metadata of the distributions in a folder, by name.
 
     They are read here because importing `importlib.metadata` takes longer than checking most trees.
     """
@@ -212,7 +212,7 @@ def _resolved(folder: str) -> Path:
 
 
 def _current_folders() -> set[Path]:
-    """Return the folders that are on `sys.path` because of the working directory."""
+    """Return the folders of `sys.path` that depend on the working directory."""
     written = (part for part in _parts("PYTHONPATH") if not Path(part).is_absolute())
     with suppress(OSError):  # the current folder may have been deleted
         return {Path.cwd(), *(Path(part).resolve() for part in written)}

@@ -1,4 +1,4 @@
-"""Parsing of numbers, durations and units, and the number that another notation probably means."""
+"""Parsing of numbers, durations and units, including suggestions for other notations."""
 
 import math
 import re
@@ -138,7 +138,7 @@ _UNIT_OF_KEY = {key: unit for unit, keys in _KEYS.items() for key in keys.split(
 
 
 def unit_of_key(key: str) -> str:
-    """Return the unit of a parameter's number (`initial_pose.yaw`: `rad`); empty if it has none."""
+    """Return the unit of a numeric parameter (`initial_pose.yaw`: `rad`); empty if it has none."""
     name = key.rpartition(".")[2]
     return _UNIT_OF_KEY.get(name) or (unit_suffix(name) if "_" in name else "")
 
@@ -169,7 +169,7 @@ def find_implausible_number(number: float, unit: str) -> ImplausibleNumber | Non
     is_impossible = number not in known.possible
     bounds = known.possible if is_impossible else known.usual
     message = (
-        f"must be {known.words} {bounds}, is {number:.10g}"
+        f"must be {known.words} {bounds}, but is {number:.10g}"
         if is_impossible
         else f"is {number:.10g}, which is implausible: {known.words} are usually {bounds}"
     )

@@ -1,4 +1,4 @@
-"""The possible results of a node's tick, by those of its children: the calculus of `Semantics.possible`.
+"""Computation of a node's possible results from those of its children, for `Semantics.possible`.
 
 An outcome set is a number with a bit for each result. A function of this module takes a node, the sets of its
 children, and the flag *sure*. Without it, the function returns every result that a tick may have. With it, only
@@ -48,7 +48,7 @@ def bit_of(status: "Status | int") -> int:
 
 
 def bits(answers: Iterable[str]) -> int:
-    """Return the set of some results, given by their letters."""
+    """Return the set of the results with some letters."""
     return union(BITS[answer] for answer in answers)
 
 
@@ -58,7 +58,7 @@ def union(sets: Iterable[int]) -> int:
 
 
 def intersection(sets: Iterable[int]) -> int:
-    """Return the intersection of sets: the results that all children can have."""
+    """Return the intersection of sets: the results that all children may have."""
     return reduce(and_, sets, ALL)
 
 
@@ -93,7 +93,7 @@ def _in_order(
 
 
 def _before_restarts(bound: "NodeView", children: Sequence[int]) -> Sequence[int]:
-    """Return the sets of children, without those that an earlier sibling may interrupt whenever it is ticked again.
+    """Return the sets of children, except for those that an earlier sibling may interrupt in each tick.
 
     A leaf can end in any tick. A branch of several nodes may have to run for some ticks first, in which a reactive
     node resets the children after it: these may never end.
@@ -127,7 +127,7 @@ def branches(_bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
 
 
 def selection(bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a node that ticks the child whose case equals a variable, or else the last one."""
+    """Return the set of a switch, which ticks the child whose case equals a variable, or the last child."""
     names = ("variable", *(f"case_{number}" for number in range(1, len(children))))
     variable, *cases = (bound.values.get(name) for name in names)
     if variable is None or None in cases:
@@ -207,7 +207,7 @@ def _threshold(wanted: int, count: int) -> int:
 
 
 def _estimate(children: Sequence[int], sure: bool) -> int:
-    """Return an estimate of the results of counting, for too many combinations to enumerate."""
+    """Estimate the results of counting if there are too many combinations to enumerate."""
     return intersection(children) & R if sure else ALL
 
 
@@ -245,7 +245,7 @@ def _turning(turned: tuple[int, ...], bound: "NodeView", children: Sequence[int]
 
 
 def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
-    """Return the sure results of a child whose decorator resets it in each tick in which it runs.
+    """Return the certain results of a child that its decorator resets in each running tick.
 
     A leaf can end in any tick; a branch of several nodes may have to run for some ticks first.
     """
@@ -253,7 +253,7 @@ def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
 
 
 def adding(own: int, _bound: "NodeView", children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a decorator that has results in addition to its child's."""
+    """Return the set of a decorator with results in addition to its child's."""
     return children[0] | own
 
 
@@ -264,7 +264,7 @@ def run_once(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that returns another result while a condition, an attribute, is false."""
+    """Return the set of a decorator that returns another result while its condition is false."""
     otherwise = _otherwise(bound, "else", F, sure)
     holds = constant_condition(bound.values.get(condition))
     if holds is None:
@@ -273,7 +273,7 @@ def guard(condition: str, bound: "NodeView", children: Sequence[int], sure: bool
 
 
 def rounds(count: Number, again: int, bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the set of a decorator that repeats its child up to a count after one of its results: `S` or `F`."""
+    """Return the set of a decorator that repeats its child a number of times after a result, `S` or `F`."""
     child, most = children[0], count(bound)
     if most is None:
         return child & ~again if sure else child | again | R
@@ -329,7 +329,7 @@ def queued(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
 
 
 def ticks_counted(bound: "NodeView", _children: Sequence[int], sure: bool) -> int:
-    """Return the set of a leaf that runs for some ticks, and then returns the status in the file."""
+    """Return the set of a leaf that runs for some ticks, then returns the file's status."""
     end = BITS.get(str(bound.value("completion_status")))
     return unknown(bound, (), sure) if end is None else R | end
 
@@ -355,10 +355,10 @@ def _otherwise(bound: "NodeView", attribute: str, default: int, sure: bool) -> i
 
 
 def constant_condition(condition: object) -> bool | None:
-    """Return the truth of a condition that no value of its variables can change; None for any other."""
+    """Return the value of a condition that does not depend on its variables; None for any other."""
     return constant_truth(condition) if isinstance(condition, Script) else None
 
 
 def condition_of_leaf(name: str, bound: "NodeView", _children: Sequence[int], _sure: bool) -> int:
-    """Return the set of a leaf that succeeds if a condition, an attribute, is true, and else fails."""
+    """Return the set of a leaf that succeeds if its condition is true, and otherwise fails."""
     return {None: S | F, True: S, False: F}[constant_condition(bound.values.get(name))]

@@ -1,4 +1,4 @@
-"""Installed palettes: the nodes of other programs, by name and version (`nav2:jazzy`).
+"""Installed palettes of other programs' nodes, by name and version (`nav2:jazzy`).
 
 An entry point of the group `sar_compiler.palettes` names a module with `VERSIONS`, the known versions, and
 `specs(version)`, which returns the specs of the nodes of a version. The module is loaded like modules of leaves: only
@@ -38,7 +38,7 @@ def is_palette_name(text: str) -> bool:
 
 
 def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[NodeSpec]:
-    """Return the specs of the nodes of palettes; of two versions of one palette, the first is used.
+    """Return the node specs of palettes; of two versions of one palette, the first is used.
 
     Args:
         names: Names with versions, such as `nav2:jazzy`.
@@ -55,7 +55,7 @@ def load_palettes(names: Iterable[str], checkout: Path | None = None) -> list[No
 
 
 def palettes_containing(tag: str) -> list[str]:
-    """Return the names of this package's palettes that contain a tag; other palettes are not imported for a hint."""
+    """Return the names of this package's palettes that contain a tag."""
     return [name for name, tags in _tags().items() if tag in tags]
 
 

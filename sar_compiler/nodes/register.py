@@ -150,7 +150,7 @@ class _UserFunction:
         self._function = function
 
     def __call__(self, bound: Any, *others: Any) -> Any:
-        """Return what the function returns."""
+        """Call the function, and check its result."""
         try:
             found = self._function(bound, *others)
         except Exception as error:
@@ -188,7 +188,7 @@ def _status_names(tag: str, outcomes: object) -> frozenset[str]:
         if not isinstance(outcome, Status):
             is_name = outcome in Status.__members__
             meant = outcome if is_name else "SUCCESS, Status.FAILURE or Status.RUNNING"
-            _refuse(f"<{tag}>: outcomes holds", outcome, f"; write Status.{meant}")
+            _refuse(f"<{tag}>: outcomes contains", outcome, f"; write Status.{meant}")
     # INVALID is `runtime.skipping.SKIPPED`.
     return frozenset("SKIPPED" if each is Status.INVALID else each.name for each in statuses)
 
@@ -200,7 +200,7 @@ def _uses(tag: str, uses: object) -> tuple[Use, ...]:
             advice = (
                 "; write Use.action(name), Use.service(name), Use.topic(name), Use.transforms() or Use.nav2()"
             )
-            _refuse(f"<{tag}>: uses holds", use, advice)
+            _refuse(f"<{tag}>: uses contains", use, advice)
     return needs
 
 
@@ -209,10 +209,10 @@ def _answers(tag: str, answers: object, outcomes: frozenset[str]) -> tuple[Answe
     possible = sorted(outcomes) or STATUSES
     for answer in said:
         if not isinstance(answer, Answer):
-            _refuse(f"<{tag}>: answers holds", answer, '; write Answer("SUCCESS", "what it means")')
+            _refuse(f"<{tag}>: answers contains", answer, '; write Answer("SUCCESS", "what it means")')
         if answer.status not in possible:
             advice = f"; the outcomes of this leaf are {', '.join(possible)}"
-            _refuse(f"<{tag}>: answers holds one with the status", answer.status, advice)
+            _refuse(f"<{tag}>: answers contains an outcome with the status", answer.status, advice)
     twice = [answer.name for index, answer in enumerate(said) if answer in said[:index]]
     if twice:
         raise RegistrationError(f"<{tag}>: answers contains '{twice[0]}' twice")

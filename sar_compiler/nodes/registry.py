@@ -1,4 +1,4 @@
-"""The registry of tags: the single source of truth for schemas, checks and the compiler."""
+"""The registry of tags, from which schemas, checks and the compiler are derived."""
 
 import functools
 import importlib
@@ -59,11 +59,11 @@ class Registry:
         known.append(spec)
 
     def record_entry_point(self, tag: str, entry_point: str) -> None:
-        """Record that an installed entry point provides a tag that the user did not request."""
+        """Record that an installed entry point, and not the user, has added a tag."""
         self._installed.setdefault(tag, entry_point)
 
     def tags_like(self, tags: Iterable[str]) -> list[str]:
-        """Return the tags to suggest for a file; of installed modules, only those that it already uses."""
+        """Return the tags to suggest for a file; unused installed modules are excluded."""
         used = {self._installed.get(tag) for tag in tags}
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
 
@@ -255,7 +255,7 @@ def _submodules_with_leaves(package: ModuleType) -> Iterator[str]:
 
 
 def registered_leaves(package: str) -> "Registry":
-    """Return the leaves that a module or the modules of a package register, without any others.
+    """Return only the leaves that a module or a package's modules register.
 
     Args:
         package: Its import path, named by the user.
@@ -298,7 +298,7 @@ def _place_of(error: BaseException) -> str:
 
 
 def _is_same(first: NodeSpec, second: NodeSpec) -> bool:
-    """Return whether two specs are of one class; a class that is named by its path is not imported for that."""
+    """Return whether two specs have the same class, without importing it."""
     if first.is_by_path or second.is_by_path:
         return first.factory_path == second.factory_path
     return first.class_or_path is second.class_or_path

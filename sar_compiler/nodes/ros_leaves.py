@@ -77,7 +77,7 @@ def _check(kind: str, **parts: str) -> Callable[[NodeView, FindingCollector], No
 
 
 def _find_fields_error(value: object, cls: Any) -> InterfaceError | None:
-    """Return the error in an attribute of fields, for a message class."""
+    """Return the error in an attribute that lists fields of a message class."""
     try:
         if isinstance(value, MessageFields):
             MessageFiller().fill(cls(), value)

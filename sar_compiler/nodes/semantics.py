@@ -1,4 +1,4 @@
-"""The semantics of a node, independent of its class: the record used by checks, conversions and palettes.
+"""The semantics of a node, independent of its class, for checks, conversions and palettes.
 
 The registration of a node declares here how it ticks its children and how it uses their results. Nothing else
 in the project depends on a node's tag.
@@ -64,7 +64,7 @@ class AccessKind(Enum):
 
 
 class KeyRole(NamedTuple):
-    """A node's use of the key given to a port, if it differs from the port's direction.
+    """A node's access to a port's key, if it differs from the port's direction.
 
     Attributes:
         kind: The kind of access.
@@ -102,7 +102,7 @@ def _ungated(_bound: "NodeView") -> Mapping[int, Gate]:
 
 
 class Semantics(NamedTuple):
-    """A node's treatment of its children, of time, and of the blackboard.
+    """How a node treats its children, time, and the blackboard.
 
     `Semantics.sequence()` and the like cover most controls and decorators.
 
@@ -233,7 +233,7 @@ class Semantics(NamedTuple):
         return self.order is Order.IN_ORDER and self.goes_on == F
 
     def always_ends_with_child(self, bound: "NodeView") -> bool:
-        """Return whether it starts its child at once, and continues only when the child is no longer running."""
+        """Return whether it starts its child at once, and continues only when the child has ended."""
         if not self.steady or self.possible is None:
             return False
         return self.possible(bound, [R], ALLOWED) in (R, R | F)
@@ -247,7 +247,7 @@ class Semantics(NamedTuple):
 
 
 def _rounds_in(attribute: str, bound: "NodeView") -> float | None:
-    """Return a number of rounds in BehaviorTree.CPP's notation, in which -1 means endless and less means none."""
+    """Convert a number of rounds from BehaviorTree.CPP's notation, in which -1 means endless."""
     count = outcome_sets.number(bound, attribute)
     if count is None:
         return None

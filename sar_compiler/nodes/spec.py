@@ -1,4 +1,4 @@
-"""The declaration of a node, from `register` or a model; a registered class is declared by its constructor."""
+"""The declaration of a node, from `register`, a constructor or a model."""
 
 import functools
 import importlib
@@ -123,7 +123,7 @@ class ParameterRole(Enum):
 
 
 class Provenance(Enum):
-    """The source of a node's spec, which determines the certainty of findings about it."""
+    """The source of a node's spec, which determines how certain findings about it are."""
 
     INSTALLED = "an installed class"
     NAMED = "a named distribution"
@@ -256,7 +256,7 @@ def _default_port(port: Parameter) -> Input[Any] | None:
 
 
 def any_port(name: str, doc: str = "") -> Parameter:
-    """Return a port with only a name: any value may be read from it, and written to it."""
+    """Return an untyped port that can be read and written."""
     anything, inout = ANYTHING, Direction.INOUT
     return Parameter(
         name, ParameterRole.ATTRIBUTE, required=False, value_type=anything, direction=inout, doc=doc
@@ -399,7 +399,7 @@ class NodeSpec:
 
     @property
     def is_by_path(self) -> bool:
-        """Whether its class is named by the import path."""
+        """Whether its class is given as an import path."""
         return isinstance(self.class_or_path, str)
 
     @functools.cached_property
@@ -456,7 +456,7 @@ class NodeSpec:
 
     @property
     def misreads_skips(self) -> bool:
-        """Whether it treats a skipped child as an interruption, without a class of this project to replace it."""
+        """Whether it treats a skipped child as an interruption, and this project has no replacement class."""
         if self.kind.is_leaf or self.is_only_described:
             return False
         if self.is_by_path:
@@ -487,7 +487,7 @@ class NodeSpec:
 
     @property
     def is_only_described(self) -> bool:
-        """Whether only a model describes it: no class is registered, and no palette knows more."""
+        """Whether only a model describes it, without a class or a palette with more information."""
         return self.provenance.is_description
 
     def listing(self, unlisted: Parameter) -> "NodeSpec":
@@ -511,7 +511,7 @@ class NodeSpec:
         return self.signature.fixed
 
     def fixed_value_names(self, parameter: Parameter) -> list[str]:
-        """Return the texts that a file may have for a parameter whose value the tag implies."""
+        """Return the texts that a file may contain for a parameter whose value the tag implies."""
         kind, value = parameter.value_type, self.fixed[parameter.name]
         return [text for text in kind.choices if kind.convert(text) == value]
 
@@ -556,7 +556,7 @@ class NodeSpec:
 
     @functools.cached_property
     def needs_context(self) -> bool:
-        """Whether an instance depends on more than its values and children."""
+        """Whether an instance needs more than its values and children."""
         around = self.references or self.handed_over or self.facts or self.reads or self.writes
         return bool(around) or self.is_foreign
 

@@ -173,7 +173,7 @@ class ValueType(NamedTuple):
 
 
 def literal_value(text: str) -> int | float | str:
-    """Return the constant for a text given to a subtree: a number if all of it is one, else a string."""
+    """Return the constant for a text passed to a subtree: a number if possible, otherwise a string."""
     if text.startswith("+"):
         return text
     if re.fullmatch(_NO_DIGITS, text):
@@ -193,7 +193,7 @@ def as_text(value: bool | float) -> str:
 
 
 def _odd(value: object, wanted: type) -> bool:
-    """Return whether Python accepts a value for a type, but a reader would not: True for a number."""
+    """Return whether Python accepts a surprising value for a type, such as True for a number."""
     return isinstance(value, bool) and wanted is not bool
 
 
@@ -367,7 +367,7 @@ def at_least(least: int) -> ValueType:
 
 
 def sensible(least: float, most: float = math.inf, *, is_open: bool = False) -> ValueType:
-    """Return the type of numbers with a plausible range; others get a warning before the run.
+    """Return the type of numbers with a plausible range; other numbers cause a warning before the run.
 
     It is used in an annotation: `share: Annotated[float, sensible(0, 1)]`.
 
@@ -456,7 +456,7 @@ def _milliseconds(text: str) -> int:
 def _no_duration(
     text: str, label: str, number: str | None, convert: Callable[[str], object]
 ) -> ConversionError:
-    """Return the error for a text that is no duration, with the intended number if it has no unit."""
+    """Return the error for a text that is not a duration, with the intended number if it lacks a unit."""
     label = label.removeprefix("a duration (").removesuffix(")")
     message, hint = f"'{text}' is not a duration ({label})", number_hint(text)
     ambiguous = hint is not None and "comma" in hint

@@ -132,7 +132,7 @@ class Project:
 
     @contextlib.contextmanager
     def _locate_palette_errors(self, palette: str) -> Iterator[None]:
-        """Convert errors about a palette named in the configuration into findings at that location."""
+        """Convert errors about a configured palette into findings at its location in the configuration."""
         try:
             yield
         except (UnreadableFileError, PaletteError) as error:
@@ -141,7 +141,7 @@ class Project:
 
     @functools.cached_property
     def _palettes_around(self) -> tuple[TreeFile, ...]:
-        """The palettes around the files that are used without being named; a malformed one is reported as a file."""
+        """The palettes around the files that are used without being named."""
         found = []
         for path in self.files_around.palettes:
             with contextlib.suppress(TreeError, UnreadableFileError):
@@ -149,7 +149,7 @@ class Project:
         return tuple(found)
 
     def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
-        """Return the palettes for a file: the named ones, and the nearest ones around it for still unknown names.
+        """Return the palettes for a file: the named ones, and the nearest ones that describe unknown nodes.
 
         Raises:
             TreeError, UnreadableFileError: As `palettes`.
@@ -204,7 +204,7 @@ class Project:
                     yield self._names.get(place) or NamedPath.within(path, (self.checkout,))
 
     def report_use(self, forest: Forest) -> None:
-        """Record the files around that were used for trees that a file lacks."""
+        """Record the surrounding files that provided missing trees."""
         if self.configuration.trees:
             return
         given = {*map(real_path, self.additions.trees), *self._names}

@@ -81,7 +81,7 @@ class ProjectTree:
 
     @property
     def tree_file(self) -> TreeFile | None:
-        """The content of the file itself; of a malformed file its beginning, or None."""
+        """The content of the file itself; for a malformed file, its beginning or None."""
         if self._forest is not None:
             return self._forest.main
         return self._beginning.tree_file if self._beginning is not None else None
@@ -112,7 +112,7 @@ class ProjectTree:
 
     @functools.cached_property
     def palettes(self) -> tuple[TreeFile, ...]:
-        """The palettes that are files, except those that are among the files themselves.
+        """The palette files, except for those among the checked files.
 
         Raises:
             UnreadableFileError: If a palette does not exist or cannot be read.
@@ -121,7 +121,7 @@ class ProjectTree:
         return self.project.palettes_for(self.forest)
 
     def _findings_before_error(self) -> list[Diagnostic]:
-        """Return the findings about a malformed file: the location of the error, and the findings before it."""
+        """Return the findings about a malformed file up to the syntax error."""
         found, project = list(self._malformed), self.project
         if self._beginning is not None:
             beginning, own = self._beginning, real_path(self.path)

@@ -29,7 +29,7 @@ _MOST_FILES = 20_000
 
 
 class FilesAround:
-    """The tree files and palettes below a folder, each examined once, and only when one is needed.
+    """The tree files and palettes below a folder, examined lazily.
 
     Links that leave the folder, and files of other users than the folder's owner, are left out.
 

@@ -1,4 +1,4 @@
-"""Modules beside a configuration that it names: imported only in the state in which the user trusted them.
+"""Modules named by a configuration beside it, which are imported only in their trusted version.
 
 Trust applies to a path and its content: the configuration file, and every file of the packages (or the modules) that
 it names. A digest identifies all of it, and a file of that name in the user's state folder records the trust. Any
@@ -37,7 +37,7 @@ class TrustError(SarError):
 
 @dataclass(frozen=True)
 class ConfigurationCode:
-    """The code that would be run for a configuration.
+    """The code of the modules that a configuration names.
 
     Attributes:
         configuration: The configuration file.
@@ -52,7 +52,7 @@ class ConfigurationCode:
 
     @classmethod
     def from_configuration(cls, configuration: Path, modules: Iterable[str]) -> "ConfigurationCode":
-        """Return the code that would be run for a configuration that names modules.
+        """Return the code of the modules that a configuration names.
 
         Links to files elsewhere are left out, and therefore not imported either.
         """
@@ -93,13 +93,13 @@ class ConfigurationCode:
         return trust_folder() / digest.hexdigest()
 
     def make_importable(self) -> None:
-        """Allow the import of these modules, with precedence over others of their names."""
+        """Allow the import of these modules, with precedence over equally named ones."""
         if not any(isinstance(each, _Finder) and each.content == self for each in sys.meta_path):
             sys.meta_path.insert(0, _Finder(self))
 
 
 def trust_folder() -> Path:
-    """Return the folder of the user's trust records: a file for each, which names the configuration."""
+    """Return the folder of the user's trust records."""
     return state_folder() / "trusted"
 
 

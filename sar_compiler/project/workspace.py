@@ -115,7 +115,7 @@ class Workspace:
 
 
 def use_notes(palettes: Collection[Path], trees: Collection[Path]) -> Iterator[str]:
-    """Yield a note on the palettes that were used without being named, and one on the trees."""
+    """Yield notes on the palettes and the trees that were used without being named."""
     for what, paths in (("nodes are described by", palettes), ("trees are taken from", trees)):
         if paths:
             more = f" and {len(paths) - _MOST_NAMED} more" if len(paths) > _MOST_NAMED else ""

@@ -1,4 +1,4 @@
-"""Check by the chain of a journal's entries that it was not altered."""
+"""Check with its chain that a journal was not altered."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -81,7 +81,7 @@ class CheckedJournal(NamedTuple):
 
 
 def _notes(file: "JournalFile") -> "list[str]":
-    """Return the facts that the chain does not cover."""
+    """Return notes on the parts of a journal that the chain does not cover."""
     notes = []
     if count := file.waiting():
         notes.append(

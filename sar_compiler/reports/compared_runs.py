@@ -29,7 +29,7 @@ class ComparedRun(NamedTuple):
     Attributes:
         journal: The journal.
         run: The number of the run, from 1; 0 if there is none.
-        end: Its end, in a word: `over`, `stopped`, `failed`, `broken off`, `running`.
+        end: Its end, in a word: `over`, `stopped`, `failed`, `crashed`, `running`.
         found: The result; None if it could not be determined.
         problem: The reason for that, in words.
         changed: The changes of the tree since the run, in words; empty for none.
@@ -118,7 +118,7 @@ def _property_lines(found: Conformance) -> Iterator[str]:
     width = max((len(each.name) for each in found.properties), default=0) + 1
     yield from (f"  {each.name + ':':{width}} {each.fate.value}" for each in found.properties)
     for each in found.left_out:
-        yield f"  {each.name}: left out, since this tree has no {', '.join(each.missing)}"
+        yield f"  {each.name}: left out, because this tree has no {', '.join(each.missing)}"
     for broken in found.properties:
         if broken.fate in _WRONG:
             yield ""

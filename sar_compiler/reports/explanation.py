@@ -1,4 +1,4 @@
-"""The cause of a failed run, and the changes with which it would have succeeded."""
+"""The cause of a failed run, and the changes that would have made it succeed."""
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -32,7 +32,7 @@ class GoneTreeError(SarError):
 
 
 class CounterfactualRun(NamedTuple):
-    """The result of a search for changes with which the run would have succeeded.
+    """The result of a search for changes that would have made a run succeed.
 
     Attributes:
         found: The change with that effect; None if none was found.
@@ -66,7 +66,7 @@ class Explanation(NamedTuple):
         is_gone: bool = True,
         budget: Budget | None = None,
     ) -> "Explanation":
-        """Return the explanation of a journal's last run, which is read entry by entry.
+        """Return the explanation of a journal's last run.
 
         Args:
             file: The journal, in a snapshot.
@@ -123,7 +123,7 @@ class Explanation(NamedTuple):
 
 
 def tree_entries(file: "JournalFile") -> Iterator[JournalEntry]:
-    """Yield the entries of the last run, without those of the robot alone."""
+    """Yield the entries of the last run, except for the robot's observations."""
     return file.last_run(without=OF_ROBOT)
 
 
@@ -133,7 +133,7 @@ def find_counterfactual(
     projects: "Workspace",
     tree_file: Path | None = None,
 ) -> CounterfactualRun:
-    """Return the changes with which the last run of a mission, whose root failed, would have succeeded.
+    """Return the changes that would have made a mission's failed last run succeed.
 
     Args:
         state: The state of the mission after that run.
@@ -170,14 +170,14 @@ def find_counterfactual(
 
 
 def _options_of(about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the options of a run that select the tree's nodes; a journal may contain anything."""
+    """Return the valid options of a run that select the tree's nodes."""
     said = about.get("options")
     pairs = said if isinstance(said, list) else []
     return [(str(pair[0]), str(pair[1])) for pair in pairs if isinstance(pair, list) and len(pair) > 1]
 
 
 def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]:
-    """Return those options of the last run that this command lacks and cannot read from the journal."""
+    """Return the last run's options that this command lacks and must not read from the journal."""
     added = projects.additions
     given = {*map(str, added.nodes), *(str(each.resolve()) for each in (*added.models, *added.include_path))}
     return [
@@ -189,14 +189,14 @@ def _options_left_out(state: "MissionState", projects: "Workspace") -> list[str]
 
 
 def palettes_of(about: Mapping[str, Any]) -> list[Path]:
-    """Return the installed palettes of a run, given its description; a journal selects no modules or files."""
+    """Return the installed palettes of a run, given its description."""
     return [
         Path(value) for option, value in _options_of(about) if option == "--model" and is_palette_name(value)
     ]
 
 
 def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace":
-    """Return a loader for trees with the last run's installed palettes."""
+    """Return a workspace with the last run's installed palettes."""
     added = projects.additions
     models = tuple(dict.fromkeys((*added.models, *palettes_of(state.runs[-1].about))))
     return replace(projects, additions=added._replace(models=models))
@@ -205,7 +205,7 @@ def _with_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspac
 def candidate_trees(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
-    """Yield the present tree of the last run with stub leaves; then without limits that are only assumed.
+    """Yield the last run's tree with stub leaves, with and without assumed limits.
 
     Raises:
         GoneTreeError: If its file is unknown or missing.
@@ -231,7 +231,7 @@ def candidate_trees(
 
 
 def answer_for_matching_tree(trees: Iterable[T], ask: Callable[[T], R]) -> R:
-    """Return the answer for the first tree that can reproduce the recorded run.
+    """Return the result for the first tree that reproduces the recorded run.
 
     Raises:
         NotReplayedError: If none has.

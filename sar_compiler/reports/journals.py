@@ -85,7 +85,7 @@ def journal_state(state: MissionState) -> str:
         return ending
     if not state.process.is_gone:
         return "running"
-    return "broken off" if state.runs else "empty"
+    return "crashed" if state.runs else "empty"
 
 
 def _headline(run: JournalRun) -> str:

@@ -1,4 +1,4 @@
-"""Counts and times of leaf results in recorded runs, and of other nodes' decisions.
+"""Counts and times of leaf results and other nodes' decisions in recorded runs.
 
 They can also be written as assumptions about other runs.
 """
@@ -41,7 +41,7 @@ class AnswerTimes:
 
     @property
     def name(self) -> str:
-        """Its label, or else its status."""
+        """Its label, or its status."""
         return self.label or self.status
 
 
@@ -123,7 +123,7 @@ class RunStatistics:
 
 
 def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[JournalEntry]:
-    """Yield entries; record the leaves whose answers have labels."""
+    """Yield entries, and record the leaves whose outcomes have labels."""
     for entry in entries:
         if entry.kind == STATUS and "label" in entry.data:
             declared.add(entry.data["node"])
@@ -131,7 +131,7 @@ def _noting(entries: Iterable[JournalEntry], declared: set[int]) -> Iterator[Jou
 
 
 class _ActiveLeaves:
-    """The present activations of a run's leaves, by their numbers."""
+    """The current activations of a run's leaves, by their numbers."""
 
     def __init__(self) -> None:
         self._begun: dict[int, float] = {}
@@ -157,7 +157,7 @@ class _ActiveLeaves:
 
 
 def statistics_as_text(found: RunStatistics, confidence: float) -> str:
-    """Return a line for each answer of each leaf, with its share in percent."""
+    """Return a line for each outcome of each leaf, with its share in percent."""
     interval = f"{100 * confidence:g} % interval"
     lines = [
         _line(leaf, answer, interval, confidence, is_first=not place)
@@ -169,7 +169,7 @@ def statistics_as_text(found: RunStatistics, confidence: float) -> str:
         "Wilson's intervals. A result repeated on consecutive ticks is counted once."
     )
     if not lines:
-        return f"{count_with_noun(found.runs, 'run')}; no leaf has answered."
+        return f"{count_with_noun(found.runs, 'run')}; no leaf has returned a result."
     decided = [
         {
             "node": path[-1],
@@ -201,7 +201,7 @@ def _line(
 
 
 def statistics_as_json(found: RunStatistics, confidence: float) -> str:
-    """Return the same as `statistics_as_text` as a JSON object; times are seconds, shares between 0 and 1."""
+    """Return the statistics as a JSON object; times in seconds, shares from 0 to 1."""
     leaves = [
         {
             "path": list(leaf.path),
@@ -243,14 +243,14 @@ def _times_data(answer: AnswerTimes) -> Mapping[str, float]:
 
 
 def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
-    """Return assumptions about other runs for a file of properties or a scenario: `answers:`, with `p` and `sec`.
+    """Return the section `answers:` for a properties file or a scenario, with `p` and `sec`.
 
     A leaf with few results, or none, is only named, in a comment.
     """
     known = [leaf for leaf in found.leaves.values() if leaf.count >= FEWEST]
     lines = [
         f"# Results of leaves in {count_with_noun(found.runs, 'run')}, by sar-journal stats.",
-        f"# p: the {100 * confidence:g} % interval (Wilson's) of an answer's share. sec: from the 5th to the 95th percentile of its times.",
+        f"# p: {100 * confidence:g} % Wilson interval of a share. sec: 5th to 95th percentile of the times.",
         *(
             f"# Fewer than {FEWEST} results, so nothing is assumed: {leaf.key} ({leaf.count})"
             for leaf in found.leaves.values()
@@ -265,7 +265,7 @@ def statistics_as_yaml(found: RunStatistics, confidence: float) -> str:
 
 
 def _assumed(leaf: LeafStatistics, confidence: float) -> Sequence[object]:
-    """Return the answers of a leaf with their probabilities and times."""
+    """Return the outcomes of a leaf with their probabilities and times."""
     said: list[object] = []
     answers = [*leaf.answers.values()]
     if not leaf.is_declared:

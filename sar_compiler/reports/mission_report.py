@@ -1,4 +1,4 @@
-"""The report of a mission as plain data, shared by all its forms, and its text in the form of a file's ending."""
+"""The report of a mission as plain data, and its text in the format of a file's extension."""
 
 import os
 import re
@@ -22,7 +22,7 @@ from sar_compiler.tree.plain import as_json
 
 
 class ReportError(SarError):
-    """A report cannot be written in this form."""
+    """A report cannot be written in this format."""
 
 
 def georeference(state: MissionState) -> Georeference | None:
@@ -36,7 +36,7 @@ def detections_to_visit(state: MissionState) -> list[Landmark]:
 
 
 def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
-    """Return the locations that a mission has not finished, by state, each with its reason if it has one."""
+    """Return the unfinished locations by state, with their reasons."""
     places: dict[str, list[str]] = {}
     for each in state.situation.landmarks.values():
         if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found:
@@ -189,7 +189,7 @@ def require_form(file: Path, place: Georeference | None) -> None:
 
 
 def _obstacle(file: Path) -> str:
-    """Return why a file cannot be written, if that is already known; else empty."""
+    """Return why a file certainly cannot be written; otherwise an empty string."""
     if not file.parent.is_dir():
         return f"there is no folder {file.parent}"
     if file.is_dir():
@@ -200,7 +200,7 @@ def _obstacle(file: Path) -> str:
 
 
 def report_text(state: MissionState, file: Path | str, why: CauseOfFailure | None = None) -> str:
-    """Return the report of a mission in the form of a file, with the cause of a failure if the form has it."""
+    """Return the report of a mission in the format of a file."""
     form = FORMS[Path(file).suffix.lower()]
     write = load(form.function)
     text: str = write(state) if form.is_of_the_world else write(state, why)
@@ -257,7 +257,7 @@ class PathShortener:
 
 
 def _is_short(data: Mapping[str, Any]) -> bool:
-    """Return whether no text in the data of a status can have a path: hardly one has, and most entries are statuses."""
+    """Return whether the data of a status certainly contain no path."""
     for each in data.values():  # noqa: SIM110 - `any` takes twice as long
         if type(each) is str and "/" in each:
             return False

@@ -151,7 +151,7 @@ def _coordinates(places: Iterable[tuple[float, float]], reference: Georeference)
 
 
 def cot_report(state: MissionState, now: datetime | None = None) -> str:
-    """Return an event for each detection that needs a visit, one a line, as a stream for a TAK server.
+    """Return a Cursor on Target event for each detection that needs a visit, one a line.
 
     Args:
         state: The mission.
@@ -173,7 +173,7 @@ def cot_report(state: MissionState, now: datetime | None = None) -> str:
 
 
 def cap_report(state: MissionState) -> str:
-    """Return an alert for the people who go to the detections, with an info for each of them.
+    """Return a CAP alert with an info block for each detection that needs a visit.
 
     Raises:
         ReportError: If the map has no georeference.
@@ -259,7 +259,7 @@ def _event(state: MissionState, find: Landmark, number: int, reference: Georefer
 
 
 def _name(state: MissionState, name: str) -> str:
-    """Return a landmark's name, which is unique if several robots share a map: `robot1/find_1`."""
+    """Return a landmark's unique name among several robots: `robot1/find_1`."""
     return f"{state.robot}/{name}" if state.robot else name
 
 

@@ -19,7 +19,7 @@ from sar_compiler.writing import write_text
 
 
 def write_report(state: MissionState, file: Path, why: CauseOfFailure | None) -> str:
-    """Write a report; return the reason if that fails, or an empty string. The next one is tried in any case."""
+    """Write a report; return the reason if that fails, otherwise an empty string."""
     try:
         write_text(file, report_text(state, file, why))
     except SarError as error:
@@ -30,7 +30,7 @@ def write_report(state: MissionState, file: Path, why: CauseOfFailure | None) ->
 
 
 def report_journal(journal: Path, files: Sequence[Path], place: Georeference | None = None) -> int:
-    """Write the reports of a journal's mission, and print why any of them cannot be written.
+    """Write the reports of a journal's mission, and print the reasons for failures.
 
     Args:
         journal: The journal.

@@ -23,7 +23,7 @@ class ReportForm(NamedTuple):
 _EXCHANGE = "sar_compiler.reports.report_exchange"
 FORMS: Mapping[str, ReportForm] = {
     ".html": ReportForm(
-        "sar_compiler.reports.report_html:html_report", libraries=["jinja2"], use="to print and hand on"
+        "sar_compiler.reports.report_html:html_report", libraries=["jinja2"], use="to print and pass on"
     ),
     ".json": ReportForm("sar_compiler.reports.mission_report:json_report"),
     ".geojson": ReportForm(f"{_EXCHANGE}:geojson_report", is_of_the_world=True, libraries=["geojson"]),
@@ -44,4 +44,4 @@ def describe_forms() -> str:
         )
         for is_of_the_world in (False, True)
     )
-    return f"in the form of the file's ending: {here}, or in world coordinates {world}"
+    return f"in the format of the file's ending: {here}, or in world coordinates {world}"

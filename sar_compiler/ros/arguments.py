@@ -1,4 +1,4 @@
-"""Split and compose command lines with ROS arguments, without ROS, and make ROS's errors about them readable."""
+"""Split and compose command lines with ROS arguments, and explain ROS's errors about them."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -66,7 +66,7 @@ def init_arguments(ros: Sequence[str], params_file: Path | None = None) -> list[
 
 
 def parameter_files(ros: Sequence[str], params_file: Path | None = None) -> list[Path]:
-    """Return the parameter files in use: the one given separately, then those among the ROS arguments."""
+    """Return the parameter files in use: the separate one, then those in the ROS arguments."""
     first = [] if params_file is None else [params_file]
     return first + [Path(value) for flag, value in pairwise(ros) if flag == _FILE_FLAG]
 
@@ -88,7 +88,7 @@ def node_arguments(ros: Sequence[str]) -> list[str]:
 
 
 def security_arguments(ros: Sequence[str]) -> list[str]:
-    """Return the ROS arguments that name the SROS 2 enclave, for another process of the same mission."""
+    """Return the ROS arguments for SROS 2, for another process of the same mission."""
     return [part for flag, value in pairwise(ros) if flag in _ENCLAVE_FLAGS for part in (flag, value)]
 
 
@@ -108,7 +108,7 @@ class RosArgumentError(SarError):
 
 @contextmanager
 def convert_ros_errors() -> Iterator[None]:
-    """Convert rclpy's errors about arguments and names, raised in the block, to readable ones.
+    """Convert rclpy's errors about arguments and names to readable ones.
 
     Raises:
         RosArgumentError: Instead of rclpy's own errors.
@@ -129,7 +129,7 @@ def convert_ros_errors() -> Iterator[None]:
 
 
 _FORMS = {
-    "parameter override rule": "a parameter is given as name:=value, and a list holds values of one type",
+    "parameter override rule": "a parameter is given as name:=value, and a list has values of one type",
     "remap rule": "a name is replaced by from:=to, a node's by __node:=name, the namespace by __ns:=/name",
     "log level": "a level is debug, info, warn, error or fatal, or logger:=level",
 }
@@ -141,26 +141,26 @@ def _readable_error(text: str) -> str:
     text = re.sub(r"\s*, at /\S+:\d+", "", text).removeprefix("failed to initialize rcl: ")
     trailing = re.search(r"Couldn't parse trailing (\S+) flag", text)
     if trailing:
-        return f"{trailing[1]} needs a value after it"
+        return f"{trailing[1]} must be followed by a value"
     rule = re.search(r"Couldn't parse ([a-z ]+): '(.*?)'\. Error: (.*)", text, re.DOTALL)
     if rule is None:
         return f"ROS does not accept its arguments: {' '.join(text.split())}"
     kind, given, reason = rule[1], rule[2], " ".join(rule[3].split())
     in_name = _wrong_in_remap(given.partition(" ")[2]) if kind == "remap rule" else None
-    return f"'{given}' is not understood: {in_name or _FORMS.get(kind, reason)}"
+    return f"'{given}' is invalid: {in_name or _FORMS.get(kind, reason)}"
 
 
 # The patterns that rcl rejects in the new name of a rule, in addition to single characters.
 _FAULTS = {
-    r"^$": "there is no name after :=",
+    r"^$": "a name is missing after :=",
     r"(^|/)\d": "a name, and each part of it between slashes, begins with a letter or _",
-    r"//|/$": "there is no name between or after slashes",
-    r"__": "no name has two underscores one after the other",
+    r"//|/$": "a name is missing between or after slashes",
+    r"__": "a name cannot contain two consecutive underscores",
 }
 
 
 def _wrong_in_remap(rule: str) -> str | None:
-    """Return the invalid name of `from:=to` and the reason, or None if the form itself is wrong."""
+    """Return the invalid name in `from:=to` and the reason; None if the syntax is wrong."""
     old, assigned, new = rule.partition(":=")
     if not assigned or not old:
         return None
@@ -168,8 +168,8 @@ def _wrong_in_remap(rule: str) -> str | None:
     if what == "__ns" and new and not new.startswith("/"):
         return f"a namespace begins with a slash: {old}:=/{new.removeprefix('~/')}"
     if what in ("__node", "__name") and "/" in new:
-        return "a node's name has no slash: its namespace is given with __ns:=/name"
+        return "a node's name cannot contain a slash: set its namespace with __ns:=/name"
     wrong = re.search(r"[^A-Za-z0-9_/]", re.sub("[~*:]", "", old) + new.removeprefix("~"))
     if wrong:
-        return f"'{wrong[0]}' is not allowed in a name: letters, digits, _ and /"
+        return f"'{wrong[0]}' is not allowed in a name: use letters, digits, _ and /"
     return next((words for fault, words in _FAULTS.items() if re.search(fault, new)), None)

@@ -1,4 +1,4 @@
-"""The clock of a node, which may pause or jump, the awake time of this process, and deadlines.
+"""Clocks of a node and of this process, and deadlines.
 
 Limits for other programs are measured in awake time. A process that is stopped, or gets no processor time, receives no
 messages meanwhile. Late answers are then not the servers' fault, and DDS may have to discover them again.
@@ -27,7 +27,7 @@ _SPARED_EVERY_SEC = 60.0
 
 
 class AwakeTime:
-    """Steady seconds without standstills of this process and the rediscovery time after them.
+    """Steady time, excluding suspensions of this process and the rediscovery after them.
 
     Attributes:
         stood_still_at: When the last standstill was detected, by `time.monotonic`.
@@ -41,7 +41,7 @@ class AwakeTime:
         self._say: Callable[[str], object] = print
 
     def now(self) -> float:
-        """Return the time in seconds; only differences mean anything."""
+        """Return the time in seconds from an arbitrary origin."""
         steady = time.monotonic()
         if self._turned_at is not None:
             self._turn(steady, self._turned_at)
@@ -49,7 +49,7 @@ class AwakeTime:
 
     @contextmanager
     def turning(self, say: Callable[[str], object]) -> Iterator[None]:
-        """A block in which the executor's loop calls `now` several times a second.
+        """Mark a block in which the executor's loop calls `now` several times a second.
 
         Args:
             say: Called with a line after a standstill.
@@ -70,8 +70,8 @@ class AwakeTime:
         if steady - self._recovered_at > _SPARED_EVERY_SEC:
             self._recovered_at = steady + _RECOVERY_SEC
             self._say(
-                f"This process stood still for {gap:.1f} s (stopped, without a processor, or blocked by a "
-                "leaf). Answers may be late for this reason. Every deadline is extended by it."
+                f"This process was suspended for {gap:.1f} s (stopped, starved of CPU time, or blocked by a "
+                "leaf). Responses may be late. Every deadline is extended accordingly."
             )
 
 
@@ -93,7 +93,7 @@ _GAP_SEC = 1.0
 
 
 class NodeTime:
-    """Seconds of a node's clock that never go back, never jump, and never stop for good.
+    """Time of a node's clock, without jumps, backward steps or permanent stops.
 
     Simulated time (`use_sim_time`) is used as it arrives, however slow or fast. A jump is replaced by the
     machine's time that has passed meanwhile. If a clock has stood still for longer than its patience, the
@@ -126,7 +126,7 @@ class NodeTime:
         self._stands_still = False
 
     def now(self) -> float:
-        """Return the time in seconds; only differences mean anything."""
+        """Return the time in seconds from an arbitrary origin."""
         steady, ros = self._steady(), self._read()
         if not self._clock.ros_time_is_active:
             self._count(steady, ros, steady - self._counted_to)
@@ -151,7 +151,7 @@ class NodeTime:
         if jumped:
             self._say(
                 f"The clock has jumped {'forward' if step > 0.0 else 'back'} by {abs(step):.1f} s. "
-                f"{passed:.1f} s are used instead, according to the machine's clock."
+                f"{passed:.1f} s are counted instead, according to the machine's clock."
             )
             step = passed
         elif self._ros <= 0.0:
@@ -173,7 +173,7 @@ class NodeTime:
 
 
 class ClockedTime:
-    """Awake seconds in which a node's clock advances, for deadlines of programs that pause with it.
+    """Awake time during which a node's clock advances, for deadlines of programs that pause with it.
 
     Without simulated time they are all that pass.
 
@@ -187,7 +187,7 @@ class ClockedTime:
         self._now = self._counted_to = AWAKE.now()
 
     def now(self) -> float:
-        """Return the time in seconds, to be asked for twice a second or more; only differences mean anything."""
+        """Return the time in seconds from an arbitrary origin; call it at least twice a second."""
         awake, is_simulated = AWAKE.now(), self._clock.ros_time_is_active
         ros_ns = int(self._clock.now().nanoseconds) if is_simulated else -1
         if ros_ns != self._ros_ns or not is_simulated:
@@ -225,7 +225,7 @@ class _Pace:
 
 
 def trust_simulation(node: "Node") -> None:
-    """Measure deadlines in simulated time at any speed, if the simulated servers wait for the executor."""
+    """Measure deadlines in simulated time, because the simulated servers wait for the executor."""
     of_node(node, _Pace, _Pace).fastest = math.inf
 
 
@@ -240,7 +240,7 @@ def deadline_clock(node: "Node") -> Clock:
 
 
 def deadline_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "Timer":
-    """Return a timer of a node by simulated time if it is trusted, else by the steady clock of the machine."""
+    """Return a timer of a node: in simulated time if that is trusted, otherwise on the steady clock."""
     if of_node(node, _Pace, _Pace).fastest == math.inf:
         return node.create_timer(period_sec, call)
     return steady_timer(node, period_sec, call)
@@ -260,7 +260,7 @@ class Deadline:
 
     @property
     def left(self) -> float:
-        """The seconds until it passes; 0 from then on."""
+        """The remaining seconds; 0 after the deadline."""
         return max(0.0, self._at - self._clock.now())
 
     @property

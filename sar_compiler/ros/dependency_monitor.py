@@ -1,4 +1,4 @@
-"""Check while a tree runs that its requirements still hold, and that the robot moves only for active goals."""
+"""Monitor the requirements of a running tree, and robot motion without an active goal."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -44,7 +44,7 @@ _SERVERS = ("navigate_to_pose", "follow_path", "spin", "backup")
 
 
 class UnrequestedMotion:
-    """Checks the odometry of a robot while no goal of this node is active.
+    """Detects robot motion while no goal of this node is active.
 
     The end of a goal does not prove that the robot stands: Nav2's navigator can give up a goal that its controller
     still executes. Such a movement is reported, and every goal of Nav2 is cancelled, unless another client's goal is
@@ -100,7 +100,9 @@ class UnrequestedMotion:
             if AWAKE.now() - self._cancelled_at >= _CANCEL_SEC:
                 self._cancel_all_goals()
         elif not self._told:
-            self._tell(f"The robot moves ({self._robot.speed_text}), and no goal of this mission is active.")
+            self._tell(
+                f"The robot moves ({self._robot.speed_text}), although no goal of this mission is active."
+            )
 
     @property
     def _is_ours(self) -> bool:
@@ -113,7 +115,7 @@ class UnrequestedMotion:
     def _report_motion(self) -> None:
         self._tell(
             f"The robot moves ({self._robot.speed_text}) although its goal has ended and no other goal is "
-            f"active. Cancelling every goal ({', '.join(self._available_servers()) or 'no server is there'})."
+            f"active. Cancelling every goal ({', '.join(self._available_servers()) or 'no server was found'})."
         )
 
     def _cancel_all_goals(self) -> None:
@@ -123,11 +125,11 @@ class UnrequestedMotion:
             client.call_async(CancelGoal.Request())  # the odometry shows the effect
 
     def _rest(self) -> None:
-        """Record that the robot stands; a much later movement does not belong to a goal of this mission."""
+        """Record that the robot stands still, so that later motion is not attributed to an earlier goal."""
         self._since = None
         if self._told:
             self._told = False
-            self._node.get_logger().info("The robot stands.")
+            self._node.get_logger().info("The robot has stopped.")
         latest = _LATEST_ABORTED_SEC if self._was_aborted else _LATEST_SEC
         if self._ended is not None and self._seconds_since(self._ended) >= latest:
             self._has_sent, self._ended = False, None
@@ -136,7 +138,8 @@ class UnrequestedMotion:
         if self._ended is not None and not self._blindness_told:
             self._blindness_told = True
             self._node.get_logger().info(
-                "No odometry comes on odometry/filtered. The robot is assumed to stand when its goal has ended."
+                "No odometry arrives on odometry/filtered. The robot is assumed to stand still when its goal "
+                "has ended."
             )
 
     def _tell(self, text: str) -> None:
@@ -153,7 +156,7 @@ class UnrequestedMotion:
         return AWAKE.now(), self._clock.now()
 
     def _seconds_since(self, since: tuple[float, float]) -> float:
-        """Return the seconds since then by the slower of the two clocks: a robot brakes by its own."""
+        """Return the elapsed seconds on the slower of the two clocks, because a robot brakes in its own time."""
         return min(now - then for now, then in zip(self._now(), since, strict=True))
 
 
@@ -246,7 +249,7 @@ class DependencyMonitor:
             self.trouble = self.trouble or str(answer.line)
 
     def _count_sources(self) -> None:
-        """Report once each frame, topic and clock that now has several sources."""
+        """Report each frame, topic and clock with several sources, once."""
         lines = [self._graph.clock(), *map(self._graph.publisher_conflict, self._topics)]
         if self._hears_transforms:
             lines.append(frame_sources(self._node).conflict())
@@ -304,7 +307,7 @@ class _Localisation:
         self._robot.lacks = self._inactive or self._robot.lost_transforms()
 
     def _deafness(self) -> str:
-        """Return in words that no node answers although the graph shows them; empty if one does.
+        """Describe nodes that do not respond although the graph shows them; empty if one does.
 
         Fast DDS: a participant that was silent for longer than its lease is forgotten by others, and does not know
         that. It then sees them for good, but receives nothing from them until it becomes another participant.
@@ -315,10 +318,12 @@ class _Localisation:
             return ""
         names = " and ".join(each.name for each in there)
         if all(each.has_heard_nothing for each in there):
-            return f"Since this process stood still it receives nothing from {names}, although the ROS graph shows them: {_ANOTHER}"
+            return f"Since its suspension, this process receives nothing from {names}, although the ROS graph shows them: {_ANOTHER}"
         if silent_sec < _DEAD_SEC:
             return ""
-        return f"{names} do not answer, not even to new clients, but stay in the ROS graph: {_ANOTHER}"
+        return (
+            f"{names} do not respond, not even to new clients, although the ROS graph shows them: {_ANOTHER}"
+        )
 
     def _report_missing(self, missing: list[str]) -> Iterable[str]:
         now = AWAKE.now()
@@ -329,7 +334,7 @@ class _Localisation:
             yield f"Nav2 is no longer active: {'; '.join(missing)}. Leaves that drive wait for it."
 
     def _look_for_unconfigured(self) -> Iterable[str]:
-        """Report a node that was restarted and that its lifecycle manager does not configure."""
+        """Report a restarted node that its lifecycle manager does not configure."""
         now = AWAKE.now()
         for each in self._nodes:
             if each.state != "unconfigured":
@@ -344,7 +349,7 @@ class _Localisation:
                 yield f"{each.name} was restarted and is not configured: {steps}"
 
     def _look_for_new_localizer(self) -> Iterable[str]:
-        """Determine whether another process localises without a pose yet: it has sent neither a pose nor a transform."""
+        """Detect a new localisation process that has not sent a pose or a transform."""
         sources, now = self._sources_of_poses(), AWAKE.now()
         if not self._known:
             self._known = sources
@@ -365,23 +370,23 @@ class _Localisation:
         }
 
     def _restore(self) -> str:
-        """Send the localisation, which has returned without a pose, its last pose if that is still valid."""
+        """Send the last pose, if it is still valid, to a localisation that has restarted without one."""
         if conflict := self._robot.localisation_conflict():
-            return f"A localisation has appeared. It is sent no pose because it could be another robot's: {conflict}."
-        ask = f"give it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
+            return f"A localisation has appeared. No pose is sent to it, because it may belong to another robot: {conflict}."
+        ask = f"send it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
         if self._robot.pose is None:
-            return f"The localisation is back, and its last pose is not known: {ask}."
+            return f"The localisation is back, but its last pose is unknown: {ask}."
         if self._robot.odometry_at_pose is None or self._robot.odometry is None:
             return f"The localisation is back, but without odometry it is unknown whether the robot has moved: {ask}."
         moved, turned = _between(self._robot.odometry_at_pose, self._robot.odometry)
         if moved > MOVED_M or turned > _TURNED:
             return (
-                f"The localisation is back, and the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
+                f"The localisation is back, but the robot has moved by {moved:.2f} m and turned by {turned:.2f} rad "
                 f"since its last pose: {ask}."
             )
         x, y, yaw = self._robot.pose
         self._publisher.publish(estimated_pose(self._node, x, y, yaw))
-        return f"The localisation is back. Its last pose ({x:.2f}, {y:.2f}) is sent again: the odometry shows no movement."
+        return f"The localisation is back. Its last pose ({x:.2f}, {y:.2f}) is sent again, because the odometry shows no movement."
 
     def _look_for_transform(self) -> Iterable[str]:
         lost = self._robot.lost_transforms()

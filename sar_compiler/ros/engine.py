@@ -51,7 +51,7 @@ def raising_behaviour(error: BaseException) -> Behaviour | None:
 
 
 def behaviour_title(behaviour: Behaviour | None) -> str:
-    """Name the behaviour that raised an exception, for a message."""
+    """Return a behaviour's name for an error message."""
     if behaviour is None:
         return "a tick handler"
     return f"'{behaviour.name}' ({type(behaviour).__name__})"
@@ -95,7 +95,7 @@ def _line_of(behaviour: Behaviour | None, frames: Iterable[tuple[FrameType, int]
 
 
 def show_tracebacks(node: Node) -> None:
-    """Log the tracebacks of all failures, which otherwise need `--log-level debug`."""
+    """Log the tracebacks of all failures, even without `--log-level debug`."""
     _traceback_logger(node).set_level(rclpy.logging.LoggingSeverity.DEBUG)
 
 
@@ -119,7 +119,7 @@ def tell(node: Node | None, text: str, error: BaseException | None = None) -> No
 
 
 def log_failure(node: Node | None, error: BaseException) -> Behaviour | None:
-    """Log an exception raised in a tick, because of which the tree is stopped.
+    """Log the exception in a tick that stops the tree.
 
     Returns:
         The behaviour that raised it; None if it was not a behaviour of the tree.
@@ -154,7 +154,7 @@ class TreeTooDeepError(SarError):
 
 
 def require_tickable_depth(root: Behaviour, frames_per_level: int = 1) -> None:
-    """Check that py_trees can go through a tree without a stack overflow.
+    """Check that py_trees can traverse a tree without a stack overflow.
 
     Args:
         root: The root.
@@ -234,7 +234,7 @@ def send_cancels(root: Behaviour, node: Node | None) -> None:
 
 
 def shut_down(behaviours: Iterable[Behaviour], node: Node | None) -> None:
-    """Shut down all behaviours, even if some of them raise."""
+    """Shut down all behaviours, even if some of them raise exceptions."""
     for behaviour in behaviours:
         _shut_down_behaviour(behaviour, node)
 
@@ -259,7 +259,7 @@ def _shut_down_behaviour(behaviour: Behaviour, node: Node | None) -> None:
 
 
 def leaves_at_work(root: Behaviour) -> list[Behaviour]:
-    """Return the leaves of a stopped tree that still have work in progress."""
+    """Return the stopped tree's leaves whose work has not ended."""
     return [leaf for leaf in root.iterate() if isinstance(leaf, SettlingLeaf) and not leaf.settled()]
 
 
@@ -278,7 +278,7 @@ class SetupFailedError(SarError, RuntimeError):
 
 
 def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
-    """Stop and shut down the behaviours that are set up already, and raise the error of the setup.
+    """Stop and shut down the behaviours already set up, and raise the setup error.
 
     Raises:
         SetupFailedError: If it was raised by a behaviour's setup.
@@ -327,7 +327,7 @@ class Engine(Protocol):
         """Start ticking, from the node's executor, and return at once."""
 
     def settle(self, executor: Executor, timeout_sec: float) -> list[str]:
-        """Stop the tree, wait briefly for its leaves, and return the names of those that are still active."""
+        """Stop the tree, wait briefly for its leaves, and return the names of the active ones."""
 
     def shutdown(self) -> None:
         """Stop the tree and release its resources."""

@@ -17,7 +17,7 @@ from rclpy.node import Node
 
 
 def call_soon(executor: Any, method: Callable[[], object]) -> None:
-    """Schedule a method in an executor's thread, unless its object is gone by then; callable from any thread.
+    """Schedule a method in an executor's thread, unless its object is deleted before; thread-safe.
 
     When the executor of events is shut down, it keeps its pending calls in C++, where Python's garbage
     collector does not see them. A bound method of an object of a run would keep the whole run alive for good.
@@ -36,7 +36,7 @@ def call_soon(executor: Any, method: Callable[[], object]) -> None:
 
 
 def make_executor(context: Context, kind: str) -> Executor:
-    """Return the `events` executor if requested and available in this rclpy, else one with a wait set."""
+    """Create an `EventsExecutor` if requested and available, otherwise one with a wait set."""
     if kind == "events":
         with suppress(ImportError):
             from rclpy.experimental import EventsExecutor
@@ -46,14 +46,14 @@ def make_executor(context: Context, kind: str) -> Executor:
 
 
 def suited(executor: Executor, node: Node) -> Executor:
-    """Return a node's executor, or one with a wait set that replaces it if the node needs one."""
+    """Return an executor that supports everything on a node, replacing the given one if necessary."""
     has_coroutine = any(iscoroutinefunction(service.callback) for service in node.services)
     # rclpy's EventsExecutor is no Executor.
     if isinstance(node.executor, Executor) or not (has_coroutine or any(node.guards)):
         return executor
     node.get_logger().info(
         f"A {'service with a coroutine' if has_coroutine else 'guard condition'} needs a wait set. "
-        "Callbacks run in a SingleThreadedExecutor, whose turns take longer."
+        "Callbacks run in a SingleThreadedExecutor, which is slower."
     )
     if hasattr(executor, "serve_apart"):  # the node serves a simulated world as well
         executor.serve_apart(node)

@@ -1,4 +1,4 @@
-"""End a run from another thread than the ticking one, because that is blocked or a second signal arrived."""
+"""End a run from another thread if the ticking thread is blocked or a second signal has arrived."""
 
 from collections.abc import Callable
 from typing import NoReturn
@@ -49,7 +49,7 @@ class ForcedEnd:
         self._moves, self._before_message = moves, before_message
 
     def end_blocked(self, where: str) -> NoReturn:
-        """End the process when the ticking thread ignores the request; *where* names the blocking code."""
+        """End the process if the ticking thread is blocked in the code *where*."""
         settle_sec = self._settle_sec + _DISCOVERY_SEC
 
         def cancel() -> int | None:

@@ -1,4 +1,4 @@
-"""Detection of frames whose transforms come from several nodes, as from two robots on one `/tf`."""
+"""Detection of frames with transforms from several nodes, such as two robots on one `/tf`."""
 
 import math
 import time
@@ -26,7 +26,7 @@ _NANOSECONDS = 1_000_000_000
 
 
 class PublisherAlternation:
-    """Detects from message numbers whether the transforms of a frame come from publishers that alternate.
+    """Detects frames whose transforms come from alternating publishers.
 
     rclpy does not identify the sender of a message, but gives the message's number among those of its publisher. These numbers
     rise for one publisher. They fall again and again for two that alternate, and once for one that was restarted.
@@ -53,12 +53,12 @@ class PublisherAlternation:
                 self._falls[child] = (self._falls.get(child, (-math.inf, -math.inf))[1], at_sec)
 
     def contested(self, now_sec: float) -> list[str]:
-        """Return the frames that now have several publishers, with the seconds that were given to `add`."""
+        """Return the frames with several publishers, with the times passed to `add`."""
         return sorted(child for child, (at, _) in self._falls.items() if now_sec - at <= _CONFLICT_SEC)
 
 
 class _StaticFrame(NamedTuple):
-    """The last static transform of a frame, its number, and the publishers when two transforms differed."""
+    """The last static transform of a frame, and the publishers of differing ones."""
 
     transform: RigidTransform
     number: int
@@ -66,7 +66,7 @@ class _StaticFrame(NamedTuple):
 
 
 def listener_name(node: "Node") -> str:
-    """Return the name of the further node with which a node's process listens to frames."""
+    """Return the name of the auxiliary node that listens to frames."""
     return f"_{node.get_name()}_frames"
 
 
@@ -106,13 +106,13 @@ class FrameSources:
         ]
 
     def conflict(self) -> str:
-        """Describe a frame that comes from several nodes, with these; empty if there is none."""
+        """Describe the first frame with several publishing nodes; empty if there is none."""
         self._listen()
         found = (self._describe(child) for child in (*self._turns.contested(time.time()), *self._static))
         return next(filter(None, found), "")
 
     def frame_conflict(self, child: str) -> str:
-        """Describe that a frame comes from several nodes, with these; empty if it does not."""
+        """Describe the nodes that publish the same frame; empty if only one does."""
         self._listen()
         return self._describe(child)
 
@@ -192,7 +192,7 @@ class FrameSources:
 
 
 def frame_sources(node: "Node") -> FrameSources:
-    """Return the sources of the transforms that a node receives, one object for the lifetime of the node."""
+    """Return the node's object that tracks sources of transforms."""
     return of_node(node, FrameSources, lambda: FrameSources(node))
 
 

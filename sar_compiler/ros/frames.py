@@ -60,7 +60,7 @@ class Transform(NamedTuple):
         return yaw_of_quaternion(self.qx, self.qy, self.qz, self.qw)
 
     def of(self, inner: "Transform") -> "Transform":
-        """Return the pose of a frame in the outer one, given its pose in the inner one."""
+        """Convert a pose in the inner frame to one in the outer frame."""
         x, y, z = self._turned((inner.x, inner.y, inner.z))
         ax, ay, az, aw = self[3:]
         bx, by, bz, bw = inner[3:]
@@ -150,7 +150,7 @@ class FrameTree:
         self._listeners.remove(listener)
 
     def look_up(self, target: str, source: str, max_age_sec: float = math.inf) -> FramePose | str:
-        """Return the pose of the source frame in the target frame, or the reason in words why it is unknown.
+        """Return the pose of the source frame in the target frame, or why it is unknown.
 
         Args:
             target: The outer frame.
@@ -183,7 +183,7 @@ class FrameTree:
         missing = [frame for frame in dict.fromkeys((target, source)) if frame not in known]
         if not missing:
             return f"'{above_source}' and '{above_target}', above them, are not connected"
-        text = f"no transform of {' and '.join(map(repr, missing))} has come"
+        text = f"no transform of {' and '.join(map(repr, missing))} has arrived"
         if not known:
             graph = ros_graph(self._node)
             topic = self._node.resolve_topic_name("/tf")
@@ -197,7 +197,7 @@ class FrameTree:
         return f"{text}; there {'is' if len(named) == 1 else 'are'} {join_names(named)}{did_you_mean(near)}"
 
     def _ancestors(self, frame: str) -> dict[str, _Heard]:
-        """Return a frame's ancestors, inner ones first, each with the frame's pose in it and the stamp."""
+        """Return a frame's ancestors from the inside out, with the frame's pose in each and the stamp."""
         now = node_sec(self._node)
         at = _Heard(frame, Transform(), math.inf, -math.inf, now)
         way = {frame: at}

@@ -1,4 +1,4 @@
-"""A look at the ROS graph without a mission: what has several sources, and is meant to have one."""
+"""Detection of conflicting sources in the ROS graph, without a mission."""
 
 import time
 
@@ -13,7 +13,7 @@ _LOOK_SEC, _TURN_SEC = 1.0, 0.1
 
 
 def find_conflicts(look_sec: float = _LOOK_SEC) -> list[str]:
-    """Return topics, clocks and frames that have several sources, where one is meant, with their nodes.
+    """Describe the topics, clocks and frames with several sources instead of one.
 
     Args:
         look_sec: How long to look and to listen, seconds.

@@ -1,4 +1,4 @@
-"""Queries of the ROS graph: which nodes provide a name, similar names, and whether messages reach a node.
+"""Queries of the ROS graph: providers of a name, similar names, and connectivity.
 
 The readiness check, the monitoring, leaves' messages and `ros2 doctor` use these queries. They do not block or subscribe to anything: the
 answers contain what discovery has found so far.
@@ -114,12 +114,12 @@ class EndpointState:
 
     @property
     def hint(self) -> str:
-        """The alternatives as `; there is /tb1/scan`; empty if there are none."""
+        """The alternatives, such as `; there is /tb1/scan`; empty if there are none."""
         return f"; there is {join_names(self.elsewhere, 'or')}" if self.elsewhere else ""
 
     @property
     def line(self) -> str | None:
-        """The problem with its subject and the alternatives; None if there is no problem."""
+        """The problem with the endpoint and its alternatives; None if there is no problem."""
         return f"{self.title}: {self.problem}{self.hint}" if self.problem else None
 
     @property
@@ -139,7 +139,7 @@ class EndpointState:
 
     @property
     def namespaces(self) -> list[str]:
-        """The namespaces that have the same relative name."""
+        """The namespaces with the same relative name."""
         tail = f"/{self.endpoint.name}"
         relative = self.is_same and not self.endpoint.name.startswith(("/", "~"))
         return [name.removesuffix(tail) or "/" for name in self.elsewhere if relative and name.endswith(tail)]
@@ -185,7 +185,7 @@ class RosGraph:
         return f"{text}, or with {' or '.join(others)} instead of {space}" if others else text
 
     def nodes(self) -> "Counter[str]":
-        """Return the full names of all visible nodes, this one included, with the number of nodes of each."""
+        """Return the full names of all visible nodes, including this one, with their counts."""
         return self._cached(
             "names",
             lambda: Counter(
@@ -194,7 +194,7 @@ class RosGraph:
         )
 
     def publishers(self, topic: str) -> tuple[str, ...]:
-        """Return the full names of the other nodes that publish on a topic, each once, in alphabetical order.
+        """Return the sorted full names of the other nodes that publish on a topic.
 
         Args:
             topic: The topic, relative or full; remappings apply.
@@ -202,12 +202,12 @@ class RosGraph:
         return tuple(sorted({_node_of(each) for each in self._infos(self._node.resolve_topic_name(topic))}))
 
     def publisher_ids(self, topic: str) -> frozenset[bytes]:
-        """Return the identities of other nodes' publishers on a topic, also of nodes that share a name."""
+        """Return the identities of other nodes' publishers on a topic."""
         infos = self._infos(self._node.resolve_topic_name(topic))
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
     def publisher_conflict(self, topic: str) -> str:
-        """Report that a topic that should have one source has several publishers; otherwise return an empty string."""
+        """Describe a single-source topic that has several publishers; empty if it does not."""
         full = self._node.resolve_topic_name(topic)
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
@@ -215,7 +215,7 @@ class RosGraph:
         return f"topic {with_full_name(topic, full)}: published by {join_names(nodes)}. Stop all but one"
 
     def contested_topics(self) -> list[str]:
-        """Report each discovered topic that should have one source but has several publishers."""
+        """Describe all discovered single-source topics that have several publishers."""
         several = {topic: nodes for topic, nodes in self._publishing().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
@@ -225,7 +225,7 @@ class RosGraph:
         ]
 
     def transforms(self) -> str:
-        """Explain why the node does not receive this robot's transforms; empty if it does, or if there are none.
+        """Explain why the node does not receive this robot's transforms; empty if there is no problem.
 
         The topic is `/tf` as written; a namespaced robot has its transforms in its namespace.
         """
@@ -237,13 +237,13 @@ class RosGraph:
         return bool(self._node.get_clock().ros_time_is_active) and len(self.publisher_ids("/clock")) > 1
 
     def explain_missing_transforms(self) -> str:
-        """Explain why the node receives no transforms (other topic, or no publisher); empty if it can receive some."""
+        """Explain why the node receives no transforms; empty if it can receive some."""
         there = self.publishers("/tf") or self.publishers("/tf_static")
         here = self._node.resolve_topic_name("/tf")
         return self.transforms() or ("" if there else f"transforms: no publisher on {here} or {here}_static")
 
     def clock(self) -> str:
-        """Describe a problem with simulated time: none arrives, or two nodes publish it; empty if there is none."""
+        """Describe a problem with simulated time; empty if there is none."""
         node_clock = self._node.get_clock()
         if not node_clock.ros_time_is_active:
             return ""
@@ -256,7 +256,7 @@ class RosGraph:
             )
         if node_clock.now().nanoseconds > 0:
             return ""
-        missing = "use_sim_time is set and no /clock has come"
+        missing = "use_sim_time is set, but no /clock has arrived"
         if nodes:
             return f"{missing} from {nodes[0]}: is the simulation paused?"
         others = sorted(name for name, types in self._topics().items() if _CLOCK_TYPE in types)
@@ -265,17 +265,17 @@ class RosGraph:
         return missing
 
     def unused_clock_problem(self) -> str:
-        """Report simulated time that another node publishes and this node does not use; empty if there is none."""
+        """Describe published simulated time that this node does not use; empty if there is none."""
         nodes = self.publishers("/clock")
         if not nodes or self._node.get_clock().ros_time_is_active:
             return ""
         return (
-            f"/clock is published by {join_names(nodes)}, and use_sim_time is not set: stamps of the robot look old. Run with "
+            f"/clock is published by {join_names(nodes)}, but use_sim_time is not set: the robot's stamps look old. Run with "
             "`--ros-args -p use_sim_time:=true`"
         )
 
     def foreign_localisation_problem(self) -> str:
-        """Describe why the received localisation may belong to another robot; empty if nothing indicates it."""
+        """Describe why the localisation may belong to another robot; empty if it does not seem to."""
         poses = self.ask(Endpoint("topic", "amcl_pose", _ONE_SOURCE[2]))
         if not poses.is_there and poses.is_same:
             return f"{poses.title} has no publisher; there is {join_names(poses.elsewhere, 'or')}"
@@ -284,7 +284,7 @@ class RosGraph:
         return self.publisher_conflict("odometry/filtered") or self.transforms()
 
     def other_robots(self) -> tuple[str, ...]:
-        """Return the nodes of other robots, with their own localisation, that publish on this robot's `/tf`.
+        """Return other robots' nodes that publish on this robot's `/tf`.
 
         If nodes share a full name, the second one is included as well.
         """
@@ -316,7 +316,7 @@ class RosGraph:
         if is_contested:
             number, which = ("two", "one") if count == 2 else (count, "all but one")  # noqa: PLR2004
             of_nodes = f", {join_names(nodes)}" if len(set(nodes)) == count else ""
-            problem = f"{number} servers answer to {full}{of_nodes}. Stop {which}"
+            problem = f"{number} servers provide {full}{of_nodes}. Stop {which}"
         elif endpoint.type_name:
             types = {kind for _, served in self._servers() for kind in served.get(service, ())}
             # The owner of a server may be discovered later than the server. Until then clients of the name are included.
@@ -326,7 +326,7 @@ class RosGraph:
         return EndpointState(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
 
     def _unheard_service(self, service: str) -> str:
-        """Report that requests do not reach a service, or responses do not return; empty if they do, or if that is unknown."""
+        """Describe why requests or responses of a service are lost; empty if there is no known problem."""
         from rclpy.qos import qos_profile_services_default as own
 
         for topic, hears in ((f"rq{service}Request", True), (f"rr{service}Reply", False)):
@@ -334,7 +334,7 @@ class RosGraph:
             pairs = ((own, each.qos_profile) if hears else (each.qos_profile, own) for each in infos)
             reasons = [_incompatibility(*pair) for pair in pairs]
             if reasons and all(reasons):
-                what = "no request reaches" if hears else "no answer arrives from"
+                what = "no request reaches" if hears else "no response arrives from"
                 return f"{what} {_node_of(infos[0])} ({reasons[0]}): create its service with qos_profile_services_default"
         return ""
 
@@ -344,7 +344,7 @@ class RosGraph:
         infos = self._infos(full, hears=hears)
         if not infos:
             return self._absence_answer(endpoint, full, "no subscriber" if hears else "no publisher")
-        how = "it is there" if hears else "published"
+        how = "it exists" if hears else "published"
         problem = _wrong_type(how, {each.topic_type for each in infos}, endpoint.type_name)
         unheard = _qos_conflict(infos, endpoint.qos, hears=hears)
         nodes = tuple(sorted({_node_of(each) for each in infos}))
@@ -364,7 +364,7 @@ class RosGraph:
         return EndpointState(endpoint, full, (), problem, elsewhere=tuple(near[:_MOST]), is_same=bool(same))
 
     def _rules_in(self, answers: Sequence[EndpointState], space: str) -> list[str]:
-        """Return the rules that a run in a namespace needs; an empty namespace means the current one."""
+        """Return the remapping rules of a run in a namespace; empty means the current one."""
         rules = [f"-r __ns:={space}"] if space else []
         if space not in ("", "/") and f"{space}/tf" in self._topics() and self._resolves_tf_globally:
             rules.append(_REMAP_TRANSFORMS)
@@ -408,7 +408,7 @@ class RosGraph:
             is_own = topic == f"{space}/tf"
             rules = _REMAP_TRANSFORMS if is_own else f"-r /tf:={topic} -r /tf_static:={topic}_static"
             return (
-                f"transforms: published on {topic} by {join_names(sorted(nodes))}, and this node listens to {here}: run with "
+                f"transforms: published on {topic} by {join_names(sorted(nodes))}, but this node listens to {here}: run with "
                 f"`--ros-args {rules}`"
             )
         return ""
@@ -531,7 +531,7 @@ def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
 
 
 def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
-    """Return the end of a sentence about a leaf's unreachable server or topic: alternatives and remedy.
+    """Return the end of a message about a leaf's unreachable server or topic: alternatives and remedy.
 
     It is empty for a topic that exists and whose messages reach the leaf.
     """
@@ -540,7 +540,7 @@ def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
 
 
 def explain_endpoint(node: "Node", endpoint: Endpoint) -> str:
-    """Return the end of a sentence about an unreachable endpoint, as `explain_absence` does."""
+    """Return the end of a message about an unreachable endpoint; see `explain_absence`."""
     answer = ros_graph(node).ask(endpoint)
     if answer.is_there:
         connected = "" if endpoint.kind == "topic" else "it is present but not connected yet"
@@ -562,7 +562,7 @@ def join_names(names: Collection[str], conjunction: str = "and") -> str:
 
 
 def services_by_node(node: "Node") -> Iterator[tuple[str, str, dict[str, list[str]]]]:
-    """Yield each node of the graph by its name and namespace, with the services that it serves and their types."""
+    """Yield each node's name and namespace, with its services and their types."""
     from rclpy.node import NodeNameNonExistentError
 
     for name, namespace in node.get_node_names_and_namespaces():
@@ -578,16 +578,18 @@ def _node_of(info: Any) -> str:
 
 
 def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
-    """Describe a resource that exists in other types only; empty if it has the wanted type, or if unknown."""
+    """Describe a resource that has only other types; empty if it has the wanted type, or if unknown."""
     # The goal service of an action has a type derived from the action's type.
     there = sorted({each.removesuffix("_SendGoal") for each in types})
     return (
-        "" if not wanted or not there or wanted in there else f"{how} as {', '.join(there)}, must be {wanted}"
+        ""
+        if not wanted or not there or wanted in there
+        else f"{how} as {', '.join(there)}, but must be {wanted}"
     )
 
 
 def _qos_conflict(infos: Sequence[Any], own: Iterable["QoSProfile"], *, hears: bool) -> str:
-    """Describe that incompatible qualities of service stop all messages, with the remedy; empty if some pass.
+    """Describe incompatible qualities of service that block all messages, with the remedy; empty otherwise.
 
     Args:
         infos: The publishers of others, or their subscriptions.
@@ -625,7 +627,7 @@ def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
 
 
 def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collection[str]]) -> list[str]:
-    """Return the wanted name in other namespaces, names of the wanted type first."""
+    """Return the name's occurrences in other namespaces, those of the wanted type first."""
     tails = {f"/{endpoint.name.lstrip('/~')}", full}
     same = [name for name in there if any(name.endswith(tail) for tail in tails) or full.endswith(name)]
     fitting = [name for name in same if not endpoint.type_name or endpoint.type_name in there[name]]
@@ -635,7 +637,7 @@ def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collectio
 def _nearest_names(
     endpoint: Endpoint, full: str, space: str, there: Mapping[str, Collection[str]]
 ) -> list[str]:
-    """Return the names probably meant: a typo, a part more or less, or the only ones of the type."""
+    """Return the names that were probably intended."""
     wanted = endpoint.name.lstrip("/~")
     fitting = [name for name in sorted(there) if not endpoint.type_name or endpoint.type_name in there[name]]
     depth, inner = wanted.count("/") + 1, f"{space.rstrip('/')}/"

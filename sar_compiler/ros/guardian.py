@@ -1,4 +1,4 @@
-"""A small process that cancels the goals of a mission that crashes or stops ticking.
+"""A process that cancels the goals of a crashed or blocked mission.
 
 A mission that is killed (by SIGKILL, for lack of memory, by a crash) cannot cancel anything, and the robot drives on to
 its goal. The mission therefore reports through a pipe which goals it sends, which have ended, and the heartbeats of the
@@ -41,7 +41,7 @@ MAY_MOVE_SIGN = b"!"
 
 # The first character of a line: a goal is sent, has ended, a heartbeat.
 _SENT, _OVER, _BEAT = "+", "-", "."
-_GONE = "the mission is gone"
+_GONE = "the mission's process has ended"
 # Additional time for the mission to handle stopped ticks by itself, seconds.
 _GRACE_SEC = 2.0
 # How long the guardian tries to end the goals, seconds.
@@ -97,7 +97,7 @@ class Guardian(RunExtension):
             self._write(_BEAT, json.dumps(beat))
 
     def on_end(self, *, has_begun: bool) -> None:  # noqa: ARG002
-        """Let the guardian end; it first cancels the goals that have not ended."""
+        """End the guardian, which first cancels active goals."""
         with self._lock:
             self._is_closing = True
             self._pipe.close()
@@ -127,7 +127,7 @@ class Guardian(RunExtension):
             os.write(self._pipe.fileno(), f"{' '.join(words)}\n".encode())
 
     def _wait_for_end(self) -> None:
-        """Wait for the guardian's end; start another one unless the mission requested the end."""
+        """Wait for the guardian's end, and replace it unless the mission requested the end."""
         began = time.monotonic()
         status = self._process.wait()
         with self._lock:
@@ -146,7 +146,7 @@ class Guardian(RunExtension):
 
 
 def main() -> None:
-    """Run the guardian of the process at the other end of standard input, until that ends.
+    """Run the guardian of the process at the other end of standard input until that process ends.
 
     The arguments are the descriptor of the pipe to the mission's supervisor, empty without one, and ROS arguments.
     """
@@ -228,7 +228,7 @@ class _GuardedGoals:
         )
 
     def _look(self, limit_sec: float, silent_sec: float) -> None:
-        """Report missing heartbeats and cancel the goals if the mission cannot; it may tick again later."""
+        """Report missing heartbeats, and cancel the goals of a blocked mission, which may tick again later."""
         if silent_sec > REPORT_SEC and not self._is_reported:
             self._is_reported = True
             place = source_line_in_stack(self._beat)

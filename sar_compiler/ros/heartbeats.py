@@ -29,7 +29,7 @@ class Heartbeat(NamedTuple):
 
 
 class Heartbeats:
-    """Distributes the heartbeats of a node's executor; use `heartbeats`."""
+    """Distributes the heartbeats of a node's executor; obtain it with `heartbeats`."""
 
     def __init__(self) -> None:
         self._listeners: list[Callable[[Heartbeat], None]] = []

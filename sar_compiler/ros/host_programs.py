@@ -1,4 +1,4 @@
-"""Run a tree in a user's own program: its signals, its goals, and an orderly end."""
+"""Run a tree in a user's own program, and cancel its goals when the program ends."""
 
 import math
 import sys
@@ -46,7 +46,7 @@ def running(
     settle_timeout_sec: float = SETTLE_SEC,
     blocked_tick_timeout_sec: float = BLOCKED_TICK_SEC,
 ) -> Iterator[TreeRunner]:
-    """Set up a tree on a node, and make sure that no goal outlives the block that ticks it.
+    """Set up a tree on a node, and end all its goals at the end of the block.
 
     Within the block Ctrl-C, SIGTERM and SIGHUP interrupt the executor between two callbacks, by a `KeyboardInterrupt`.
     At the end of the block the tree is stopped from its root, its goals are canceled, and their ends are awaited. After
@@ -106,11 +106,11 @@ def running(
 
 
 class _InterruptionError(RuntimeError):
-    """Ends the spinning of an executor with threads of its own, which passes on only an `Exception`."""
+    """Ends the spinning of a multithreaded executor, which propagates only an `Exception`."""
 
 
 class _Signals(StopSignals):
-    """Replaces rclpy's handlers, which would shut ROS down before a goal could be canceled; restores them later."""
+    """Replaces rclpy's signal handlers temporarily, so that goals are canceled before ROS shuts down."""
 
     def __init__(self) -> None:
         self._options = get_current_signal_handlers_options()
@@ -173,7 +173,7 @@ class _HostedTree:
         return watch
 
     def _on_beat(self) -> None:
-        """Interrupt the executor, in whose thread this is called, if a signal has arrived."""
+        """Interrupt the executor of the current thread if a signal has arrived."""
         self._spinner = threading.get_ident()
         if self._signals is None or self._is_ending or not self._signals.came:
             return
@@ -188,14 +188,14 @@ class _HostedTree:
             threading.Timer(_SOON_SEC, self._interrupt).start()
 
     def _interrupt_workers(self) -> None:
-        """Raise the interrupt in the thread that spins the executor, and again if the program continues."""
+        """Raise an interrupt in the thread that spins the executor, repeatedly if necessary."""
         if time.monotonic() - self._interrupted_at < UNNOTICED_SEC:
             return
         self._interrupted_at = time.monotonic()
         raise _InterruptionError
 
     def _on_unnoticed(self, watch: TickWatch, end: ForcedEnd, where: str) -> None:
-        """Interrupt the main thread if it does not spin; end the process if that has no effect."""
+        """Interrupt a main thread that does not spin; end the process if that has no effect."""
         if watch.blocking_leaf() is not None or self._has_interrupted:
             if time.monotonic() - self._interrupted_at > UNNOTICED_SEC:
                 end.end_blocked(where)
@@ -240,7 +240,7 @@ class _HostedTree:
             own.shutdown()
 
     def _settled_elsewhere(self) -> list[str]:
-        """Let the thread that spins the executor stop the tree, and wait for it."""
+        """Stop the tree in the thread that spins the executor."""
         self._runner.interrupt()
         deadline = time.monotonic() + self._settle_sec
         while (self._runner.running or leaves_at_work(self._runner.root)) and time.monotonic() < deadline:
@@ -248,5 +248,5 @@ class _HostedTree:
         return [leaf.name for leaf in leaves_at_work(self._runner.root)]
 
     def status(self, signals: StopSignals) -> int:
-        """Return the exit status of a program that was asked to stop."""
+        """Return the exit status of a program after a request to stop."""
         return ROBOT_MAY_MOVE if self._active else signals.exit_status

@@ -1,4 +1,4 @@
-"""States of lifecycle nodes, queried repeatedly without blocking. `RobotEstimate.lifecycle` has one object for each."""
+"""States of lifecycle nodes, queried repeatedly without blocking."""
 
 import math
 import time
@@ -27,7 +27,7 @@ _MEETING_SEC = 1.0
 
 
 class PolledService:
-    """A service that is queried repeatedly for its current answer.
+    """A service whose current response is queried repeatedly.
 
     A lost answer, as may happen while the two sides still discover each other, is not waited for.
 
@@ -66,11 +66,11 @@ class PolledService:
         return bool(self._client.service_is_ready())
 
     def is_awaited(self, since: float = -math.inf) -> bool:
-        """Return whether there is a server without an answer from a time on, in steady seconds."""
+        """Return whether a server has not responded since a time, in steady seconds."""
         return self._is_there and (self.known_at == -math.inf or self.known_at < since)
 
     def ask(self, since: float = -math.inf) -> bool:
-        """Read the answer, and query again if due or if it is older than *since*; return whether there is a server."""
+        """Read the response, and query again if due or if it is older than *since*; return whether there is a server."""
         now = AWAKE.now()
         self._is_there = self.is_there
         if not self._is_there:
@@ -137,26 +137,26 @@ class LifecycleState(PolledService):
 
     @property
     def state(self) -> str | None:
-        """The state in its last answer; None before the first one."""
+        """The state in its last response; None before the first one."""
         return _state_name(self.answer.current_state) if self.answer is not None else None
 
     @property
     def age_sec(self) -> float:
-        """The age of that answer, seconds; infinite while nothing is known."""
+        """The age of that response, seconds; infinite before the first one."""
         return AWAKE.now() - self.known_at
 
     @property
     def silent_sec(self) -> float:
-        """The time for which the present node has not answered, seconds; 0 if it answers."""
+        """The time without a response of the current node, seconds."""
         return 0.0 if self.silent_since is None else AWAKE.now() - self.silent_since
 
     @property
     def has_heard_nothing(self) -> bool:
-        """Whether the node has not answered since this process stood still; False without a standstill."""
+        """Whether the node has not responded since this process was suspended; False without a suspension."""
         return self.answered_at < AWAKE.stood_still_at
 
     def missing(self, since: float = -math.inf) -> str | None:
-        """Query if due or if the answer is older than *since*; describe the last answer, None if it was `active`."""
+        """Query if due or if the response is older than *since*; describe the last state, None if it was `active`."""
         if not self.ask(since):
             there = ros_graph(self._node).ask(Endpoint("node", self.name)).hint
             return f"node {self.name}: not there (no service {self._service}){there}"
@@ -190,11 +190,11 @@ class LifecycleNodes:
         self._known.update(each for each in self._nodes if each.is_there)
 
     def ignore_answers(self) -> None:
-        """Ignore the nodes' previous answers."""
+        """Ignore the nodes' previous responses."""
         self._since = AWAKE.now()
 
     def obstacle(self) -> str | None:
-        """Return the missing items in words; empty if none is missing, None if not all nodes have answered yet."""
+        """Describe the missing items; empty if none is missing, None until all nodes have responded."""
         self.look()
         looked = [(each, each.missing(self._since)) for each in self._nodes if each in self._known]
         missing = [(each, line) for each, line in looked if line is not None]
@@ -203,7 +203,7 @@ class LifecycleNodes:
         return "; ".join(self._in_few_words(missing))
 
     def _in_few_words(self, missing: Sequence[tuple[LifecycleState, str]]) -> Iterator[str]:
-        """Yield the missing items, nodes in the same state in one line."""
+        """Yield a line for each missing state, with its nodes."""
         by_state: dict[str, list[tuple[str, str]]] = {}
         for node, line in missing:
             by_state.setdefault(node.state or line, []).append((node.name, line))

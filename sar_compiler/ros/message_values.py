@@ -56,7 +56,7 @@ class ValueProblem(Enum):
 
 
 class UnusableValueError(SarError, ValueError):
-    """A value is outside the definition of its message, and counts as unknown.
+    """A value is outside its message's definition, and is treated as unknown.
 
     Args:
         text: The value, its allowed values, and the likely cause.
@@ -83,7 +83,7 @@ class PlanarPose(NamedTuple):
 
 
 class _Definition(NamedTuple):
-    """The numbers that a field can have, according to the comments of its message.
+    """The valid numbers of a field, according to the comments of its message.
 
     Attributes:
         least: The lowest.
@@ -108,7 +108,7 @@ class _Definition(NamedTuple):
         if math.isnan(number):
             raise UnusableValueError(f"{name} is not a number (NaN): it was not measured")
         if math.isinf(number) and not self.has_infinity:
-            raise UnusableValueError(f"{name} is {number:g}, and must be finite")
+            raise UnusableValueError(f"{name} is {number:g}, but must be finite")
         if math.isinf(number):
             return number
         slack = _ROUNDING * max(abs(each) for each in (self.least, self.most, 0.0) if math.isfinite(each))
@@ -119,7 +119,7 @@ class _Definition(NamedTuple):
                 if self.most == math.inf
                 else f"from {self.least:g} to {self.most:g}{unit}"
             )
-            raise UnusableValueError(f"{name} is {number:g}{unit}, and must be {must}{cause}")
+            raise UnusableValueError(f"{name} is {number:g}{unit}, but must be {must}{cause}")
         return min(max(number, self.least), self.most)
 
 
@@ -354,7 +354,7 @@ def grid_geometry(message: Any) -> GridGeometry:
     """
     info = message.info
     if not (math.isfinite(info.resolution) and info.resolution > 0.0):
-        raise UnusableValueError(f"the resolution is {info.resolution:g}, and must be above 0 m")
+        raise UnusableValueError(f"the resolution is {info.resolution:g}, but must be above 0 m")
     return GridGeometry(info.resolution, info.width, info.height, *planar_pose(info.origin))
 
 
@@ -452,7 +452,7 @@ _POSE_AND_TWIST = struct.Struct("=7d288x6d")
 
 
 def read_odometry(message: bytes) -> OdometryReading:
-    """Return the content of serialised odometry, which is faster than to deserialise the message."""
+    """Read odometry from a serialised message, which is faster than deserialisation."""
     if message[:2] != _NATIVE:  # from a machine with the other byte order
         from nav_msgs.msg import Odometry
         from rclpy.serialization import deserialize_message, serialize_message
@@ -502,7 +502,7 @@ def check_frame(subject: str, message: Any, wanted: str, cause: str = "") -> Non
     frame = message.header.frame_id
     if frame != wanted:
         because = f" ({cause})" if cause else ""
-        text = f"{subject} is in the frame '{shorten_to_line(frame)}', and must be in '{wanted}'{because}"
+        text = f"{subject} is in the frame '{shorten_to_line(frame)}', but must be in '{wanted}'{because}"
         raise UnusableValueError(text, ValueProblem.FRAME)
 
 
@@ -546,7 +546,7 @@ def stamp_age(
     is_strict: bool = False,
     subject: str = "its stamp is",
 ) -> float:
-    """Return the age of a stamp by a node's clock, at least 0 s; a stamp of zero is no stamp and has age 0.
+    """Return the age of a stamp on a node's clock, at least 0 s; a missing stamp has age 0.
 
     Args:
         stamp: The stamp of a header, or its seconds.
@@ -569,14 +569,14 @@ def stamp_age(
         text = f"{subject} {_seconds_apart(then - now)} in the future{clock_hint(then - now, node)}"
         raise UnusableValueError(text, ValueProblem.FUTURE)
     if now - then > max_age_sec + (0.0 if is_strict else apart):
-        age = f"{_seconds_apart(now - then)} old, and may be at most {max_age_sec:g} s"
+        age = f"{_seconds_apart(now - then)} old, but may be at most {max_age_sec:g} s"
         text = f"{subject} {age}{clock_hint(now - then, node)}"
         raise UnusableValueError(text, ValueProblem.STALE)
     return max(0.0, now - then)
 
 
 def clock_hint(apart_sec: float, node: "Node") -> str:
-    """Return why a stamp differs so much from a node's time, as the end of a sentence; empty if clocks are unlikely."""
+    """Return the likely cause of a stamp's large difference from a node's time; empty if unknown."""
     if apart_sec <= _ANOTHER_CLOCK_SEC:
         return ""
     if node.get_clock().ros_time_is_active:
@@ -609,13 +609,13 @@ def _check_length(*turn: float, tolerance: float = _ROTATION_TOLERANCE) -> float
     length = math.hypot(*turn)
     if not abs(length - 1.0) <= tolerance:
         raise UnusableValueError(
-            f"the length of the quaternion is {length:.3g}, and must be 1 (for no turn write w: 1.0)"
+            f"the length of the quaternion is {length:.3g}, but must be 1 (for no turn write w: 1.0)"
         )
     return length
 
 
 class ValueReports:
-    """Reports values outside their definition in a node's log, once for each source and kind of problem; use `value_reports`.
+    """Logs invalid values once for each source and kind of problem; obtain it with `value_reports`.
 
     Args:
         node: The rclpy node.

@@ -51,7 +51,7 @@ def require_middleware() -> None:
 
 @contextmanager
 def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
-    """Initialise ROS in its own context and shut it down at the end, after removing remains of killed processes.
+    """Initialise ROS in its own context, and shut it down at the end of the block.
 
     Signals are left to the caller: rclpy's handlers would shut ROS down before an active goal could be cancelled.
     Within the block rclpy does not warn about answers to clients that were just destroyed.
@@ -78,7 +78,7 @@ def ros_up(arguments: Sequence[str]) -> "Iterator[Context]":
 
 
 def _installed_middlewares() -> Iterator[str]:
-    """Yield the middlewares that are registered where ROS is: in sourced workspaces, or in this environment."""
+    """Yield the middlewares that are installed in sourced workspaces or this environment."""
     for prefix in (*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix):
         folder = Path(prefix) / _INDEX
         if prefix and folder.is_dir():
@@ -97,7 +97,7 @@ _UNFINISHED_SEC = 2.0
 
 
 def remove_stale_segments(folder: Path = _FOLDER) -> int:
-    """Remove the shared-memory segments of this user's dead processes; return their number.
+    """Remove shared-memory segments of this user's ended processes; return their number.
 
     A segment with a held lock is left alone, and so is one that is younger than a minute or belongs to another user.
     Ports are left alone too: a starting process takes over those of dead processes, under a mutex of Fast DDS. It would

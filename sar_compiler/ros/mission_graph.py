@@ -1,4 +1,4 @@
-"""Missions that run in the ROS graph, and the commands that they accept."""
+"""Running missions in the ROS graph, and the commands that they accept."""
 
 import time
 from collections.abc import Callable
@@ -26,7 +26,7 @@ class MissionCommandError(SarError):
 
 
 def find_missions(node: Node) -> list[LeaseClaim]:
-    """Return the missions that drive a robot, by their claims; a mission that drives none claims nothing.
+    """Return the claims of missions that drive a robot.
 
     On a busy machine nodes discover each other late. The search continues for a while after a discovery, or without a claim.
 
@@ -63,7 +63,7 @@ def find_missions(node: Node) -> list[LeaseClaim]:
 
 
 def available_commands(node: Node, of: str) -> list[str]:
-    """Return the commands without values that a mission's node accepts now, by the names of their services.
+    """Return the names of the commands without values that a mission's node accepts now.
 
     Args:
         node: The node that asks.
@@ -75,7 +75,7 @@ def available_commands(node: Node, of: str) -> list[str]:
 
 
 def send_command(node: Node, of: str, order: str, sign: Callable[[Callable[[], None]], object]) -> str:
-    """Send a command, and return the answer.
+    """Send a command, and return the response.
 
     Args:
         node: The node that sends the command, which must be spun elsewhere.
@@ -98,7 +98,7 @@ def send_command(node: Node, of: str, order: str, sign: Callable[[Callable[[], N
     sign(lambda: client.call_async(Trigger.Request()).add_done_callback(take))
     if not answered.wait(_ANSWER_SEC):
         raise MissionCommandError(
-            f"{of} has not answered within {_ANSWER_SEC:g} s. It may have accepted '{order}'"
+            f"{of} has not responded within {_ANSWER_SEC:g} s. It may have accepted '{order}'"
         )
     if not answers[0].success:
         raise MissionCommandError(f"not carried out: {answers[0].message}")

@@ -56,7 +56,7 @@ class TreeLog:
         engine.add_post_tick_handler(lambda _: self._tell_events())
 
     def end(self) -> None:
-        """Publish the result; nothing is ticked afterwards."""
+        """Publish the result."""
         self._changes.finalise()
         self._tell_events()
 
@@ -150,7 +150,7 @@ class MissionPublisher(RunExtension):
         return self._mission.situation
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Publish the result if the run has started; nothing is ticked afterwards."""
+        """Publish the result if the run has started."""
         if has_begun:
             self._log.end()
             self._try(self._publish_state)
@@ -186,7 +186,7 @@ class MissionPublisher(RunExtension):
         self._state.publish(self._log.state())
 
     def _wait_for_readers(self) -> None:
-        """Give reliable readers time for the last messages, which are lost with the node; limited if one hangs."""
+        """Wait, within a limit, until reliable readers have received the last messages."""
         deadline = time.monotonic() + _LAST_WORDS_SEC
         for publisher in (self._changes, self._state, self._markers):
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
@@ -254,7 +254,7 @@ def _strip(kind: str, number: int, colour: ColorRGBA, points: Iterable[Sequence[
 
 
 def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> list[Marker]:
-    """Return a marker at a landmark's position, with its name and state above it."""
+    """Return a marker for a landmark, with its name and state above it."""
     kind, size = _FORMS.get(shape, _FORMS["circle"])
     form = Marker(ns=landmark.kind, id=number, type=kind, color=colour)
     form.scale.x = form.scale.y = size

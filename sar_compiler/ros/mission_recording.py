@@ -1,4 +1,4 @@
-"""Record a mission in one MCAP file as ROS 2 messages: its topics, its tree's log, and its own messages.
+"""Record a mission in an MCAP file as ROS 2 messages.
 
 Readers need the definitions of the messages, which are derived from their Python classes.
 """
@@ -47,7 +47,7 @@ _BETWEEN = f"{'=' * 80}\nMSG: "
 
 
 def message_text(kind: Any) -> str:
-    """Return the definition of a message in the form `ros2msg`, with those of all messages in it."""
+    """Return the definition of a message and its nested messages in the format `ros2msg`."""
     inner: dict[str, Any] = {}
     parts = [_fields(kind, inner)]
     # The definitions written so far add more types to this list.
@@ -129,7 +129,7 @@ def _type_to_record(name: str, types: Iterable[str]) -> Any:
 
 
 def _as_yaml(profiles: Iterable[QoSProfile]) -> str:
-    """Return quality-of-service profiles in rosbag2's form: YAML, with the numbers that all its versions read."""
+    """Return quality-of-service profiles in rosbag2's YAML format."""
     policies = ("history", "depth", "reliability", "durability", "liveliness")
     times = ("deadline", "lifespan", "liveliness_lease_duration")
     written = []

@@ -1,4 +1,4 @@
-"""Warnings and errors of Nav2's nodes on `/rosout`, and the lines that explain a failed goal or bring-up."""
+"""Warnings and errors of Nav2's nodes on `/rosout`, which explain failed goals and bring-ups."""
 
 import math
 import re
@@ -66,7 +66,7 @@ class _LoggedLine(NamedTuple):
 
     @property
     def rank(self) -> int | None:
-        """Its rank as an explanation of a failure, 0 for the best; None if it explains none."""
+        """Its rank as an explanation of a failure, 0 for the best; None for other lines."""
         if _EMPTY.search(self.text):
             return None
         if _SECONDARY.search(self.text):
@@ -112,14 +112,14 @@ class Nav2Log:
         return "; ".join(list(dict.fromkeys(said))[-_QUOTED:])
 
     def failed_change(self) -> str:
-        """Return the node whose state the lifecycle manager could not change, by its last such line; empty if none."""
+        """Return the last node whose state the lifecycle manager could not change; empty if none."""
         found = [
             each for line in self._since(MANAGER, -math.inf) if (each := _FAILED_CHANGE.search(line.text))
         ]
         return found[-1][1].rpartition("/")[2] if found else ""
 
     def awaited_node(self) -> str:
-        """Return the node for which the lifecycle manager waits, or last waited during start-up; empty if none.
+        """Return the last node that the lifecycle manager waited for during start-up; empty if none.
 
         If the process of this node crashes, the manager waits for its answer forever and logs nothing more.
         """

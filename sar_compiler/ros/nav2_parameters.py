@@ -37,7 +37,7 @@ _FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_va
 
 
 class _ParameterQuery:
-    """The query for some parameters of one node: first which of them it has, then their values.
+    """The query for some parameters of one node.
 
     A node of rclcpp returns no values if any queried parameter is undeclared, hence the first step.
     """
@@ -56,7 +56,7 @@ class _ParameterQuery:
         self._asked_at = math.inf
 
     def is_awaited(self) -> bool:
-        """Do the next step; return whether the node is present and has yet to answer."""
+        """Perform the next step; return whether the node is present but has not responded."""
         if self.is_over or (self._asked_at == math.inf and not self._node.count_services(self._service)):
             return False
         self._asked_at = min(self._asked_at, AWAKE.now())
@@ -101,17 +101,17 @@ class Nav2Parameters:
         self._questions = {name: _ParameterQuery(node, name, wanted) for name, wanted in _WANTED.items()}
 
     def are_awaited(self) -> bool:
-        """Query each present node once; return whether any has yet to answer."""
+        """Query each present node once; return whether any response is pending."""
         return any([each.is_awaited() for each in self._questions.values()])  # noqa: C419 - all are to be asked
 
     def close(self) -> None:
-        """Stop querying, but keep the answers."""
+        """Stop querying, but keep the responses."""
         for each in self._questions.values():
             each.close()
 
     @property
     def goal_tolerance(self) -> float:
-        """Nav2's goal tolerance for a successful drive, metres; Nav2's default until it answers."""
+        """Nav2's goal tolerance, metres; Nav2's default until its response arrives."""
         values = self._questions[_CONTROLLER].values
         names = values.get("goal_checker_plugins", ())
         tolerances = [values[key] for name in names if (key := f"{name}.{_TOLERANCE}") in values]
@@ -119,12 +119,12 @@ class Nav2Parameters:
         return max(usable, default=NAV2_GOAL_TOLERANCE_M)
 
     def advice(self) -> list[str]:
-        """Return the parameters that are likely to make drives fail, a sentence each, with the line to write."""
+        """Describe the parameters that are likely to make drives fail, with corrections."""
         values = {name: each.values for name, each in self._questions.items()}
         return [*_on_timeouts(values[NAVIGATOR]), *self._on_odometry(values), *self._on_stamps(values)]
 
     def _on_odometry(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-        """Yield the nodes, possibly including this one, whose odometry topic has no publisher."""
+        """Yield sentences about nodes whose odometry topic has no publisher."""
         node = self._node
         ours = node.resolve_topic_name(_ODOMETRY)
         for name in (NAVIGATOR, _CONTROLLER):
@@ -144,7 +144,7 @@ class Nav2Parameters:
                 return
 
     def _on_stamps(self, values: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-        """Yield the nodes whose velocity commands have another type than the robot accepts."""
+        """Yield sentences about nodes whose velocity commands have a type that the robot does not accept."""
         heard = {
             each.topic_type.rpartition("/")[2]
             for each in self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name("cmd_vel"))

@@ -1,4 +1,4 @@
-"""Cancel goals that another process left active, and wait for their ends, such as before a mission resumes."""
+"""Cancel goals that another process left active, and wait for their ends."""
 
 import math
 import os
@@ -78,7 +78,7 @@ class OrphanedGoals(Requirement):
         ]
 
     def missing(self) -> str | None:
-        """Cancel the active goals; describe the first goal that has not ended, None if all have."""
+        """Cancel the active goals; describe the first one that has not ended, or return None."""
         return next((line for line in [goal.missing() for goal in self._goals] if line is not None), None)
 
 
@@ -102,7 +102,7 @@ class CancelClients:
         self._prober: Client | None = None
 
     def renew_if_silent(self) -> None:
-        """Replace the clients after long silence: a server drops answers to readers it has not discovered."""
+        """Replace the clients after a long silence, because a server drops responses to undiscovered readers."""
         if self._unheard_since is None or time.monotonic() - self._unheard_since < _RENEWAL_SEC:
             return
         for client in filter(None, (self.canceller, self._prober)):
@@ -111,11 +111,11 @@ class CancelClients:
         self._connect()
 
     def on_answer(self) -> None:
-        """Record that the server has answered."""
+        """Record a response of the server."""
         self._unheard_since = None
 
     def cancel(self, goal_id: str) -> Future:
-        """Send the request to cancel a goal; return the future of its answer."""
+        """Request to cancel a goal; return the future of the response."""
         self._unheard_since = self._unheard_since or time.monotonic()
         return self.canceller.call_async(cancel_request(goal_id))
 
@@ -138,7 +138,7 @@ class CancelClients:
 
 
 class OrphanedGoal:
-    """A goal whose process is gone or cannot cancel it, canceled from here until its end is seen.
+    """A goal that its own process cannot cancel; canceled from this process until it has ended.
 
     Three sources show its end: the status topic, the answer to the request for its result, and a server that does not
     know the goal (because it was restarted, or never received the goal). Each can fail to arrive, so all three are
@@ -171,7 +171,7 @@ class OrphanedGoal:
         self._questioned: Client | None = None
 
     def missing(self) -> str | None:
-        """Cancel it if that is due; return the reason why it may be active, None once it has ended."""
+        """Cancel the goal if due; return why it may be active, None once it has ended."""
         status = self._statuses.end_of(self._id)
         if status is not None:
             self._end(status)
@@ -190,7 +190,7 @@ class OrphanedGoal:
         return f"action {self.action}: the orphaned goal has not ended. The robot may be moving"
 
     def _ask_for_result(self) -> None:
-        """Request the result, once by each client: a server answers at the goal's end, or at once for an unknown goal."""
+        """Request the result, once by each client."""
         prober = self._clients.prober()
         if prober is None or prober is self._questioned:
             return
@@ -224,7 +224,7 @@ class OrphanedGoal:
 
 
 def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) -> list[OrphanedGoal]:
-    """Cancel goals until their ends are seen; return those that may still be active.
+    """Cancel goals until they have ended; return those that may still be active.
 
     Args:
         goals: The goals.
@@ -241,7 +241,7 @@ def cancel_goals(goals: Sequence[OrphanedGoal], node: Node, limit_sec: float) ->
 
 
 class Canceller:
-    """Cancels goals in a ROS context of its own, if the run's executor is blocked or its context shut down.
+    """Cancels goals in a separate ROS context, if the run's executor is blocked or its context shut down.
 
     Args:
         name: The name of the node.
@@ -263,7 +263,7 @@ class Canceller:
     def cancel(
         self, goals: Iterable[GoalEvent], limit_sec: float, on_request: Callable[[GoalEvent], None]
     ) -> list[str]:
-        """Cancel goals until their ends are seen; return the actions of those that may still be active.
+        """Cancel goals until they have ended; return the actions of those that may still be active.
 
         Args:
             goals: The goals.
@@ -277,20 +277,20 @@ class Canceller:
         return [goal.action for goal in cancel_goals(left, self.node, limit_sec)]
 
     def close(self) -> None:
-        """Take the context down."""
+        """Shut down the context."""
         self.node.destroy_node()
         self.context.try_shutdown()
 
 
 class CancelFunction(Protocol):
-    """Cancels the goals of a node from another thread than its executor's."""
+    """Cancels the goals of a node from a thread other than its executor's."""
 
     def __call__(self, limit_sec: float) -> Sequence[str]:
-        """Return the actions of the goals whose ends were not seen within a limit, in seconds."""
+        """Cancel the goals; return the actions of those that have not ended within a limit, in seconds."""
 
 
 def make_separate_canceller(node: Node) -> CancelFunction:
-    """Return a function that cancels a node's goals in a new ROS context, for a blocked executor or a dead context.
+    """Return a function that cancels a node's goals in a separate ROS context.
 
     Args:
         node: The node, whose context is still up.

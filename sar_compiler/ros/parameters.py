@@ -1,4 +1,4 @@
-"""Nodes that declare every parameter given by a file or the command line."""
+"""Nodes that declare every parameter from a file or the command line."""
 
 from array import array
 from typing import Any
@@ -11,7 +11,7 @@ from sar_compiler.ros.arguments import RosArgumentError, convert_ros_errors
 
 
 class DataNode(Node):
-    """A node that declares every parameter that it receives.
+    """A node that declares all parameters that it receives.
 
     Args:
         name: Its name, unless it is remapped.
@@ -48,7 +48,7 @@ class DataNode(Node):
 
 
 def _require_sim_time_switch(node: Node) -> None:
-    """Check that `use_sim_time` is a Boolean; a node would only log an error and ignore it."""
+    """Check that `use_sim_time` is a Boolean, because a node ignores other values."""
     value = node.get_parameter("use_sim_time").value
     if not isinstance(value, bool):
         node.destroy_node()
@@ -56,7 +56,7 @@ def _require_sim_time_switch(node: Node) -> None:
 
 
 def _names_without_type(name: str, context: Context | None, cli_args: list[str] | None) -> str:
-    """Return the names of the parameters whose type ROS cannot infer, from a node that does not declare them."""
+    """Return the names of the parameters whose type ROS cannot infer."""
     probe = Node(
         name, context=context, cli_args=cli_args, start_parameter_services=False, enable_rosout=False
     )

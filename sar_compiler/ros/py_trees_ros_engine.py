@@ -35,7 +35,7 @@ _ITS_PARAMETERS = (
 
 
 class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
-    """A `py_trees_ros.trees.BehaviourTree` that always ends by stopping its tree.
+    """A `py_trees_ros.trees.BehaviourTree` that always stops its tree at the end.
 
     Attributes:
         failure: The exception of a leaf or a handler that stopped the tree; None if there was none.
@@ -49,7 +49,7 @@ class PyTreesRosEngine(py_trees_ros.trees.BehaviourTree):
         self._stopped = self._shut_down = False
 
     def setup(self, node: Node, **kwargs: Any) -> None:
-        """Set up every behaviour of the tree on a node, which may already have declared any parameter.
+        """Set up every behaviour of the tree on a node.
 
         Args:
             node: The node to tick on.

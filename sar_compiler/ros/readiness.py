@@ -1,4 +1,4 @@
-"""Wait before the first tick for the resources that a tree's leaves declare."""
+"""Wait, before the first tick, for the resources that a tree's leaves declare."""
 
 import math
 import time
@@ -62,7 +62,7 @@ class Requirement(ABC):
 
     @abstractmethod
     def missing(self) -> str | None:
-        """Do the next step, and describe the missing item; None if nothing is missing."""
+        """Perform the next step, and describe the missing item; None if nothing is missing."""
 
     def close(self) -> None:  # noqa: B027 - most have created nothing
         """Destroy the entities that it created on the node."""
@@ -108,7 +108,7 @@ class RobotMovedError(SarError):
 
 
 class LocalisationCheck(Requirement):
-    """A localisation that must have a pose: its present one, or else the initial one.
+    """The requirement that the localisation has a pose: its current one or the initial one.
 
     A localisation that has a pose is sent another one only if that is nearly the same. If it is far away, the start is
     refused. A localisation without a pose is sent the initial one only if the odometry shows that the robot has not
@@ -144,7 +144,7 @@ class LocalisationCheck(Requirement):
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def missing(self) -> str | None:
-        """Publish the pose if due, and describe a missing answer; None once there is one.
+        """Publish the pose if due, and describe a missing response; None once there is one.
 
         Raises:
             RobotMovedError: If the localisation has a pose that is far from the initial one.
@@ -155,7 +155,7 @@ class LocalisationCheck(Requirement):
             if self._robot.localisation_conflict():
                 return f"topic {self._answers}: no initial pose is sent while another robot's localisation may be heard"
             if self._is_heard_too_briefly(now):
-                return f"topic {self._answers}: waiting for the pose of the localisation"
+                return f"topic {self._answers}: waiting for the localisation's pose"
         self._answered = self._answered or has_taken_it or self._keeps_its_own()
         if self._answered:
             return None
@@ -172,7 +172,9 @@ class LocalisationCheck(Requirement):
             self._publisher.publish(estimated_pose(self._node, *self._pose))
         x, y, yaw = self._pose
         deaf = "" if heard else f", and no node subscribes to {self._poses}"
-        return f"topic {self._answers}: no answer to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
+        return (
+            f"topic {self._answers}: no response to the initial pose ({x:.2f}, {y:.2f}, yaw {yaw:.2f}){deaf}"
+        )
 
     def close(self) -> None:
         """Destroy the publisher."""
@@ -183,7 +185,7 @@ class LocalisationCheck(Requirement):
         return self._sent_at > -math.inf
 
     def _has_not_moved(self) -> bool:
-        """Return whether an unlocalised robot is at its odometry's start or at `initial_pose`; True without odometry.
+        """Return whether an unlocalised robot has not moved; True without odometry.
 
         Raises:
             RobotMovedError: If it is elsewhere.
@@ -200,7 +202,7 @@ class LocalisationCheck(Requirement):
         return True
 
     def _is_heard_too_briefly(self, now: float) -> bool:
-        """Return whether a new localisation may still change: it has several publishers, or no odometry yet."""
+        """Return whether the localisation was observed for too short a time."""
         if not self._robot.is_localised:
             return False
         is_placed = self._robot.place() is not None
@@ -210,7 +212,7 @@ class LocalisationCheck(Requirement):
         return now - self._localised_at < (_LISTEN_SEC if is_placed else _PLACE_SEC)
 
     def _keeps_its_own(self) -> bool:
-        """Return whether the localisation has a pose at the initial position, with another yaw.
+        """Return whether the localisation has the initial position with a different yaw.
 
         Raises:
             RobotMovedError: If it has one elsewhere.
@@ -230,14 +232,14 @@ class LocalisationCheck(Requirement):
         return not turned <= _AGREES_RAD
 
     def _has_been_listened_to(self, now: float) -> bool:
-        """Return whether an existing pose would have arrived: the messages for late subscribers have had time."""
+        """Return whether an existing pose would have arrived by now."""
         if self._heard_of_at == math.inf and ros_graph(self._node).publishers("amcl_pose"):
             self._heard_of_at = now
         return now - self._heard_of_at >= _LISTEN_SEC
 
 
 class Nav2Check(Requirement):
-    """Nav2's navigator, which must be active; if it stays inactive, the reason is determined.
+    """The requirement that Nav2's navigator is active, with the reason if it is not.
 
     Nav2's lifecycle manager activates its nodes in an order, the navigator late. If an earlier node cannot be
     activated, the manager gives up for good. The most frequent case is `planner_server`: it waits for the frame `map`,
@@ -255,7 +257,7 @@ class Nav2Check(Requirement):
         self._manager: PolledService | None = None
 
     def missing(self) -> str | None:
-        """Query if due, and describe the last answer and its reason; None if that was `active`."""
+        """Query if due, and describe the navigator's state with the reason; None if it is `active`."""
         # The missing item may just have arrived.
         line, state = self._lifecycle.missing(self._robot.pose_at), self._lifecycle.state
         if line is None:
@@ -275,7 +277,7 @@ class Nav2Check(Requirement):
             self._manager.close()
 
     def _reason(self, state: str) -> str:
-        """Query the manager and the nodes that it activates earlier; return their answers."""
+        """Query the manager and the nodes that it activates earlier, and explain the navigator's state."""
         if self._manager is None:
             self._manager = PolledService(self._node, Trigger, f"{MANAGER}/is_active")
         self._manager.ask()
@@ -299,18 +301,18 @@ class Nav2Check(Requirement):
         if self._robot.localisation_conflict():
             pose = ""
         return (
-            f"; {MANAGER} has given up starting Nav2 up, {stuck} {what}{f' ({said})' if said else ''}. Restart "
+            f"; {MANAGER} has given up starting Nav2, {stuck} {what}{f' ({said})' if said else ''}. Restart "
             f"Nav2{pose if (stuck, what) == _WAITS_FOR_POSE else ''}"
         )
 
     def _pose(self) -> str:
-        """Describe that the localisation has no pose and is sent none, although later nodes wait for it."""
+        """Describe a missing pose of the localisation that no node will send."""
         if self._tells_pose or self._robot.is_localised or not ros_graph(self._node).publishers("amcl_pose"):
             return ""
         if self._robot.localisation_conflict():
             return ""
         poses = with_full_name("initialpose", self._node.resolve_topic_name("initialpose"))
-        return f"; the localisation has no pose yet: give it one ({poses}; in RViz: 2D Pose Estimate)"
+        return f"; the localisation has no pose yet: send it one ({poses}; in RViz: 2D Pose Estimate)"
 
 
 def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
@@ -325,7 +327,7 @@ def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
         others = {state for name, state in states.items() if name != named}
         if states[named] == "active" or (states[named] == "inactive" and "unconfigured" in others):
             done = "activated" if states[named] == "active" else "configured"
-            return named, f"was {done}, and its answer was lost"
+            return named, f"was {done}, but its response was lost"
     steps = (("unconfigured", "failed to configure"), ("inactive", "failed to activate"))
     for state, what in steps:
         if named in states and states[named] == state:
@@ -347,7 +349,7 @@ _TURN_SEC = 0.05
 
 
 class NotReadyError(SarError):
-    """A resource that the mission needs did not become available in time, or never can.
+    """A resource that the mission needs is not available in time.
 
     Attributes:
         missing: The missing resources, one line each.
@@ -421,7 +423,7 @@ class Readiness:
 
     @property
     def _is_robot_elsewhere(self) -> bool:
-        """Whether the localisation exists under another name, which explains all other missing items."""
+        """Whether the localisation has a different name, which explains all other missing items."""
         return bool(self._graph.ask(Endpoint("node", NAV2_NODES[0])).elsewhere)
 
     def _localisation_conflict(self) -> str | None:
@@ -456,12 +458,12 @@ class Readiness:
 
     @property
     def contested(self) -> bool:
-        """Whether several servers share a name, and would all accept the same goal."""
+        """Whether several servers have the same name and would accept the same goal."""
         servers = any(self._graph.ask(each).is_contested for each in self._endpoints)
         return servers or self._graph.is_clock_contested
 
     def poll(self) -> bool:
-        """Do the next step.
+        """Perform the next step.
 
         Returns:
             Whether all requirements are fulfilled; the clients and subscriptions made for them are then destroyed.
@@ -474,7 +476,7 @@ class Readiness:
         return True
 
     def missing(self) -> list[str]:
-        """Do the next step, and return the missing items, one readable line each."""
+        """Perform the next step, and return the missing items, one line each."""
         first = {each: line for each in self._first if (line := each.missing()) is not None}
         self.ends_by_itself = any(each.ends_by_itself for each in first)
         if self._localised is not None:
@@ -489,11 +491,11 @@ class Readiness:
         advice = self._graph.advice(self._endpoints) if lines and not first else ""
         # Nav2's nodes declare most of their parameters while they are configured.
         if not lines and self.uses_nav2 and self._parameters.are_awaited():
-            return ["the parameters of Nav2: no answer yet"]
+            return ["the parameters of Nav2: no response yet"]
         return [*lines, advice] if advice else lines
 
     def warn(self) -> None:
-        """Log likely problems that do not prevent the start: several sources, or an unused clock."""
+        """Log problems that do not prevent the start, such as several sources."""
         topics = [each.name for each in self._endpoints if each.kind == "topic"]
         lines = [self._graph.unused_clock_problem()]
         if self.uses_nav2 and not self._is_robot_elsewhere:
@@ -507,7 +509,7 @@ class Readiness:
                 self.node.get_logger().warning(escape_to_one_line(f"{line}."))
 
     def close(self) -> None:
-        """Destroy the clients and subscriptions on the node when the wait is aborted."""
+        """Destroy the clients and subscriptions when the wait is aborted."""
         closing, self._closing, self._steps, self._endpoints = self._closing, [], [], []
         for each in closing:
             each.close()

@@ -1,4 +1,4 @@
-"""The single estimate of a robot: its pose, motion, localisation, and the states of its nodes.
+"""The state estimate of a robot: pose, motion, localisation, and states of nodes.
 
 Leaves, the monitoring, the readiness check, the journal and the end of a run read it. Each topic is subscribed to once for each node.
 """
@@ -48,7 +48,7 @@ PoseListener = Callable[[PlanarPose], None]
 
 
 class RobotEstimate:
-    """The estimate of the robot that a node drives; use `robot_estimate`.
+    """The state estimate of a node's robot; obtain it with `robot_estimate`.
 
     Args:
         node: The rclpy node.
@@ -127,17 +127,17 @@ class RobotEstimate:
         return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
 
     def call_when_it_stands(self, listener: Callable[[], None]) -> None:
-        """Register a callback that is called once when the robot stands, unless it is withdrawn before."""
+        """Register a callback that is called once when the robot stands still."""
         self._awaiting.append(listener)
 
     def withdraw(self, listener: Callable[[], None]) -> None:
-        """Remove a callback that was given to `call_when_it_stands`; no effect after the call."""
+        """Remove a callback of `call_when_it_stands`; no effect after its call."""
         with suppress(ValueError):
             self._awaiting.remove(listener)
 
     @property
     def is_localised(self) -> bool:
-        """Whether the localisation has published the robot's pose, as a message or by transforms."""
+        """Whether the localisation has published the robot's pose, in a message or as a transform."""
         return self.pose is not None or self.transform_at is not None
 
     def lost_transforms(self) -> str:
@@ -148,7 +148,7 @@ class RobotEstimate:
         silent_sec = self._clocked.now() - self._transform_clocked_at
         if self.transform_at is None or silent_sec <= TRANSFORM_SEC:
             return ""
-        return f"No transform from 'map' has come for {TRANSFORM_SEC:g} s: the localisation has stopped"
+        return f"No transform from 'map' has arrived for {TRANSFORM_SEC:g} s: the localisation has stopped"
 
     @cached_property
     def driving_nodes(self) -> LifecycleNodes:
@@ -224,7 +224,7 @@ class RobotEstimate:
                 listener()
 
     def localisation_conflict(self) -> str:
-        """Describe why the received localisation may belong to another robot; empty if nothing indicates it.
+        """Describe why the localisation may belong to another robot; empty if it does not seem to.
 
         Until this is resolved, no initial pose is sent or requested, because the localisation could be the other robot's.
         """
@@ -243,7 +243,7 @@ class RobotEstimate:
 
     @property
     def hears_other_robots(self) -> bool:
-        """Whether all transforms from `map` lead to other robots' frames, judging by this robot's odometry."""
+        """Whether all transforms from `map` lead to other robots' frames."""
         knows = self.odometry is not None and self.transform_at is not None
         return knows and not self._has_own_transforms and bool(ros_graph(self._node).other_robots())
 
@@ -253,13 +253,13 @@ class RobotEstimate:
             self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
 
     def _is_of_another_robot(self, message: bytes) -> bool:
-        """Return whether transforms lead only to frames of other robots, which may share `/tf`."""
+        """Return whether transforms lead only to other robots' frames."""
         leads_here = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
         self._has_own_transforms = self._has_own_transforms or leads_here
         return self._has_own_transforms and not leads_here
 
     def _place_by_transforms(self) -> PlanarPose | None:
-        """Return the pose from the latest `map` transform, composed with odometry if it ends at the odometry frame."""
+        """Return the pose from the latest `map` transform, combined with odometry if necessary."""
         from rclpy.serialization import deserialize_message
         from tf2_msgs.msg import TFMessage
 
@@ -273,7 +273,7 @@ class RobotEstimate:
         return None
 
     def _pose_from_transform(self, message: Any) -> PlanarPose | None:
-        """Return the pose from a transform; None if it does not start at `map` or does not end at a frame of the odometry.
+        """Return the pose from a transform; None if it does not connect `map` with a frame of the odometry.
 
         Raises:
             UnusableValueError: If its numbers are invalid, or it is outdated.
@@ -294,7 +294,7 @@ class RobotEstimate:
 
 
 def robot_estimate(node: "Node") -> RobotEstimate:
-    """Return the estimate of the robot that a node drives, the same object in every call; it exists as long as the node."""
+    """Return the state estimate of a node's robot, one object for each node."""
     return of_node(node, RobotEstimate, lambda: RobotEstimate(node))
 
 
@@ -316,7 +316,7 @@ class Standstill:
         self._told = False
 
     def is_awaited(self) -> bool:
-        """Return whether to continue waiting: the robot moves or a goal may be active, and time is left."""
+        """Return whether to continue waiting."""
         moves = self._robot.stands is False
         if not moves and not (self._goals is not None and self._goals.may_be_active):
             if self._due is not None:
@@ -326,7 +326,7 @@ class Standstill:
         if self._due is None:
             self._due = Deadline(self._robot.settle_timeout_sec, self._robot.clock)
             self._robot.call_when_it_stands(self._wake)
-            self._leaf.feedback_message = "waiting for the robot to stand"
+            self._leaf.feedback_message = "waiting for the robot to stop"
         # Read the clock once: a limit that passes between two readings would end the wait without its warning.
         has_passed = self._due.passed
         if has_passed and not self._told:
@@ -340,5 +340,5 @@ class Standstill:
         return not has_passed
 
     def give_up(self) -> None:
-        """Stop waiting; no tick is requested any more when the robot stands."""
+        """Stop waiting, and do not request a tick when the robot stands still."""
         self._robot.withdraw(self._wake)

@@ -1,4 +1,4 @@
-"""Allow only one mission for a robot: each mission claims its actions in the ROS graph and respects other claims."""
+"""Allow only one mission for each robot, using claims in the ROS graph."""
 
 import json
 import math
@@ -43,7 +43,8 @@ class AnotherMissionError(SarError):
     def __init__(self, claim: "LeaseClaim") -> None:
         self.claim = claim
         super().__init__(
-            f"another mission drives this robot already: {claim.describe()} uses the action '{claim.action}'. Stop it first"
+            f"another mission already drives this robot: {claim.describe()} uses the action '{claim.action}'. "
+            "Stop it first"
         )
 
 
@@ -69,12 +70,12 @@ class LeaseClaim(NamedTuple):
     pid: int
 
     def describe(self) -> str:
-        """Return the mission's identity in words, with unprintable characters escaped."""
+        """Describe the mission, with unprintable characters escaped."""
         node, host = (ascii(text[:_SHOWN])[1:-1] for text in (self.node, self.host))
         return f"node {node} (process {self.pid} on {host})"
 
     def has_priority_over(self, other: "LeaseClaim") -> bool:
-        """Return whether the other must give way: a running mission has priority, then the older one."""
+        """Return whether this claim has priority: that of a running mission first, then the older one."""
         return (not self.runs, self.since, self.key) < (not other.runs, other.since, other.key)
 
 
@@ -127,7 +128,7 @@ class RobotLease(Requirement):
         self._publish()
 
     def missing(self) -> str | None:
-        """Describe that the search for other missions continues; None at its end.
+        """Describe the continuing search for other missions; None at its end.
 
         Raises:
             AnotherMissionError: If another mission has priority.
@@ -139,7 +140,7 @@ class RobotLease(Requirement):
         return "looking for another mission on this robot" if looks else None
 
     def _may_miss_claims(self) -> bool:
-        """Return whether a mission may exist whose claim has not arrived: nodes meet late on a busy machine."""
+        """Return whether a claim may still arrive, because discovery is slow on a busy machine."""
         now, nodes = time.monotonic(), ros_graph(self._node).nodes()
         if nodes - self._seen:
             self._seen |= nodes
@@ -156,7 +157,7 @@ class RobotLease(Requirement):
         self._publish()
 
     def trouble(self) -> str:
-        """Return the reason why this mission must give way while it runs; empty if none. Reports new missions."""
+        """Return why this running mission must give way; empty if it need not. Reports new missions."""
         for key in self._others.keys() - self._told:
             self._told.add(key)
             self._node.get_logger().warning(
@@ -169,7 +170,7 @@ class RobotLease(Requirement):
         return "" if rival is None else str(AnotherMissionError(rival))
 
     def _look_for_namesake(self) -> None:
-        """Report once that another node has this name: parameters and commands reach only one of the two."""
+        """Report once that another node has the same name."""
         own, now = self._mine.node, time.monotonic()
         if self._named_since is None:
             return
@@ -206,7 +207,7 @@ class RobotLease(Requirement):
 
 
 def parse_claim(text: str) -> LeaseClaim | None:
-    """Return the claim in a message; None if it contains none."""
+    """Parse the claim in a message; None if it contains none."""
     try:
         said: Any = json.loads(text)
         claim = LeaseClaim(**said)

@@ -147,7 +147,7 @@ class RobotObserver:
         self._tell(kind)
 
     def _look(self) -> None:
-        """Record the latest postponed message: while the robot stands still, no other one follows."""
+        """Record the latest postponed message."""
         for kind in tuple(self._newest):
             self._tell(kind)
         # A stopped localisation usually takes Nav2 down. Its loss is the cause, and more urgent: the robot may be anywhere.

@@ -43,7 +43,7 @@ from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
 class TickScheduler:
-    """Ticks by a node's simulated clock, or by the steady clock if time is not simulated or has stopped.
+    """Schedules ticks on a node's simulated clock, or on the steady clock if that is unavailable.
 
     Args:
         node: The node whose clock is used.
@@ -78,7 +78,7 @@ class TickScheduler:
             self._node.get_logger().debug(f"a timer could not be destroyed: {error_text(error)}")
 
     def _look(self) -> bool:
-        """Follow the node's clock; return whether it has stopped and did not tick since the last call."""
+        """Check the node's clock; return whether it has stopped."""
         clock = self._node.get_clock()
         if clock.ros_time_is_active != self._is_simulated:
             self._is_simulated = not self._is_simulated
@@ -90,7 +90,7 @@ class TickScheduler:
         return seen == self._seen
 
     def _beat(self) -> None:
-        """Tick if the node's clock does not: it is not simulated, is paused, or missing.
+        """Tick if the node's clock is not simulated, paused or missing.
 
         The leaves' deadlines for servers use the steady clock and must be checked nevertheless. No ticks are added
         to a simulation that is only slow.
@@ -117,7 +117,7 @@ class SetupTimeoutError(SarError, RuntimeError):
 
 
 class _TaskGuard:
-    """Replaces a guard condition if an executor does not support them: rclpy's experimental `EventsExecutor`."""
+    """Replaces a guard condition in executors without support for them."""
 
     def __init__(self, node: Node, callback: Callable[[], None]) -> None:
         self._node = node
@@ -213,7 +213,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         atexit.register(self._end_with_program)
 
     def _make_guard(self, node: Node) -> Any:
-        """Return a trigger that calls `_on_wake` in the node's executor, from any thread or signal handler."""
+        """Return a trigger that calls `_on_wake` in the node's executor; thread-safe."""
         executor: Any = node.executor
         if executor is None or isinstance(executor, Executor):
             return node.create_guard_condition(self._on_wake)
@@ -294,7 +294,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self.stop()
 
     def use_breakpoints(self, breakpoints: Breakpoints) -> None:
-        """Let a tick wait at breakpoints.
+        """Enable breakpoints in ticks.
 
         The node's executor continues with everything else meanwhile. The tick is tried again with each beat, and when the tree is woken.
         """
@@ -303,7 +303,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
     def _tick(
         self, pre_tick_handler: TickHandler | None, post_tick_handler: TickHandler | None
     ) -> Generator[None, None, None]:
-        """Tick as py_trees' class does, but node by node; yield if the tick is paused."""
+        """Tick node by node, like py_trees' class; yield if the tick is paused."""
         for handler in (pre_tick_handler, *self.pre_tick_handlers):
             if handler is not None:
                 handler(self)
@@ -343,7 +343,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         return self._live
 
     def wake(self) -> None:
-        """Request a tick as soon as the executor is free, once for any number of calls.
+        """Request one tick as soon as the executor is free.
 
         May be called at any time from any thread; during a tick it requests another one.
         """
@@ -404,7 +404,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             self._try(node.destroy_node, "the node could not be destroyed")
 
     def _end_with_program(self) -> None:
-        """Shut down at the end of a program that did not do so."""
+        """Shut down at the end of a program that has not done so."""
         self.shutdown()
         self._cancel_what_is_left()
 
@@ -421,7 +421,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             tell(self.node, f"{action} does not end its goal: the robot may still be moving")
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
-        """Run one of several steps that must all run, even if the context is shut down."""
+        """Run a shutdown step, and log its errors, so that all steps run."""
         try:
             action()
         except Exception as error:  # noqa: BLE001
@@ -479,7 +479,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
 
 
 def _cancel_nothing(limit_sec: float) -> Sequence[str]:  # noqa: ARG001
-    """Cancel the goals of a runner that has no node, or whose goals were canceled."""
+    """Do nothing, because there are no goals to cancel."""
     return []
 
 

@@ -1,4 +1,4 @@
-"""Run a server as a command, which spins its node until it is stopped, or spin a node in the background."""
+"""Run a server as a command, or spin a node in the background."""
 
 import faulthandler
 import sys

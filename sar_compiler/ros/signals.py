@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as a flag to query, instead of an interruption."""
+"""Handling of SIGINT, SIGTERM and SIGHUP with a flag instead of an interruption."""
 
 import signal
 import socket
@@ -20,7 +20,7 @@ _LAST_WORDS_SEC = 1.0
 
 
 class StopSignals:
-    """Records requests to stop the process; handles the signals from its creation on.
+    """Records requests to stop the process, from its creation on.
 
     rclpy's own handlers would shut ROS down in the middle of a callback, before an active goal could be cancelled.
     Python's own raises `KeyboardInterrupt` at an arbitrary point. A signal that was ignored at the start of the process
@@ -59,7 +59,7 @@ class StopSignals:
 
     @property
     def came(self) -> bool:
-        """Whether the process was requested to stop."""
+        """Whether a request to stop has arrived."""
         self.is_noticed = self._came.is_set()
         return self.is_noticed
 
@@ -73,7 +73,7 @@ class StopSignals:
         return self._came.wait(timeout_sec)
 
     def interrupt_main(self) -> None:
-        """Raise `KeyboardInterrupt` in the main thread, even if it waits for something else than an executor."""
+        """Raise `KeyboardInterrupt` in the main thread, even if it does not wait for an executor."""
         number = next(iter(self._before), None)
         if number is not None:
             self._interrupts, self._own = True, number
@@ -116,7 +116,7 @@ class StopSignals:
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        """Interrupt the main thread if requested; else system calls continue, and the listening thread gets the signal."""
+        """Interrupt the main thread if requested; otherwise the listening thread handles the signal."""
         if self._interrupts:
             self._interrupts = False
             raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""Detect that the executor which ticks a tree is blocked, report the blocking leaf, and cancel the goals.
+"""Detect a blocked executor, report the blocking leaf, and cancel the goals.
 
 A leaf that waits in `update()` blocks the thread that does everything: no time limit, answer, command or Ctrl-C takes
 effect meanwhile, and the robot drives on. A timer of the node sends heartbeats. A separate thread detects that they
@@ -37,7 +37,7 @@ _TRYING_SEC = 10.0
 
 
 class TickWatch:
-    """Checks that the executor of a node turns, for as long as its context is entered.
+    """Checks that a node's executor is not blocked, while its context is entered.
 
     Args:
         node: The node, whose executor ticks the tree.
@@ -100,7 +100,7 @@ class TickWatch:
         self._on_beat()
 
     def _beat(self) -> None:
-        """Record that the executor turns; called in its thread."""
+        """Record that the executor is not blocked; called in its thread."""
         self._beat_at, self._thread = time.monotonic(), threading.get_ident()
         if self._stack is None:
             return
@@ -128,8 +128,7 @@ class TickWatch:
             self._is_reported = True
             self._heartbeats.report(Heartbeat(self._cancel_sec, is_reported=True))
             self._logger.error(
-                f"Nothing was ticked for {silent_sec:.0f} s: {escape_to_one_line(self.where())}. Time limits, answers and "
-                "commands have no effect meanwhile. Send a request in initialise(), and poll its answer in update()."
+                f"Nothing was ticked for {silent_sec:.0f} s: {escape_to_one_line(self.where())}. Time limits, responses and commands have no effect meanwhile. Send a request in initialise(), and poll its response in update()."
             )
         if self._must_end(silent_sec):
             self.end(self.where())
@@ -138,7 +137,7 @@ class TickWatch:
             self._cancel_goals(self._cancel)
 
     def _must_end(self, silent_sec: float) -> bool:
-        """Return whether the thread that ticks has not carried out a signal's request."""
+        """Return whether the ticking thread has ignored a signal."""
         if self._signals is None or (asked_at := self._signals.came_at) is None:
             return False
         patience_sec = self._settle_sec if self._signals.is_noticed else UNNOTICED_SEC
@@ -152,11 +151,11 @@ class TickWatch:
             self._logger.error(f"{action} does not end its goal: the robot may still be moving.")
 
     def where(self) -> str:
-        """Return the blocking leaf with its lines, or else the line of the program."""
+        """Return the blocking leaf with its lines, or the line of the program."""
         if (leaf := self.blocking_leaf()) is not None:
             return f"{behaviour_title(leaf)} blocks{source_locations(leaf, self._frames())}"
         place = thread_location(self._thread)
-        return f"the program is in {place}" if place else "the executor does not turn"
+        return f"the program is executing {place}" if place else "the executor does not run"
 
     def blocking_leaf(self) -> Behaviour | None:
         """Return the innermost behaviour whose method the ticking thread runs; None if there is none."""

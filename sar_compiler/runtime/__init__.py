@@ -1,1 +1,1 @@
-"""Ticking of trees: nodes, scripts, clocks, and the interface between leaves and runners; with py_trees, without ROS."""
+"""Ticking of trees with py_trees, without ROS: nodes, scripts and clocks."""

@@ -68,7 +68,7 @@ class Answer:
 
 
 def nominal(options: Sequence[Answer]) -> Answer:
-    """Return the first outcome that is not RUNNING, or else the first one."""
+    """Return the first outcome that is not RUNNING, or the first one."""
     return next((answer for answer in options if answer.status != "RUNNING"), options[0])
 
 
@@ -92,7 +92,7 @@ def probabilities(answers: Sequence[Answer]) -> list[tuple[float, float]]:
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
-    """Return probabilities that add up to 1, each at the same relative position between its bounds."""
+    """Return probabilities with the sum 1, all at the same relative position between their bounds."""
     room = sum(high - low for low, high in bounds)
     part = (1.0 - sum(low for low, _ in bounds)) / room if room else 0.0
     return [low + part * (high - low) for low, high in bounds]
@@ -117,7 +117,7 @@ class DeclaredAnswers:
         self._all = {label for labels in self._labels.values() for label in labels}
 
     def label(self, status: str, said: str) -> str:
-        """Return the label of the outcome that a leaf returned; empty if it is unknown.
+        """Return the label of a leaf's outcome; empty if it is unknown.
 
         The only outcome of a status needs no `answer_label`. A label of another status is ignored then.
 
@@ -131,9 +131,9 @@ class DeclaredAnswers:
         return labels[0] if len(labels) == 1 else ""
 
     def objection(self, status: str, said: str) -> str:
-        """Return why a leaf's `answer_label` is invalid, in words; empty if it is valid."""
+        """Return why a leaf's `answer_label` is invalid; empty if it is valid."""
         labels = self._labels.get(status, [])
         if said in ("", *labels) or (said in self._all and len(labels) == 1):
             return ""
         known = ", ".join(filter(None, labels)) or "none"
-        return f"its answer_label '{said}' is not declared for {status}, only: {known}"
+        return f"its answer_label '{said}' is not declared for {status} (declared: {known})"

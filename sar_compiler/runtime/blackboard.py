@@ -28,7 +28,7 @@ _instances = itertools.count()
 
 
 class MissingEntryError(SarError, KeyError):
-    """A key is read that has no value.
+    """A key without a value was read.
 
     Attributes:
         key: The key, as written.
@@ -131,7 +131,7 @@ class Board:
         self._watched.add(name)
 
     def memo(self, entries: "Sequence[Entry]") -> "Memo | None":  # noqa: ARG002 - for numbered ones
-        """Return a memory of the effects of code on some entries; None unless the board is numbered."""
+        """Return a cache of the effects of code on some entries; None unless the board is numbered."""
         return None
 
     def restamp(self, name: str, stamp: int) -> None:

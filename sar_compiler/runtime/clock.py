@@ -1,4 +1,4 @@
-"""The time source of a tree, injected so that tests, simulators and robots can each provide their own."""
+"""The time source of a tree, which tests, simulators and robots provide."""
 
 import time
 from typing import Protocol

@@ -38,7 +38,7 @@ _OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
 
 
 def constant_truth(script: Script) -> bool | None:
-    """Return the truth of a condition that is the same for all values of its variables.
+    """Return the value of a condition that is the same for all values of its variables.
 
     Args:
         script: The condition.
@@ -99,7 +99,7 @@ class _SampledCondition:
         self._script = replace(script, statements=(self._rewrite(script.statements[-1]),))
 
     def constant_truth(self) -> bool | None:
-        """Return the truth, if it is the same for all values for which it does not raise an error."""
+        """Return the value if it is the same for all variables that do not raise an error."""
         choices = [{0, 1, *_representatives(literals)} for literals in self._literals.values()]
         if math.prod(map(len, choices)) > _MOST_COMBINATIONS:
             return None
@@ -134,7 +134,7 @@ class _SampledCondition:
         return self._unknown(node) if any(isinstance(part, Name) for part in parts(node)) else node
 
     def _compare(self, left: Expression, step: OperatorTerm) -> Expression:
-        """Return the comparison of two neighbours, in which a literal is compared with at most one variable."""
+        """Return the comparison of two neighbours in a chain."""
         operator, right = step.operator, step.operand
         if not any(isinstance(part, Name) for side in (left, right) for part in parts(side)):
             return _comparison(left, operator, right)

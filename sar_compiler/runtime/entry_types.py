@@ -20,7 +20,7 @@ _BOOLS = ("True", "TRUE", "False", "FALSE")
 
 
 def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> object:
-    """Return the value to store when an entry that holds one value is given another.
+    """Return the value to store when a new value is written to an entry with a value.
 
     Args:
         current: The current value; None if there is none.
@@ -88,7 +88,7 @@ def value_to_assign(held: object, kind: type | None, value: ScriptValue, enums: 
 
 
 def value_to_write(held: object, value: object) -> object:
-    """Return the value to store when a port writes to an entry: a number stays integer or real if no precision is lost."""
+    """Return the value to store when a port writes to an entry."""
     numbers = type(held) in _NUMBERS and type(value) in _NUMBERS
     if numbers and type(held) is not type(value) and held is not None:
         with suppress(RefusedValueError):

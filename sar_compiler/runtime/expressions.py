@@ -11,7 +11,7 @@ from typing import NamedTuple, Union
 # would take half of the time to import this module.
 @dataclass(slots=True, kw_only=True, eq=False, repr=False)
 class ScriptPart:
-    """A part of a script's text, from its start to the first character after it; parts at other locations may be equal."""
+    """A part of a script's text, with its start and end."""
 
     start: int
     end: int
@@ -127,7 +127,7 @@ class Script:
 
     @functools.cached_property
     def plain_form(self) -> type[Assignment] | type[ComparisonChain] | None:
-        """Its kind, if it is a plain assignment or comparison of names and literals, as most scripts are; else None."""
+        """The kind of a simple assignment or comparison; None for other scripts."""
         if len(self.statements) != 1:
             return None
         (statement,) = self.statements

@@ -1,4 +1,4 @@
-"""Immutable, comparable copies of blackboard values, which later changes do not affect."""
+"""Immutable, comparable copies of blackboard values."""
 
 import math
 from collections import deque

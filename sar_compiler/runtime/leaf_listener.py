@@ -1,4 +1,4 @@
-"""Observation of a tree's leaves at the moment of each event while the tree is ticked.
+"""Observation of leaf events while a tree is ticked.
 
 A visitor sees each node only after its tick, and halted nodes only after the whole tick. Only the leaves know the order
 of events within a tick. So this module wraps the methods of each leaf, which every engine calls.
@@ -18,7 +18,7 @@ class LeafListener(Protocol):
     """The receiver of a leaf's events."""
 
     def looks(self, number: int) -> None:
-        """React before the leaf acts, while nothing has changed."""
+        """React to a leaf that is about to act."""
 
     def starts(self, number: int) -> None:
         """React to the start of a leaf."""
@@ -31,7 +31,7 @@ class LeafListener(Protocol):
 
 
 def hear(leaf: Behaviour, number: int, ear: LeafListener) -> None:
-    """Report a leaf's events from now on; call it before its tree is ticked for the first time.
+    """Report a leaf's events from now on; call it before the tree's first tick.
 
     Args:
         leaf: The leaf.

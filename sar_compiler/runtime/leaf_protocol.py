@@ -1,4 +1,4 @@
-"""The optional interface between a leaf and the runner of its tree.
+"""The optional interface between a leaf and its tree's runner.
 
 A leaf is an ordinary py_trees behaviour. A runner passes these keyword arguments to `setup`:
 
@@ -18,7 +18,7 @@ Wake = Callable[[], None]
 
 
 def ignore_wake() -> None:
-    """Do nothing: the `Wake` of a runner that has none."""
+    """Do nothing, as the `Wake` of a runner without one."""
 
 
 @runtime_checkable
@@ -26,7 +26,7 @@ class SettlingLeaf(Protocol):
     """A leaf that may leave something active after it was stopped, such as a pending cancellation."""
 
     def settled(self) -> bool:
-        """Return whether nothing of the leaf is active any more; called after the tree was stopped."""
+        """Return whether the leaf has no active work; called after the tree was stopped."""
         ...
 
 

@@ -91,7 +91,7 @@ def compare(operator: str, left: ScriptValue, right: ScriptValue, enums: Mapping
 
 
 def is_chosen(condition: ScriptValue) -> bool:
-    """Return whether the condition of `?:` chooses the first value: a number other than zero, or a string of one."""
+    """Return whether the condition of `?:` selects the first value."""
     if isinstance(condition, str):
         condition = float(number_of(condition))
     return as_real(condition) != 0

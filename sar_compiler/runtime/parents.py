@@ -34,11 +34,11 @@ class Children(list[Behaviour]):
 
     @classmethod
     def of(cls, children: list[Behaviour]) -> "Children":
-        """Return children as such a list; a list of this kind is returned unchanged."""
+        """Return children as a list of this class."""
         return children if isinstance(children, cls) else cls(children)
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        """Pickle and copy it as a list."""
+        """Pickle and copy the children as a plain list."""
         return list, (list(self),)
 
 
@@ -123,7 +123,7 @@ class EngineBehaviour(Behaviour):
         return self.node_class(part)
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick once, then yield each ticked node with its status after its tick, and this one last."""
+        """Tick once, then yield each ticked node with its status, this one last."""
         visits: list[Visit] = []
         try:
             tree, index = self._place()
@@ -139,7 +139,7 @@ class EngineBehaviour(Behaviour):
         return self.place
 
     def update(self) -> Status:
-        """Return the status; `tick` does the work."""
+        """Return the status, which `tick` has set."""
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:

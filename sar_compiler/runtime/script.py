@@ -122,7 +122,7 @@ def _simple_pattern() -> re.Pattern[str]:
 
 
 def _simple(text: str) -> Expression | None:
-    """Return the expression of a script with a variable, an operator and a value, as most are; else None."""
+    """Return the expression of a simple script with a variable, an operator and a value, or None."""
     match = _simple_pattern().fullmatch(text)
     if match is None:
         return None

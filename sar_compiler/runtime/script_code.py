@@ -1,4 +1,4 @@
-"""Scripts as Python functions, for the common case: numbers and strings in existing entries.
+"""Scripts as Python functions, for numbers and strings in existing entries.
 
 `evaluation` defines the meaning of scripts and reports their errors. This module avoids the calls from operator to operator
 and to the entries. In uncommon cases, the fast path of a statement raises one of `FALLBACK_ERRORS` before it has written
@@ -86,7 +86,7 @@ def compile_fast_script(
 
 
 class _Return(NamedTuple):
-    """The result of a script's function: its value or its truth, or other results in place of these."""
+    """The form of the result of a script's function."""
 
     is_condition: bool
     has_answers: bool
@@ -180,7 +180,7 @@ class _FastPath:
         return self.real(part) if _is_number(part) else self._joined(part)
 
     def real(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of a part that has to be a number."""
+        """Return the code of a part that must be a number."""
         if isinstance(part, VariableSlot):
             return self._read(part, "number", (float,), "number_seen")
         if isinstance(part, ConstantSlot) and part.kind is float:
@@ -194,7 +194,7 @@ class _FastPath:
         return _call("as_real", self.value(part))
 
     def truth(self, part: SkeletonPart) -> ast.expr:
-        """Return the code of a part's truth."""
+        """Return the code of a part's truth value."""
         if isinstance(part, Chain) and part.signs[0] in _JUNCTIONS:
             return self._folded(
                 part, self.truth, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
@@ -250,7 +250,7 @@ class _FastPath:
         return folded
 
     def _comparisons(self, part: Chain) -> ast.expr:
-        """Return the code of a chain of comparisons, in which each middle operand is compared twice."""
+        """Return the code of a chain of comparisons."""
         if len(part.signs) == 1 or all(
             isinstance(each, (VariableSlot, ConstantSlot)) for each in part.operands
         ):
@@ -313,7 +313,7 @@ class _FastPath:
 
 
 def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
-    """Return the code that writes `given`, of a type, to an entry, after all values are known."""
+    """Return the code that writes `given`, of a type, to an entry."""
     held, name = _load("held"), _load(target)
     is_like = _compare(_call("type", held), ast.Is(), kind)
     fitted = _call("fitted", held, _load("kinds"), name, _load("given"), _load("enums"))
@@ -355,7 +355,7 @@ def _is_truth(part: SkeletonPart) -> bool:
 
 
 def _is_number(part: SkeletonPart) -> bool:
-    """Return whether a part is a real number or raises an error; a variable may be anything, and a sum a string."""
+    """Return whether a part is certainly a real number or raises an error."""
     if isinstance(part, Chain):
         is_sum = part.signs[0] == "+" and not any(_is_real(each) for each in part.operands[:2])
         return _ARITHMETIC.keys() >= set(part.signs) and not is_sum

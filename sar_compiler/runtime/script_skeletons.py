@@ -29,7 +29,7 @@ class ConstantSlot(NamedTuple):
 
 
 class Applied(NamedTuple):
-    """A sign with its operands: `-`, `~` or `!` with one, `?` with three, an assignment with the variable and the value."""
+    """A sign with its operands."""
 
     sign: str
     operands: "tuple[SkeletonPart, ...]"

@@ -171,7 +171,7 @@ class NodeScript:
         condition: Callable[[ScriptValue], bool] | None = None,
         answers: tuple[object, object] | None = None,
     ) -> Callable[[], Any] | None:
-        """Return the compiled form; None if the script may change between ticks, if entries are numbers, or if it is too long."""
+        """Return the compiled form of the script; None if it has none."""
         if self._code.entry is not None or self._scope.board.is_numbered:
             return None
         script = self._code.get()
@@ -181,14 +181,14 @@ class NodeScript:
         )
 
     def _evaluate(self, at: int) -> ScriptValue:
-        """Evaluate a statement by `evaluation`."""
+        """Evaluate a statement with `evaluation`."""
         return self._explain(self._current_program().statements[at], self._variables)
 
     def _answer(self, value: ScriptValue) -> bool:
         return self._explain(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
-        """Run it; on a numbered board, it is not run twice with the same values of its variables."""
+        """Run the script; on a numbered board, reuse the result for equal values."""
         if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         if run not in self._memos:

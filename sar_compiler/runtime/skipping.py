@@ -1,4 +1,4 @@
-"""SKIPPED, an outcome that py_trees does not have.
+"""SKIPPED, an outcome that py_trees lacks.
 
 A skipped node has not run, and its parent continues with the next child. BehaviorTree.CPP never stores that status, it
 only returns it, and the node keeps its old status. The same applies here: `skipped` tells whether the last tick
@@ -16,7 +16,7 @@ SKIPPED = Status.INVALID
 
 
 class SkippableLeaf(Behaviour):
-    """A leaf whose `update` may return `SKIPPED`, which is not a halt: `terminate` is not called for it.
+    """A leaf whose `update` may return `SKIPPED`, which does not call `terminate`.
 
     Attributes:
         skipped: Whether the last tick was skipped.

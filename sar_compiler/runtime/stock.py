@@ -1,4 +1,4 @@
-"""Classes of this project that derive from py_trees classes, so that tools for py_trees recognise them.
+"""Classes derived from those of py_trees, so that its tools recognise them.
 
 Only their names and drawings are those of the stock classes, which support neither SKIPPED nor the mission's clock.
 """

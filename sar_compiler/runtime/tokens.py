@@ -172,7 +172,7 @@ def _real(word: str, start: int) -> float:
 
 
 def _check_end_of_number(text: str, number: str, start: int) -> None:
-    """Reject a number with further characters directly after it: `3m`, `1.`, `0xFG`."""
+    """Reject a number with trailing characters: `3m`, `1.`, `0xFG`."""
     stuck = _STUCK.match(text, start + len(number))
     rest = stuck.group() if stuck else ""
     if not rest and number[1:2] in {"x", "X"} and text.startswith(".", start + len(number)):
@@ -197,7 +197,7 @@ def _check_end_of_number(text: str, number: str, start: int) -> None:
 
 
 def _no_token(text: str, position: int) -> ScriptError:
-    """Return the error for a text that is no token."""
+    """Return the error for a text that is not a token."""
     character = text[position]
     if character == "'":
         message = "this string has no closing quotation mark"

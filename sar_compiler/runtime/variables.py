@@ -73,7 +73,7 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class UnknownValue:
-    """The value of an entry that a leaf writes, in a run without a robot, without declaring the value.
+    """The unknown value of an entry that a leaf writes in a run without a robot.
 
     It can only be copied from entry to entry.
 
@@ -101,7 +101,7 @@ class RefusedValueError(VariableError):
 
 
 class Variables(Protocol):
-    """The variables of a script: names in its scope, those with `@` in the root's."""
+    """The variables of a script: names in its scope, or with `@` in the root's scope."""
 
     def read(self, name: str) -> ScriptValue:
         """Return a variable's value.
@@ -207,7 +207,7 @@ def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
 
 
 def number_of(text: str) -> int | float:
-    """Return the number that the digits of a string form.
+    """Convert a string of digits to a number.
 
     Raises:
         RefusedValueError: If there is none.
@@ -255,7 +255,7 @@ def to_int64(value: ScriptValue) -> int:
 
 
 def describe_value(value: object) -> str:
-    """Return a value as it appears in messages."""
+    """Describe a value for messages."""
     if isinstance(value, str):
         return f"the string '{excerpt(value)}'"
     if isinstance(value, float) or (isinstance(value, int) and value.bit_length() <= _BITS):

@@ -6,7 +6,7 @@ from py_trees.behaviour import Behaviour
 
 
 def pre_order(root: Behaviour) -> Iterator[Behaviour]:
-    """Yield the nodes of a tree, each before its descendants; py_trees' `iterate` yields it after them."""
+    """Yield the nodes of a tree, each before its descendants."""
     waiting = [root]
     while waiting:
         behaviour = waiting.pop()

@@ -1,4 +1,4 @@
-"""Replacements of librt and of mypy's native number types if they are not installed, as on a robot with only apt packages.
+"""Replacements of librt and mypy's native number types, for robots with only apt packages.
 
 The uncompiled kernel uses lists in place of librt's vectors, only slower. The compiled kernel requires librt.
 """

@@ -1,4 +1,4 @@
-"""Substitute for Nav2's localiser and map server: silent until it receives a pose, and as accurate as that pose from then on."""
+"""Substitute for Nav2's localiser and map server."""
 
 from typing import Any
 

@@ -286,12 +286,12 @@ class BtNavigator:
             self._drive_on(*self._loose)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one, whose client must still be notified."""
+        """End the current goal; return whether there was one, whose client must be notified."""
         goal = self._goal
         if goal is not None and goal.handle.is_cancel_requested:
             self._end(DriveOutcome(DriveEnd.CANCELED))
         else:
-            self._end(DriveOutcome(DriveEnd.ABORTED, text="the simulation stops"))
+            self._end(DriveOutcome(DriveEnd.ABORTED, text="the simulation has stopped"))
         return goal is not None
 
     def close(self) -> None:
@@ -419,7 +419,7 @@ class BtNavigator:
         if fault is None or fault.kind == "die":
             return None
         if fault.kind == "succeed":
-            self._node.get_logger().warning("Fault: a goal succeeds, and the robot stays where it is.")
+            self._node.get_logger().warning("Fault: a goal succeeds, although the robot has not moved.")
             return DriveOutcome(DriveEnd.SUCCEEDED)
         if fault.kind == "late":
             return self._end_late(goal, fault)

@@ -1,4 +1,4 @@
-"""The execution of one goal like Nav2's, without ROS: planning, driving, progress checks and braking, with adjustable manners."""
+"""The execution of one goal like Nav2's, without ROS: planning, driving, progress checks and braking."""
 
 import math
 from collections.abc import Sequence

@@ -45,7 +45,7 @@ class PacedExecutor(SingleThreadedExecutor):
     def serve_until(
         self, deadline: float, *, enough: Callable[[], bool] | None = None, to_the_end: bool = False
     ) -> None:
-        """Serve callbacks until *deadline*, and at least one round of those that are ready.
+        """Serve callbacks until *deadline*, but at least one round.
 
         Args:
             deadline: On the clock of `time.monotonic()`, seconds.
@@ -109,7 +109,7 @@ class SteppedExecutor:
         self._apart.add_node(node)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Make a step and call all pending callbacks; the time-out is ignored, because there is always work."""
+        """Make a step, and call all pending callbacks; the time-out is ignored."""
         if self.step is not None:
             self.step()
         for _ in range(_HOPS):
@@ -122,7 +122,7 @@ class SteppedExecutor:
                 self._apart.serve_until(time.monotonic())
 
     def spin_until_future_complete(self, _: Any, timeout_sec: float | None = None) -> None:
-        """Do the same as `spin_once`: callers check their future after each step."""
+        """Spin once; callers check their future after each step."""
         self.spin_once(timeout_sec)
 
     def shutdown(self) -> None:

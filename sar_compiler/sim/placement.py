@@ -1,4 +1,4 @@
-"""The robots of a world and their start poses, from the command line or from a file that an earlier simulation wrote."""
+"""The robots of a world and their start poses, from the command line or a file."""
 
 import json
 import math
@@ -77,7 +77,7 @@ def parse_placement(text: str) -> Placement:
         raise PlacementError(text, f"has no name; expected {_FORM}")
     if not _NAME.fullmatch(name):
         problem = (
-            f"'{name}' is no valid namespace: use letters, digits and single underscores, at most 100 and no "
+            f"'{name}' is not a valid namespace: use letters, digits and single underscores, at most 100 and no "
             f"digit first; expected {_FORM}"
         )
         raise PlacementError(text, problem)
@@ -128,7 +128,7 @@ class PoseFile:
         self._path, self._world = path, world
 
     def read(self) -> RobotPlaces:
-        """Return the poses written last; empty if there is no file.
+        """Return the last written poses; empty if there is no file.
 
         Raises:
             PoseFileError: If the file is invalid, or for another world.
@@ -164,7 +164,7 @@ class PoseFile:
         return [Placement(each.name, *places.get(each.name, (each.start,))) for each in robots]
 
     def write(self, places: RobotPlaces) -> None:
-        """Replace the file atomically, so that it is complete whenever the process ends.
+        """Replace the file atomically.
 
         Raises:
             PoseFileError: If it cannot be written.

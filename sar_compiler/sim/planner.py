@@ -1,4 +1,4 @@
-"""Planning on the occupancy map: inflation, a grid graph, scipy's Dijkstra and smoothing; also whole routes."""
+"""Planning of paths and routes on the occupancy map."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -110,7 +110,7 @@ class Planner:
         return Path2D(self._smooth(self.occupancy.centre_of(cells[:, 0], cells[:, 1]), goal))
 
     def ground_from(self, start: Pose2D) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which cells of the map are free, and which of them the robot's body can cover after driving from a position.
+        """Return which cells are free, and which of them the robot can cover from a position.
 
         Raises:
             PlanningError: If the robot cannot start there.
@@ -122,7 +122,7 @@ class Planner:
         return self.occupancy.cells == FREE, near <= self._radius + self.occupancy.resolution
 
     def _near(self, goal: Pose2D, tolerance: float) -> Pose2D:
-        """Return the nearest position to a goal at which the robot fits; the goal itself if it fits there or is off the map."""
+        """Return the position nearest to a goal at which the robot fits."""
         cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:
             return goal
@@ -163,7 +163,7 @@ class Planner:
         return None if np.min(distance, initial=math.inf) > within else int(np.argmin(distance))
 
     def _smooth(self, points: Floats, goal: Pose2D) -> Floats:
-        """Return the path with rounded corners if the clearance allows it; it ends exactly at the goal."""
+        """Round the corners of a path if the clearance allows it."""
         width = 2 * round(_SMOOTHING / self.occupancy.resolution / 2) + 1
         smooth = uniform_filter1d(points, width, axis=0, mode="nearest")
         cells = [self.occupancy.cell_at(float(x), float(y)) for x, y in smooth]
@@ -316,7 +316,7 @@ def plan_route(
     allowed: Callable[[float, float], bool] = lambda _x, _y: True,
     budget: Budget | None = None,
 ) -> list[RouteLeg]:
-    """Plan the path from stop to stop within a budget; an unreachable stop is skipped.
+    """Plan a route from stop to stop within a budget, and skip unreachable stops.
 
     Args:
         planner: The planner, with the map and the robot's size.

@@ -78,6 +78,6 @@ class PlannerServer:
     def _pose(self, message: Any, what: str) -> Pose2D:
         pose, frame = from_pose(message.pose), message.header.frame_id
         if pose is None or frame != _MAP:
-            reason = f"is in the frame '{frame}', not '{_MAP}'" if frame != _MAP else "is no pose"
+            reason = f"is in the frame '{frame}', not '{_MAP}'" if frame != _MAP else "is not a pose"
             raise PlanningError(NavCode.TF_ERROR, f"the {what} {reason}")
         return pose

@@ -46,7 +46,7 @@ class Twist2D:
 
     @property
     def is_still(self) -> bool:
-        """Whether it is so slow that it is regarded as standing."""
+        """Whether the speed is negligible."""
         return abs(self.v) < _STILL and abs(self.w) < _STILL
 
 
@@ -102,11 +102,11 @@ class Robot:
         self._command_age = math.inf
 
     def meet(self, others: Iterable["Robot"]) -> None:
-        """Make *others*, in the same world, solid to this robot and visible to its lidar."""
+        """Add other robots as obstacles, which the lidar sees."""
         self._others = tuple(others)
 
     def surroundings(self) -> Solid:
-        """Return all objects that this robot can touch and see: the world's obstacles, and the other robots."""
+        """Return all objects that this robot can touch and see."""
         if not self._others:
             return self._world.solid
         poses = (other.state.pose for other in self._others)
@@ -115,7 +115,7 @@ class Robot:
         )
 
     def command(self, twist: Twist2D) -> None:
-        """Set the commanded velocity; values that are not finite are replaced by zero, too large ones are clipped."""
+        """Set the commanded velocity; clip large values, and replace non-finite ones by zero."""
         self._command = Twist2D(_clip(twist.v, self.limits.speed), _clip(twist.w, self.limits.turn))
         self._command_age = 0.0
 

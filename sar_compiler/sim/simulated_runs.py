@@ -1,4 +1,4 @@
-"""Repeated runs of a mission in the simulator, in processes that each use their own ROS domain."""
+"""Repeated runs of a mission in the simulator, in processes with separate ROS domains."""
 
 import json
 import random
@@ -101,7 +101,7 @@ class SimulatedRunResult(NamedTuple):
 
 
 class RunProcessSlot:
-    """A process that runs missions one after the other, in a domain that no other sweep uses during its lifetime.
+    """A process that runs missions one after the other, in a reserved ROS domain.
 
     Args:
         program: Its command.
@@ -207,7 +207,7 @@ def minimize_faults(runs: SimulatedRuns, seed: int) -> SimulatedRuns:
 
 
 def in_threads(count: int) -> ReplaceableExecutor:
-    """Return workers that each wait for a mission; missions still running at the end are stopped."""
+    """Return threads that each wait for a mission, and stop running missions at the end."""
     _over.clear()
 
     def stop(executor: Executor) -> None:

@@ -167,7 +167,7 @@ class SimulatedRobot:
             self._navigator.step(step, now_ns)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one. Its client must still be notified."""
+        """End the current goal; return whether there was one, whose client must be notified."""
         return self._navigator is not None and self._navigator.stop()
 
     def _lose_localisation(self, until: float | None) -> None:
@@ -187,8 +187,7 @@ STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
 # Longest delay of the machine that the simulation catches up with, seconds of wall time.
 _CATCH_UP_SEC = 0.05
-# Number of executor rounds, and their minimum duration in seconds of wall time, in which the end of a goal reaches its client when the
-# simulation stops.
+# Number of executor rounds, and their minimum duration in seconds of wall time, in which the end of a goal reaches its client when the simulation has stopped.
 _FAREWELL_ROUNDS = 5
 _FAREWELL_SEC = 0.01
 # How long the thread may take for its step after a stop request, seconds of wall time: a busy machine needs much more than usual, and
@@ -209,7 +208,7 @@ class SimulationError(SarError):
 
 
 class Simulation:
-    """Runs a world in its own thread, or in that of an executor which steps it, until stopped.
+    """Runs a world, in its own thread or in the thread of an executor that steps it.
 
     Simulated time advances in steps of 0.05 s, and no step is skipped. *speed* is an upper bound: simulated time
     slows down if the machine cannot keep up.
@@ -406,7 +405,7 @@ class Simulation:
                 self._own.serve_until(time.monotonic() + _FAREWELL_SEC, to_the_end=True)
 
     def _stop_robots(self) -> bool:
-        """End all goals; return whether there were any. Their clients must still be notified."""
+        """End all goals; return whether there were any, whose clients must be notified."""
         return any([robot.stop() for robot in self._robots.values()])  # noqa: C419 - all have to stop
 
 

@@ -1,4 +1,4 @@
-"""The true world: its file, its obstacles, and the distance that a disc can move before it touches one."""
+"""The true world: its file, its obstacles, and collision checks."""
 
 import copy
 import functools
@@ -60,7 +60,7 @@ class World:
 
     @functools.cached_property
     def solid(self) -> "Solid":
-        """The obstacles as arrays, ready for calculation."""
+        """The obstacles as arrays."""
         return Solid(self.boxes, self.cylinders)
 
 

@@ -65,7 +65,7 @@ COLOURS: Mapping[str, Colour] = {
 
 
 class LevelStyle(NamedTuple):
-    """The look of a landmark's level, or of the verdict on a property.
+    """The appearance of a landmark's level or of a verdict.
 
     Attributes:
         word: The CSS class of its marks.

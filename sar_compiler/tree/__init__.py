@@ -1,1 +1,1 @@
-"""The contents of a tree file: elements with their locations, and the findings of reading them."""
+"""The contents of a tree file: elements with their locations, and findings about its syntax."""

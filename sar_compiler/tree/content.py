@@ -26,12 +26,12 @@ _BYTE_ORDER_MARKS = [
 
 
 def real_path(path: Path) -> Path:
-    """Return a path with its links resolved. Circular links stay, and so does a path that no file can have."""
+    """Resolve the links in a path; circular links and impossible paths stay unchanged."""
     return Path(os.path.abspath(path) if "\0" in str(path) else os.path.realpath(path))  # noqa: PTH100 - pathlib's follows links
 
 
 def as_written(path: Path) -> Path:
-    """Return a path relative to the current folder if it is inside it, as a user would write it."""
+    """Return a path as a user would write it: relative to the current folder if it is inside."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 
@@ -39,7 +39,7 @@ def as_written(path: Path) -> Path:
 def make_source(
     data: bytes | str, path: str, spans: Spans, declared: str | None, empty_hint: str, kind: FileKind = TREE
 ) -> Source:
-    """Make the source of a file's content.
+    """Decode a file's content.
 
     Args:
         data: The content.

@@ -1,4 +1,4 @@
-"""Conversion of a tree file to the other form, or to the canonical form of its own, with every loss reported.
+"""Conversion of a tree file to another format, or to its canonical form; losses are reported.
 
 The reader skips XML content other than elements, attributes and comments, as BehaviorTree.CPP does. Conversion must not
 drop it silently.
@@ -80,13 +80,13 @@ def _losses(tree_file: TreeFile, form: Form) -> Iterator[Diagnostic]:
     other = "YAML" if form is Form.YAML else "XML"
     for name in _editor_attributes(root):
         hint = "name the schema by '# yaml-language-server: $schema=...'"
-        message = f"'{name}' tells an editor about XML and is left out"
+        message = f"'{name}' is a hint for XML editors and is left out"
         yield root.finding("left-out", message, name=name, hint=hint)
     for element, comment in _comments(tree_file):
         kept = comment_in_yaml(comment.text) if form is Form.YAML else comment_in_xml(comment.text)
         if _EDITOR_COMMENT in comment.text:
             code = "left-out"
-            message = f"the comment '{_EDITOR_COMMENT}' tells an editor about YAML and is left out"
+            message = f"the comment '{_EDITOR_COMMENT}' is a hint for YAML editors and is left out"
         elif comment.attribute is not None:
             what = f"the comment at '{comment.attribute}' moves in front of the element in {other}"
             code = "moved"
@@ -144,7 +144,7 @@ _PIECE = re.compile(
 
 
 def ignored_content(tree_file: TreeFile) -> Iterator[Diagnostic]:
-    """Yield a finding for each text and each processing instruction that belongs to no element."""
+    """Yield a finding for each text and processing instruction outside of all elements."""
     with_text = {element.offset for element in tree_file.root.iterate() if element.text}
     opened: list[int] = []
     last = -1

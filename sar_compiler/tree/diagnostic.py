@@ -45,7 +45,7 @@ AttributePlaces = tuple[int, int, int, int]
 
 
 class ElementView(Protocol):
-    """The view of an element that is needed to find its parts in the text."""
+    """The properties of an element that are needed to find its parts in the text."""
 
     @property
     def source(self) -> "Source":
@@ -65,7 +65,7 @@ class ElementView(Protocol):
 
 
 class Spans:
-    """Finds the parts of elements in a text; a subclass for each form, and this class for a text without elements."""
+    """Finds the parts of elements in a text; each format has a subclass."""
 
     form = Form.XML
 
@@ -126,17 +126,17 @@ class Source:
 
     @property
     def line_end(self) -> str:
-        """The line end of the first line, which nearly every file uses throughout."""
+        """The line ending of the first line."""
         end = LINE_END.search(self.text)
         return end[0] if end else "\n"
 
     @functools.cached_property
     def _wide(self) -> dict[tuple[int, int], dict[str, AttributePlaces]]:
-        """The offsets of the attributes of those elements that have many, or long ones."""
+        """The offsets of the attributes of elements that have many or long attributes."""
         return {}
 
     def attribute(self, element: ElementView, name: str) -> AttributePlaces | None:
-        """Return the offsets of an attribute; None if the element's text has none of this name."""
+        """Return the offsets of an attribute; None if the element's text has no attribute of this name."""
         values, attributes = element.attributes.values(), self.spans.attributes(element)
         if len(values) <= _FEW and sum(map(len, values)) <= _SHORT:
             return next((places for each, places in attributes if each == name), None)
@@ -254,7 +254,7 @@ class Diagnostic:
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """The key that equals that of the same finding in another check: several files may include one."""
+        """The key by which a repeated finding is recognised, for example about a file that several files include."""
         return self.source.path, self.span, self.code, self.message
 
     @property

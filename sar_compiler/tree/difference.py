@@ -1,4 +1,4 @@
-"""Structural differences between two tree files of any form, as nodes and as text."""
+"""Structural differences between two tree files, as nodes and as text."""
 
 import operator
 from collections.abc import Callable, Iterable, Iterator
@@ -125,7 +125,7 @@ def _change(
 
 
 def _count(node: ComparedNode) -> int:
-    """Return the number of removed nodes in a subtree, down to those that have a partner."""
+    """Return the number of removed nodes in a subtree, down to nodes that have a partner."""
     return sum(1 + _count(child) for child in node.children if child.partner is None)
 
 

@@ -1,4 +1,4 @@
-"""Discovery and reading of tree files: by path, by name, or in folders by their first element or key."""
+"""Discovery and reading of tree files, by path, by name, or in folders."""
 
 import itertools
 import os
@@ -98,7 +98,7 @@ def tree_files_in(folder: Path) -> list[Path]:
 
 
 def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
-    """Return files that may be tree files or palettes by their names, in the order of their paths.
+    """Return the files whose names suggest tree files or palettes, in the order of their paths.
 
     Unreadable files and folders are skipped.
 
@@ -112,7 +112,7 @@ def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
 
 
 def is_palette(path: Path) -> bool:
-    """Return whether a file only describes nodes, or is a Groot2 project that does; False if it cannot be read."""
+    """Return whether a file or Groot2 project only describes nodes; False if it cannot be read."""
     if path.suffix.lower() not in (*FORMS, _PROJECT):
         return False
     try:

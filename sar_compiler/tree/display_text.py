@@ -29,7 +29,7 @@ def visible(text: str) -> str:
 
 
 def escape_to_one_line(text: str) -> str:
-    r"""Return a text as `visible` does, with line breaks as `\n`, so that no part of it looks like a separate line."""
+    r"""Return a text as `visible` does, with line breaks escaped as `\n`."""
     return visible(text).replace("\n", "\\n")
 
 

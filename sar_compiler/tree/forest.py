@@ -1,4 +1,4 @@
-"""Loading of all trees that a file can reference: its own, those in included files, and those in its set."""
+"""Loading of all trees that a file can reference: in itself, in included files, and in its set."""
 
 import functools
 import os
@@ -64,7 +64,7 @@ class Forest:
 
     @functools.cached_property
     def trees(self) -> dict[str, Element]:
-        """The `BehaviorTree` elements with an ID, by ID; the first of several with one ID."""
+        """The `BehaviorTree` elements by ID; of several with one ID, the first."""
         by_id: dict[str, Element] = {}
         for tree in self.iterate():
             if "ID" in tree.attributes:
@@ -96,11 +96,11 @@ class Forest:
         return list(dict.fromkeys(self.trees) | dict.fromkeys(self.tree_set.by_id if self.tree_set else ()))
 
     def is_used_elsewhere(self, tree_id: str) -> bool:
-        """Return whether another file of the set references a tree of this ID without containing one."""
+        """Return whether another file of the set, without a tree of this ID, references it."""
         return self.tree_set is not None and self.tree_set.is_used(tree_id, self.place)
 
     def main_tree(self, tree_id: str | None = None) -> Element | None:
-        """Return the tree to execute: the requested one, the one that the main file names, or its only one.
+        """Return the tree to execute: the requested one, the main file's choice, or its only tree.
 
         Returns:
             The `BehaviorTree` element; None if there is no such tree, or more than one.
@@ -113,7 +113,7 @@ class Forest:
 
     @functools.cached_property
     def executable(self) -> tuple[Element, ...]:
-        """The trees that may be executed: the main tree, or else each tree that no file and no file of the set references."""
+        """The trees that may be executed: the main tree, or else each tree that no file references."""
         main, is_named = self.main_tree(), self.main.main_tree_name is not None
         if is_named:
             return () if main is None else (main,)
@@ -154,7 +154,7 @@ def load_forest(
 
 @dataclass(eq=False, repr=False)
 class TreeSet:
-    """Files that belong together: a tree that is missing in one of them is looked up in the others.
+    """Files that belong together: a tree that one of them lacks is looked up in the others.
 
     No file is read before a tree is missing; each is read once.
 
@@ -201,7 +201,7 @@ class TreeSet:
 
     @functools.cached_property
     def by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
-        """The files that contain a tree, by its ID and location; the file itself takes precedence over those that include it."""
+        """The files that contain a tree, by its ID and location; a file precedes the files that include it."""
         by_id: dict[str, dict[tuple[str, int], tuple[Path, Forest]]] = {}
         for path, forest in self.forests.items():
             for tree_id, tree in forest.trees.items():
@@ -214,7 +214,7 @@ class TreeSet:
 
     @functools.cached_property
     def _users(self) -> Mapping[str, list[Path]]:
-        """The files that reference trees which they do not contain, by the trees' IDs."""
+        """The files that reference trees of other files, by the trees' IDs."""
         users: dict[str, list[Path]] = {}
         for path, forest in self.forests.items():
             wanted = {each.attributes["ID"] for tree in forest.main.trees for each in self.references(tree)}
@@ -223,7 +223,7 @@ class TreeSet:
         return users
 
     def is_used(self, tree_id: str, by_other_than: Path) -> bool:
-        """Return whether another file references a tree of this ID without containing one."""
+        """Return whether another file without a tree of this ID references it."""
         return any(path != by_other_than for path in self._users.get(tree_id, ()))
 
     def having(self, tree_id: str) -> Iterable[tuple[Path, Forest]]:
@@ -242,7 +242,7 @@ def _references(tree: Element) -> tuple[Element, ...]:
 
 
 class _SetSearch:
-    """The search of a set for the trees that a forest lacks, and for those that these lack in turn."""
+    """Searches a set for the trees that a forest lacks, recursively."""
 
     def __init__(self, forest: Forest, tree_set: TreeSet) -> None:
         self.forest = forest
@@ -312,7 +312,7 @@ class _SetSearch:
             self.found.setdefault(id(target), (target, first))
 
     def _files_with_tree(self, tree_id: str, reference: Element) -> list[tuple[Path, Forest]]:
-        """Return the files that contain a tree; of several, those with the longest path in common with the referencing file."""
+        """Return the files that contain a tree; of several, those closest to the referencing file."""
         having = [each for each in self.tree_set.having(tree_id) if each[0] != self.forest.place]
         if tree_id in self.forest.trees:
             having.insert(0, (self.forest.place, self.forest))
@@ -334,7 +334,7 @@ class _Loader:
         self.compared = 0
 
     def included(self, path: Path, tree_file: TreeFile, around: tuple[Path, ...]) -> None:
-        """Add a file, after everything that it includes."""
+        """Add a file after the files that it includes."""
         self.seen.add(path)
         around = (*around, path)
         for element in tree_file.root.children:
@@ -375,7 +375,7 @@ class _Loader:
         self.seen.add(target)
 
     def _near(self, element: Element, target: Path) -> str | None:
-        """Return the path of a missing include with the name of the tree file beside it that was probably intended."""
+        """Return the path that a missing include probably intended."""
         written, beside = element.attributes["path"], []
         with suppress(UnreadableFileError):
             if self.compared < MAX_NEIGHBOURS and not is_there(target):
@@ -433,7 +433,7 @@ class _Loader:
         return False
 
     def _report_pathless(self, element: Element) -> None:
-        """Report an include without a path; a single unknown attribute was intended as the path."""
+        """Report an include without a path, which a single unknown attribute may contain."""
         strange = [name for name in element.attributes if name not in ("path", "ros_pkg")]
         if len(strange) == 1:
             message = f"<{INCLUDE_TAG}> has no attribute '{strange[0]}'; it has path, ros_pkg"

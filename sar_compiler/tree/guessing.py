@@ -41,7 +41,7 @@ def unit_suffix(name: str) -> str:
 
 
 def has_same_unit(written: str, meant: str) -> bool:
-    """Return whether two names of a number have the same unit: `delay_msec` and `msec` do, `msec` and `sec` do not."""
+    """Return whether two names have the same unit: `delay_msec` and `msec` do, `msec` and `sec` do not."""
     unit = unit_suffix(meant)
     if unit == unit_suffix(written):
         return True
@@ -101,14 +101,14 @@ def is_typo(written: str, meant: str) -> bool:
 
 
 def likeness(word: str, other: str) -> float:
-    """Return the likeness of the letters of two words, from 0 to 1."""
+    """Return how similar the letters of two words are, from 0 to 1."""
     import difflib
 
     return difflib.SequenceMatcher(None, word, other).ratio()
 
 
 def _is_near(written: str, meant: str, least: float) -> bool:
-    """Return whether two names are alike word by word; half of the letters are no evidence (`CheckCondition`, `Condition`)."""
+    """Return whether two names are similar word by word."""
     if _is_misspelt(written, meant):
         return True
     words, others = (re.findall(_WORDS, each) for each in (written, meant))
@@ -118,7 +118,7 @@ def _is_near(written: str, meant: str, least: float) -> bool:
 
 
 def _is_misspelt(written: str, meant: str) -> bool:
-    """Return whether a name has one letter too many, too few or swapped; one with a wrong letter may be another name."""
+    """Return whether a name has one letter too many, too few or swapped."""
     shorter = min(len(written), len(meant))
     is_other = len(written) == len(meant) and sorted(written.lower()) != sorted(meant.lower())
     return shorter > _SHORT and not is_other and is_typo(written, meant)
@@ -142,7 +142,7 @@ def did_you_mean(near: str | None) -> str:
 
 
 class Guesses:
-    """Suggestions for misspelt words. Their number is limited, because they take long in a large file."""
+    """Suggestions for misspelt words, limited in number because large files would take too long."""
 
     def __init__(self) -> None:
         self._left = MOST_COMPARED

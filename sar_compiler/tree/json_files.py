@@ -1,4 +1,4 @@
-"""JSON files whose values can be located in the text, on request of a finding."""
+"""JSON files whose values can be located in the text."""
 
 import json
 import re
@@ -71,7 +71,7 @@ class JsonFile:
                 around[-1].add(key)
 
     def place(self, *path: str | int) -> str:
-        """Return file, line and column of a value, given the keys and indices of its path.
+        """Return the file, line and column of the value at a path of keys and indices.
 
         If the file has no such value, return the location of the last existing value on its path.
         """

@@ -1,4 +1,4 @@
-"""All kinds of findings: the code, the description and the default severity of each.
+"""All kinds of findings, each with its code, description and default severity.
 
 A kind is declared only here. It has a page in `docs/findings`, which `sar-compile explain` prints. `make schemas`
 generates the table of kinds, the heads of the pages and the settings' schema from these declarations.
@@ -45,7 +45,7 @@ ERRORS = {
     "not-installed": "a node that only a model describes, in a tree to run",
     "only-described": "a control or decorator that only a model describes, in a tree to simulate or verify",
     "other-tree": "a tree that differs from that of the journal to resume",
-    "out-of-reach": "a number of successes or failures that is never reached",
+    "out-of-reach": "a number of successes or failures that can never be reached",
     "processing-instruction": "an XML processing instruction",
     "recursive-tree": "a tree that contains itself",
     "schema": "a violation of the XML schema that no other finding explains",
@@ -100,14 +100,14 @@ WARNINGS = {
     "idle-statement": "a script statement that has no effect",
     "ignored-attribute": "an attribute that is ignored: of a root, an include or a tree, or an output without a key",
     "interrupted-action": "an action that is interrupted in every tick in which it runs",
-    "key-as-text": "the name of a key for a subtree, without its braces",
+    "key-as-text": "a key passed to a subtree without its braces",
     "loose-xml": "a character that XML does not allow, but BehaviorTree.CPP accepts",
     "maybe-unwritten-key": "a key that may be read after a leaf that did not write it",
     "missing-format": 'a file without `BTCPP_format="4"`, possibly of version 3',
     "model-mismatch": "a TreeNodesModel that contradicts the installed node, or the tree",
     "never-ends": "a node that repeats its child without end",
     "no-counterpart": "an element or attribute without a counterpart in BehaviorTree.CPP",
-    "out-of-range": "a number without sense for the node or its unit",
+    "out-of-range": "a number that makes no sense for the node or its unit",
     "out-of-step": "children of a parallel that must succeed in the same tick, which is unlikely",
     "overwritten-key": "a key that is overwritten and was never read",
     "read-before-write": "a key that is read earlier than it is written",
@@ -128,14 +128,14 @@ WARNINGS = {
     "wrong-format": "a BTCPP_format other than 4",
     "wrong-kind": "a node in explicit form under the wrong kind",
     "wrong-model": "an error in the description of a node, which BehaviorTree.CPP does not read",
-    "wrong-order": "a leaf in the wrong position relative to a leaf on which it depends",
+    "wrong-order": "a leaf in the wrong order relative to a leaf that it depends on",
 }
 """Warnings: probable errors."""
 
 INFOS = {
     "changed": "a comment that conversion had to reword",
     "differs": "a node or attribute that behaves slightly differently in BehaviorTree.CPP",
-    "left-out": "content that conversion leaves out",
+    "left-out": "content that conversion omits",
     "lost-progress": "a sequence that starts over after each interruption",
     "more-findings": "more findings of a kind than are shown",
     "moved": "a comment that conversion had to move",

@@ -75,7 +75,7 @@ Key = Callable[[ComparedNode], Hashable | None]
 
 
 def match(old: TreeFile, new: TreeFile) -> tuple[ComparedNode, ComparedNode]:
-    """Match the elements of two files, however they may have changed.
+    """Match the elements of two versions of a file.
 
     Elements are paired in three steps: those at the same position with equal content or an equal name, then those that have
     moved, then those with another name or tag whose position and content agree.
@@ -105,7 +105,7 @@ def in_place(old: ComparedNode, new: ComparedNode) -> list[tuple[ComparedNode, C
 def _node(
     element: Element, parent: ComparedNode | None, marks: dict[Hashable, int], *, ordered: bool
 ) -> ComparedNode:
-    """Make a node of an element; equal elements get equal marks."""
+    """Create a node from an element; equal elements get equal marks."""
     kind, attributes = element.tag, dict(element.attributes)
     if kind in EXPLICIT_TAGS and "ID" in attributes and ordered:
         kind = attributes.pop("ID")
@@ -182,7 +182,7 @@ def _align_gap(
     key: Key,
     accept: Callable[[ComparedNode, ComparedNode], bool] = lambda _old, _new: True,
 ) -> list[tuple[list[ComparedNode], list[ComparedNode]]]:
-    """Pair the nodes that two ranges have in the same order, and return the ranges between them."""
+    """Pair equal nodes of two ranges in their common order, and return the ranges between them."""
     keys = [[key(node) for node in nodes] for nodes in (old, new)]
     pairs = [(i, j) for i, j in common_subsequence(*keys) if accept(old[i], new[j])]
     for i, j in pairs:
@@ -229,7 +229,7 @@ def _pair_by_key(
 
 
 def _find_moved(old: ComparedNode, new: ComparedNode) -> None:
-    """Pair the remaining nodes by content or name: the largest first, and those with the same parent first."""
+    """Pair the remaining nodes by content or name, starting with large nodes and common parents."""
     left, right = (
         sorted(_unpaired(list(root.iterate())), key=lambda node: -node.size) for root in (old, new)
     )

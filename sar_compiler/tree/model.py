@@ -311,10 +311,10 @@ _SOURCE = Source("<made>", "", NO_SPANS)
 def synthetic_element(
     tag: str, attributes: Mapping[str, str] | None = None, children: Iterable[Element] = (), text: str = ""
 ) -> Element:
-    """Make an element without a file; its line is 0."""
+    """Create an element without a file; its line is 0."""
     return Element(tag, attributes or {}, tuple(children), _SOURCE, 0, 0, text)
 
 
 def synthetic_file(root: Element) -> TreeFile:
-    """Make a file of an element, without a text."""
+    """Create a file from an element, without a text."""
     return TreeFile(_SOURCE, root)

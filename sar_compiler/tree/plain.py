@@ -42,5 +42,5 @@ def count_with_noun(number: int, what: str) -> str:
 
 
 def speakable(text: str) -> str:
-    """Return a text with each character replaced that XML cannot represent."""
+    """Replace the characters in a text that XML cannot represent."""
     return re.sub(UNSPEAKABLE, "\ufffd", text)

@@ -94,7 +94,7 @@ _HINTS = {
 
 
 class _XmlReader:
-    """One pass over a text; creates each element at its end tag, so that it can be frozen."""
+    """Reads a text in one pass; creates each element at its end tag, so that elements can be immutable."""
 
     def __init__(self, source: Source, recovered: "RecoveredText | None" = None) -> None:
         self._source = source
@@ -234,13 +234,13 @@ class _XmlReader:
     def _refuse(
         self, code: str, message: str, name: str, start: int | None = None, hint: str | None = None
     ) -> None:
-        """Raise the finding about a `<` and the name after it, at *start* or else at the parser's position."""
+        """Raise the finding about an invalid `<` and the name after it."""
         start = self._here() if start is None else start
         span = self._source.span(start, start + len(name) + 1)
         raise TreeError([Diagnostic(code, message, self._source, span, hint=hint)])
 
     def _malformed(self, error: expat.ExpatError) -> Diagnostic:
-        """Return a finding in the user's terms for an error that expat's message does not explain."""
+        """Explain an error of expat in the user's terms, as a finding."""
         from sar_compiler.tree.xml_errors import find_xml_fault
 
         start = self._source.offset(error.lineno, error.offset + 1)

@@ -1,4 +1,4 @@
-"""Explanations of errors in malformed XML, at the position where expat stops. Imported for such files only."""
+"""Explanations of errors in malformed XML. Imported for such files only."""
 
 import re
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Recovery of malformed files that BehaviorTree.CPP accepts: raw & and <, -- in comments, content outside of the root.
+"""Recovery of malformed files that BehaviorTree.CPP accepts, such as those with raw & and <.
 
 Each such character is replaced by a stand-in, one character that the file does not contain. So expat can parse
 the text, every line and column stays, and the parsed text gets its characters back. An XML declaration after empty
@@ -42,7 +42,7 @@ _TOLD = "BehaviorTree.CPP accepts it, other XML parsers do not"
 
 
 class _PartOfFile(Enum):
-    """The role of a part of the text, with a regular expression for the characters that are not allowed in it."""
+    """The role of a part of the text, with a regular expression for its forbidden characters."""
 
     BEFORE_ROOT = _LINE
     BESIDE_ROOT = re.compile(r"\S(?:.*\S)?", re.DOTALL)
@@ -117,7 +117,7 @@ def _replacement(raw: str) -> str:
 
 
 def _stand_ins(text: str) -> dict[int, str] | None:
-    """Return a character that is not in the text for each that is replaced; None if the text has too many characters."""
+    """Return an unused character for each replaced one; None if the text has too many characters."""
     used = set(text)
     codes = (
         int(hexadecimal, 16) if hexadecimal else int(decimal)
@@ -150,7 +150,7 @@ class _TagWalk:
         self._beside = -1
 
     def stretches(self) -> Iterator[tuple[int, int, _PartOfFile]]:
-        """Yield the offsets of texts, values and comments, and of content outside of the root."""
+        """Yield the offsets of texts, values, comments and content outside of the root."""
         offset = 0
         while (tag := self._text.find("<", offset)) >= 0:
             if self._beside < 0:

@@ -86,7 +86,7 @@ def _start_tag(element: Element, indent: str, end: str, trailing: str) -> Iterat
 
 
 def _as_broken(element: Element, name: str, value: str) -> str | None:
-    """Return a value with its line breaks in the XML file, which are read as spaces; None if it has none."""
+    """Return a value with the line breaks of its XML file; None if it has none."""
     source = element.source
     if source.form is not Form.XML or " " not in value:
         return None
@@ -125,7 +125,7 @@ def _escape(text: str, escapes: dict[str, str]) -> str:
 
 
 def xml_with_tag_per_line(root: Element) -> str:
-    """Return an element as XML in which line n begins with start tag n, for tools that count lines."""
+    """Return an element as XML with one start tag a line, for tools that count lines."""
     return "\n".join(_tags(root))
 
 

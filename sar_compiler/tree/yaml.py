@@ -1,4 +1,4 @@
-"""Reading tree files in YAML: the same tree as in XML, element for element.
+"""Reading tree files in YAML, which correspond to XML element by element.
 
 A node is a mapping with one key, its tag. Below it are its attributes and, under `children`, a list of nodes.
 A node without content is its bare tag. The value of an attribute is its text, exactly as written.
@@ -70,7 +70,7 @@ class _Parts:
 
 
 class _YamlReader:
-    """One pass over the events of a text; continues after an error, so that all errors are found."""
+    """Reads the events of a text in one pass, and continues after an error to find all errors."""
 
     def __init__(self, source: Source, spans: YamlSpans) -> None:
         self._source = source
@@ -295,7 +295,7 @@ class _YamlReader:
         self._doubts.append(Diagnostic("cut-text", message, self._source, span, hint=hint))
 
     def _structure(self, parts: _Parts, key: Any, trailing: str | None) -> None:
-        """Read a list or a mapping in place of an attribute's value: the value is its text, as written."""
+        """Read a list or a mapping as the value of an attribute: its text, as written."""
         events, value = self._events, self._events.next
         if isinstance(value, yaml.AliasEvent):
             events.skip()
@@ -398,7 +398,7 @@ class _YamlReader:
         return False
 
     def _is_no_string(self, key: Any, value: Any) -> bool:
-        """Report a scalar that is no string for an attribute: an empty value, or a node that was meant to follow the key."""
+        """Report a scalar that cannot be an attribute's value: an empty one, or one that continues as a node."""
         if _is_nothing(value):
             message = f"'{key.value}' has no value"
             hint = f"write {key.value}: '' for an empty string, or delete the line"
@@ -407,7 +407,7 @@ class _YamlReader:
         return self._is_too_deep(value)
 
     def _is_too_deep(self, scalar: Any) -> bool:
-        """Report a node whose indentation makes it a continuation of the string above; return whether there is one."""
+        """Report a node whose indentation makes it part of the string above; return whether there is one."""
         start, end = _place(scalar)
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None
         if node is None:

@@ -1,4 +1,4 @@
-"""The events of a YAML text with one event of lookahead, with comments, and without YAML-only features.
+"""The events of a YAML text with lookahead and comments; features without a counterpart in XML are rejected.
 
 libyaml (or PyYAML, if that is missing) parses the text. Scalars are used as they are written: `no`, `12:30` and
 `1e3` are never converted.
@@ -102,7 +102,7 @@ class YamlEvents:
         self.findings.append(Diagnostic(code, message, self._source, span, **advice))
 
     def take(self) -> Any:
-        """Return the next event, and read one ahead.
+        """Return the next event, and read the following one.
 
         Raises:
             TreeError: If the text after it is not well-formed.
@@ -132,7 +132,7 @@ class YamlEvents:
         return taken
 
     def _ends(self) -> Iterator[Any]:
-        """Yield the events that close all open collections at the error in the text."""
+        """Yield the events that close the open collections at a syntax error."""
         # For each open collection: the event that ends it, and whether the value of a key comes next.
         opened: list[tuple[Any, bool]] = []
         mark: Any = yaml.Mark("", 0, 0, 0, None, 0)

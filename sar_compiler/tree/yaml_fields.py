@@ -53,7 +53,7 @@ def dedented(text: str, column: int) -> str:
 
 
 def end_of_block(text: str, start: int, end: int, value: str) -> int:
-    """Return the offset at which a block scalar ends, without blank lines that its value does not have."""
+    """Return the end offset of a block scalar, excluding blank lines that are not part of its value."""
     last = start + len(text[start:end].rstrip())
     ends = [*LINE_END.finditer(text, last, end)]
     if not ends:

@@ -128,7 +128,7 @@ def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
 
 
 def _offsets_in_literal(text: str, start: int, last: int, value: str) -> list[int]:
-    """Return the offsets for a literal block: the text that a line has in addition to the value's line is indentation."""
+    """Return the offsets for a literal block, in which each line has additional indentation."""
     offsets: list[int] = []
     for line in value.split("\n"):
         ending = LINE_END.search(text, start, last)
@@ -152,7 +152,7 @@ def _offsets_in_folded(text: str, first: int, last: int, value: str) -> list[int
 
 
 class SplitNumber(NamedTuple):
-    """A number with a decimal comma between the braces of a mapping, in which the comma ends the value.
+    """A number with a decimal comma in a mapping between braces, where the comma ends the value.
 
     Attributes:
         start: The offset of its first character.

@@ -50,7 +50,7 @@ def comment_in_yaml(text: str) -> str:
 
 
 def scalar(text: str) -> str:
-    """Return a string as a scalar on one line that every YAML parser reads as this string."""
+    """Return a string as a one-line scalar that every YAML parser reads as this string."""
     if _is_plain(text):
         return text
     if not text.isprintable() or ("'" in text and not set(text) & {'"', "\\"}):
@@ -126,7 +126,7 @@ def _value(text: str, indent: str) -> list[str]:
 
 
 def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
-    """Return the lines of fields as YAML; none if that would be read as another text, or if they are no fields."""
+    """Return the lines of fields as YAML; none if YAML would read them as another text."""
     if not is_fields_attribute(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
         return []
     lines = text.removesuffix("\n").split("\n")

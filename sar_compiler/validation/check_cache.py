@@ -98,7 +98,7 @@ _RECENT_NS = 30 * 10**9
 
 
 def environment_key(options: Sequence[object]) -> str:
-    """Return a digest of everything that determines the findings, except for the queries of checks.
+    """Return a digest of the environment that determines the findings.
 
     Args:
         options: The options of the command that determine the findings, as JSON values.
@@ -156,7 +156,7 @@ class CheckCache:
 
     @classmethod
     def of(cls, additions: CommandLineSettings, options: Sequence[object]) -> "CheckCache | None":
-        """Return the cache for checks with some additions; None if the additions do not consist of names only.
+        """Return the cache for checks with some additions; None if these contain more than names.
 
         Args:
             additions: The user's additions to the projects of the files.
@@ -262,7 +262,7 @@ def _is_own(identity: Any) -> bool:
 
 
 def add_modules(observation: Observation) -> None:
-    """Record the modules that this process has imported, except those of Python and of this package, which the key covers."""
+    """Record the imported modules, except for those of Python and of this package, which the key covers."""
     standard, own = os.path.dirname(os.__file__), str(Path(__file__).parents[1])  # noqa: PTH120
     with observation.recording():
         for module in [*sys.modules.values()]:

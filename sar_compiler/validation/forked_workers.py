@@ -95,7 +95,7 @@ class ForkedWorkers:
                 os.write(copy.orders, copy.pending[-1].to_bytes(_NUMBER, "big"))
 
     def results(self, is_over: Callable[[], bool]) -> Iterator[tuple[int, str | None]]:
-        """Yield each number with its text, in any order; None if this process must compute the text itself.
+        """Yield each item's number and text, in any order; None for a text that this process must compute.
 
         Args:
             is_over: Returns whether no more results are needed; called repeatedly.

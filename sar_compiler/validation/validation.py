@@ -69,7 +69,7 @@ class CheckOptions(NamedTuple):
 
 
 class Validation:
-    """A check of files as one set: trees that are missing in one file are searched for in the others.
+    """A check of files as one set: a tree that one file lacks is looked up in the others.
 
     Args:
         names: The files and folders, as the user names them.
@@ -125,7 +125,7 @@ class Validation:
         return time.process_time() + (0.0 if self._run is None else self._run.others_sec)
 
     def _find_files(self, name: str, folders: list[Path]) -> Iterator[Path]:
-        """Yield the files of a name; record the name if it is a folder."""
+        """Yield the files that a name refers to; record the name if it is a folder."""
         try:
             files = tree_files_in(Path(name)) if name and is_folder(name) else []
             # A package of leaves can have the name of a shipped tree.
@@ -248,7 +248,7 @@ class Validation:
             self.clean.append(path)
 
     def _report(self, findings: Iterable[Diagnostic]) -> None:
-        """Add findings without duplicates: several files may include one file, and several trees may use one tree."""
+        """Add findings without duplicates, which occur if several files include one file."""
         new = []
         for finding in findings:
             if finding.identity not in self._said:
@@ -282,7 +282,9 @@ def _write(tree: "ProjectTree", chosen: "Sequence[Fix]") -> None:
 
     path, source = tree.path, tree.source
     if encode_text(source, source.text) != read_file(path, TREE).data:
-        raise WriteError(f"{path} is not fixed: it has changed meanwhile, or its encoding cannot be written")
+        raise WriteError(
+            f"{path} was not fixed, because it has changed meanwhile, or its encoding cannot be written"
+        )
     write_bytes(path, encode_text(source, apply_fixes(source.text, chosen)))
 
 
@@ -458,7 +460,7 @@ class FileChecker:
 
     @property
     def reads_set(self) -> bool:
-        """Whether the files that were named together were searched for trees."""
+        """Whether the check searched the other named files for trees."""
         return any(each.tree_set is not None and each.tree_set.is_read for each in self.workspace.projects)
 
     def check(self, path: Path) -> FileCheck:

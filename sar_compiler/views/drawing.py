@@ -137,7 +137,7 @@ def _graph_lines(
 
 
 def _looks(name: str, origin: Origin, *, is_wrapper: bool) -> tuple[Shape, str, str, str, str, bool]:
-    """Return the fields of a drawn node from its shape on."""
+    """Return the appearance of a drawn node."""
     bound = origin.bound
     tag, element = bound.spec.tag, bound.element
     if is_wrapper:
@@ -180,7 +180,7 @@ def _shape_and_sign(bound: BoundNode) -> tuple[Shape, str]:
 
 
 def _attributes(bound: BoundNode) -> dict[str, str]:
-    """Return the attributes of a node as written, without those that the drawing shows anyway."""
+    """Return the attributes of a node as written, except for those that the drawing shows."""
     attributes = bound.element.attributes
     shown = {"name", "oneshot", *bound.conditions}
     if bound.spec.semantics.with_memory:
@@ -412,7 +412,7 @@ def _cells(text: str) -> int:
 
 
 def _choose(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> None:
-    """Decide which children are side by side: from the root down, if there is room for them."""
+    """Decide, from the root down, which children fit side by side."""
     area = blocks[0].least * sum(block.high + _GAP for block in blocks)
     room = [max(_NARROW, blocks[0].least, math.sqrt(area / _TALL))] * len(nodes)
     for number, (node, block) in enumerate(zip(nodes, blocks, strict=True)):

@@ -1,4 +1,4 @@
-"""Findings by cause as text, and each as JSON, SARIF and GitHub workflow commands."""
+"""Findings as text, JSON, SARIF and GitHub workflow commands."""
 
 import re
 import urllib.parse

@@ -62,12 +62,12 @@ Line = list[Piece]
 
 
 def sign(status: str) -> str:
-    """Return the sign of a status; for one outside the present activation, another sign."""
+    """Return the sign of a status, which differs for earlier activations."""
     return IN_TEXT.get(status, IN_TEXT[""])
 
 
 def change_text(state: MissionState, entry: JournalEntry, before: str) -> str:
-    """Return the log line of an entry that the state has processed; empty for one without interest to people.
+    """Return the log line of a processed entry; empty if it is not shown.
 
     Args:
         state: The state, after the entry.
@@ -103,7 +103,7 @@ def _log_line(state: MissionState, words: str) -> str:
 
 
 def screen(state: MissionState, now: float, height: int) -> list[Line]:
-    """Return a mission as lines for a terminal: the mission on the first, the others of its tree.
+    """Return a mission as lines for a terminal: its status, then its tree.
 
     Args:
         state: The mission.
@@ -134,7 +134,7 @@ def _drive_left(state: MissionState) -> str:
 
 
 def _tasks(state: MissionState) -> Iterator[Line]:
-    """Yield a line with the open tasks other than alarms, which have their own, if there are any."""
+    """Yield a line with the open tasks, except for alarms."""
     tasks = [task for task in find_open_tasks(state) if not task.is_alarm]
     if tasks:
         yield [Piece(escape_to_one_line(f"TO DO: {'; '.join(task.text for task in tasks)}"), "alarm")]
@@ -187,7 +187,7 @@ class _TreeRow(NamedTuple):
 
 
 def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
-    """Yield the tree as far as it fits: the path to the running nodes and their siblings, the rest folded."""
+    """Yield the tree as far as it fits, with folded branches."""
     rows = _rows(state, height)
     shown = _nearest(rows, height) if len(rows) > height else list(range(len(rows)))
     at = 0
@@ -201,7 +201,7 @@ def _tree(state: MissionState, now: float, height: int) -> Iterator[Line]:
 
 
 def _rows(state: MissionState, height: int) -> list[_TreeRow]:
-    """Return a row for each node if that fits; else for each chain of only children; else for running branches.
+    """Return the rows that fit: nodes, chains of only children, or running branches.
 
     For a tree that has ended, the branches that had a part in the end.
     """
@@ -235,7 +235,7 @@ def _chain(state: MissionState, number: int) -> Iterator[NodeState]:
 
 
 def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
-    """Return the rows to show if not all fit: running ones, deep ones first, then their neighbours."""
+    """Return the rows to show if not all fit: running ones, then their neighbours."""
     running = [index for index, row in enumerate(rows) if row.is_running] or [0]
     distance = [_distance(running, index) for index in range(len(rows))]
     order = sorted(
@@ -250,7 +250,7 @@ def _nearest(rows: Sequence[_TreeRow], height: int) -> list[int]:
 
 
 def _filled(chosen: Sequence[int], count: int) -> list[int]:
-    """Add single rows between others: a line about one omitted row takes as much room."""
+    """Add single omitted rows, because a line about one omission needs as much space."""
     there = {-1, *chosen, count}
     return sorted({*chosen, *(index for index in range(count) if index - 1 in there and index + 1 in there)})
 

@@ -47,7 +47,7 @@ def _in_full(spec: NodeSpec) -> str:
 
 
 def _answers(spec: NodeSpec) -> list[str]:
-    """Return the possible outcomes of a node, one a line if more than their statuses is known."""
+    """Return the possible outcomes of a node."""
     if not any(answer.label or answer.when or answer.then for answer in spec.answers):
         outcomes = [*sorted(spec.outcomes), *_skipped(spec)]
         return [f"answers: {', '.join(outcomes)}"] if outcomes else []
@@ -88,7 +88,7 @@ def _answer(answer: Answer) -> str:
 def _attribute(spec: NodeSpec, parameter: Parameter) -> str:
     label = parameter.value_type.label
     if parameter.role is ParameterRole.REFERENCE:
-        label = f"the name of a {parameter.target_name} in the same tree. It is optional if there is only one"
+        label = f"the name of a {parameter.target_name} in the same tree. Optional if there is only one"
     if parameter.direction is not None:
         label = f"{parameter.direction.words}; {label}"
     if parameter.role is ParameterRole.NAME:

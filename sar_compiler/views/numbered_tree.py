@@ -75,7 +75,7 @@ class NumberedTree:
         self._uids = {id(each.behaviour): each.uid for each in self.nodes}
 
     def uid(self, behaviour: Behaviour) -> int:
-        """Return the number of a behaviour; 0 if it has none, or shares its node's with its conditions."""
+        """Return the number of a behaviour; 0 if it has none."""
         return self._uids.get(id(behaviour), 0)
 
 
@@ -138,7 +138,7 @@ class StatusChanges(VisitorBase):
             self._set(uid, number_of(behaviour.status))
 
     def finalise(self) -> None:
-        """Reset the nodes whose work is over, the outer ones first."""
+        """Reset the nodes whose work has ended, outer nodes first."""
         for uid in sorted(self._busy):
             _, _, around, behaviour, *_ = self._tree.nodes[uid - 1]
             status = number_of(behaviour.status)
@@ -202,7 +202,7 @@ class _NodeWriter:
         return found
 
     def nodes(self, first: NumberedNode) -> Iterator[str]:
-        """Yield the lines of a node and those below it; not recursively, since trees may be deep."""
+        """Yield the lines of a node and its descendants, iteratively because trees may be deep."""
         waiting: list[NumberedNode | str] = [first]
         while waiting:
             node = waiting.pop()

@@ -1,4 +1,4 @@
-"""Server-sent events of runs for browsers: the folded state, and its changes."""
+"""Server-sent events of runs for browsers: the state and its changes."""
 
 import asyncio
 from collections import deque
@@ -31,7 +31,7 @@ def message(event: str, data: object) -> str:
 
 
 class ReplayFeed:
-    """The recorded states of journals for a replay page, which requests each time.
+    """The recorded states of journals for a replay page, which requests them by time.
 
     Args:
         replay: The recordings.
@@ -57,7 +57,7 @@ class ReplayFeed:
         )
 
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the events for a browser: the duration of the recording, then heartbeats that show the server is alive."""
+        """Yield the events for a browser: the duration of the recording, then heartbeats."""
         self._pages += 1
         try:
             yield message("hello", self._hello)
@@ -88,7 +88,7 @@ class _Browser:
         return self._waiting.empty()
 
     def put(self, text: str) -> bool:
-        """Queue a text; drop a browser whose queue is full and return False, because it has missed something."""
+        """Queue a text; drop a browser whose queue is full, and return False."""
         if self._size > _WAITING:
             if self._task is not None:
                 self._task.cancel()
@@ -144,7 +144,7 @@ class LiveFeed:
             self._send(message("verbs", self._verbs))
 
     async def stream(self) -> AsyncIterator[str]:
-        """Yield the server-sent events for a browser, until the run has ended; cancelled if the browser is too slow."""
+        """Yield the server-sent events for a browser until the run has ended."""
         listener = _Browser()
         # No other task runs between these lines: the state, and the changes after it, are complete.
         self._listeners.add(listener)
@@ -187,7 +187,7 @@ class LiveFeed:
 
 
 def _apply_entry(state: PageState, entry: JournalEntry) -> None:
-    """Apply an entry in the form of a file. An entry that is not JSON becomes an event that reports this."""
+    """Apply an entry in its JSON form; an invalid entry becomes an event that reports this."""
     try:
         data = json_value(json_text(entry.data))
     except Exception as error:  # noqa: BLE001 - one entry must not be the end of the page

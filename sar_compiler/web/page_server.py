@@ -1,4 +1,4 @@
-"""The HTTP server of a page, on this machine only, in a thread of its own."""
+"""The HTTP server of a page, for this machine only, in a separate thread."""
 
 import asyncio
 import json
@@ -161,7 +161,7 @@ def has_token(token: str, request: Request) -> bool:
 
 
 async def _order(orders: CommandHandler | None, token: str, request: Request) -> Response:
-    """Carry out a command, and return its answer.
+    """Carry out a command, and return the response.
 
     Raises:
         HTTPException: If there are no commands, or it is invalid.
@@ -187,7 +187,7 @@ async def _order(orders: CommandHandler | None, token: str, request: Request) ->
 
 
 async def _ask(tools: Tools, token: str, request: Request) -> Response:
-    """Return the answer of a query.
+    """Return the response to a query.
 
     Raises:
         HTTPException: If there is no such query, or its values are not a JSON object.
@@ -296,7 +296,7 @@ async def _give_order(
     except (TimeoutError, asyncio.TimeoutError):
         if given.cancel():
             return _answer(503, "the mission is busy. The command was not sent")
-        return _answer(504, "the command was sent but not answered yet. Check the log")
+        return _answer(504, "the command was sent, but has no response yet. Check the log")
     return JSONResponse({"accepted": accepted, "message": said})
 
 
@@ -345,11 +345,11 @@ _REQUEST_SEC = 10.0
 
 
 class PageError(SarError):
-    """A page cannot be served; nothing has moved."""
+    """A page cannot be served; the robot has not moved."""
 
 
 class _Protocol(H11Protocol):
-    """Closes a connection when there are too many, or when the head of a request does not end in time."""
+    """Closes excess connections, and those whose request head is too slow."""
 
     _deadline: asyncio.TimerHandle | None = None
     _answered: object = None
@@ -372,7 +372,7 @@ class _Protocol(H11Protocol):
         self._forget()
 
     def _watch(self) -> None:
-        """Start the time limit of a request's head at its first byte, however slowly the others come."""
+        """Start the time limit of a request's head at its first byte."""
         if self.cycle is not self._answered:  # the head is complete, and is being answered
             self._answered = self.cycle
             self._forget()
@@ -430,7 +430,7 @@ class AppServer:
         self._thread.start()
 
     def wait(self, timeout_sec: float | None = None) -> bool:
-        """Wait at most so many seconds for the server's end; return whether it has ended."""
+        """Wait for the server's end, within a limit in seconds; return whether it has ended."""
         self._thread.join(timeout_sec)
         return not self._thread.is_alive()
 

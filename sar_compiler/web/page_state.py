@@ -88,7 +88,7 @@ class LastStatus(NamedTuple):
 
 
 class GrowingList:
-    """A list that reports only its changes: the first changed index, and the values from there.
+    """A list that reports its changes: the first changed index, and the values from there.
 
     Attributes:
         values: Its content.
@@ -113,7 +113,7 @@ class GrowingList:
         self._told = min(self._told, place)
 
     def renew(self, values: list[Any]) -> None:
-        """Replace all of it."""
+        """Replace the whole content."""
         self.values, self._told = values, 0
 
     def news(self) -> dict[str, Any] | None:
@@ -155,7 +155,7 @@ class PageState:
         self.resend()
 
     def resend(self) -> None:
-        """Make the next change contain the whole state."""
+        """Make the next change include the whole state."""
         self._is_new = True
         self._touched: set[str] = set()
         self._nodes: set[int] = set()

@@ -83,7 +83,7 @@ class LiveTools:
             self._entries.append(entry)
 
     def look(self) -> None:
-        """Let a paused tree continue if no browser queries it any more; called now and then."""
+        """Continue a paused tree if no browser queries it any more; called regularly."""
         self._breakpoints.release_if_abandoned()
 
     def end(self) -> None:
@@ -108,7 +108,7 @@ class LiveTools:
         ]
 
     def _change_breakpoints(self, values: Mapping[str, Any]) -> object:
-        """Set a breakpoint at a node (`node`, `is_set`), or continue (`goes_on`); return all, and the one that pauses the tree."""
+        """Set a breakpoint at a node (`node`, `is_set`), or continue (`goes_on`); return the breakpoints."""
         if self._tree is None:
             raise ToolError(_NO_TREE)
         self._breakpoints.keep_alive()

@@ -26,7 +26,7 @@ _LEAST, _CHECKPOINTS = 2000, 400
 
 
 class TrackPosition(NamedTuple):
-    """A position in a robot's track, in which runs follow each other without the time between them.
+    """A position in a robot's track, which omits the time between runs.
 
     Attributes:
         entry: The position in the journal's stream.

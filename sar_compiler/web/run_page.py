@@ -101,7 +101,7 @@ class RunPage(RunExtension):
         self._tools.begin(tree, engine)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Stop serving; on a terminal Ctrl-C does so, unless it has ended the run."""
+        """Stop serving, on a terminal after Ctrl-C."""
         self._has_ended = self._orders.has_ended = True
         self._tools.end()
         if has_begun and self._has_viewers and not self._run.signals.came:
@@ -115,7 +115,7 @@ class RunPage(RunExtension):
         return is_terminal and not self._run.options.supervision.is_there
 
     def _report(self, _: Mapping[str, Any]) -> str:
-        """Return the report once the run is over, so that neither the mission nor the journal is affected."""
+        """Return the report once the run has ended, so that the mission is not affected."""
         if not self._is_staying:
             raise ToolError("the run is still active. Use sar-journal report meanwhile")
         return report_page(self._place)
@@ -178,7 +178,7 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
 
 
 def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
-    """Serve a page of missions in other processes from their journals until Ctrl-C; commands go to their nodes.
+    """Serve a page of missions in other processes, from their journals, until Ctrl-C.
 
     Raises:
         JournalError: If a file is no journal, or cannot be read.
@@ -322,7 +322,7 @@ def _serve(
 ) -> Iterator[PageServer]:
     with closing(PageServer(feed, port, orders, tools)) as server:
         server.start()
-        print(f"The page: {server.url} (Ctrl-C ends it)", flush=True)
+        print(f"Page: {server.url} (stop it with Ctrl-C)", flush=True)
         if opens:
             open_page(server.url)
         yield server

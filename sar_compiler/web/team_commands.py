@@ -1,4 +1,4 @@
-"""Commands to missions in other processes, by the services of their nodes."""
+"""Commands to missions in other processes, through the services of their nodes."""
 
 import getpass
 import socket
@@ -55,7 +55,7 @@ class TeamCommands:
             CommandError: If it is invalid, or its robot is unknown.
         """
         if giver.robot not in self._calls:
-            raise CommandError("no commands to this robot: its mission is not installed here")
+            raise CommandError("this robot accepts no commands here, because its mission is not installed")
         return self._calls[giver.robot][1].give(verb, values, giver.author(self._page), giver.seen)
 
 
@@ -68,7 +68,7 @@ def ordering(complain: Callable[[str], object]) -> Iterator[TeamCommands | None]
     try:
         require_middleware()
     except MiddlewareError as error:
-        complain(f"There are no commands on this page: {error}")
+        complain(f"This page has no commands: {error}")
         yield None
         return
     if find_spec("rclpy") is None:

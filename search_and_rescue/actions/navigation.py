@@ -174,7 +174,7 @@ class NavigateTo(ActionLeaf):
         self.record.navigation_lost = ""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE, which says nothing about the target; `NavigationAvailable` distinguishes this case."""
+        """Return FAILURE for a reason other than the target; `NavigationAvailable` distinguishes this case."""
         self.record.navigation_lost = reason
         self.complain(f"Navigation to {self._target} is unavailable: {reason}")
         return self.answer(Status.FAILURE, "unavailable")
@@ -209,7 +209,7 @@ class NavigateTo(ActionLeaf):
 
 
 def drive_outcomes(arrived: Answer, *failed: Answer) -> tuple[Answer, ...]:
-    """Return the outcomes of a leaf that drives: arrival, Nav2's failures, and the given further failures under the condition of the arrival."""
+    """Return the outcomes of a leaf that drives: arrival, Nav2's failures, and further failures."""
     when = arrived.when
     return (
         arrived,
@@ -241,13 +241,13 @@ class NavigateToZone(NavigateTo):
     """
 
     def goal(self) -> Any:
-        """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if an earlier run searched it."""
+        """Return the goal for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
         if not self.zone_manager.has_remaining():
             self.complain(f"'{self.name}' has no target: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()
         if self.record.before.has_searched(zone["id"]):
-            self.feedback_message = f"{zone['id']} was searched by an earlier run"
+            self.feedback_message = f"{zone['id']} was searched in an earlier run"
             return Status.SUCCESS
         self.record.zone_started(zone["id"])
         place = f"{self.zone_manager.current_index() + 1}/{self.zone_manager.total_zones()}"
@@ -276,7 +276,7 @@ class NavigateToBase(NavigateTo):
     def goal(self) -> Any:
         """Return the goal for the base station; SUCCESS if the robot was already there when the mission was resumed."""
         if self.record.before.pop_home():
-            self.feedback_message = "an earlier run has driven home"
+            self.feedback_message = "the robot drove home in an earlier run"
             self._on_arrival()
             return Status.SUCCESS
         headline = "" if self.zone_manager.has_remaining() else f"{self._visited()} Returning to base."

@@ -1,4 +1,4 @@
-"""Checks before each leg, to a zone or a piece of its sweep, that the robot can still return home, and the wait for a charged battery."""
+"""Checks that the robot can return home after its next leg, and the wait for a charged battery."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -37,7 +37,7 @@ _AT_CHARGE = "(at == 'base' || at == 'charging')"
 
 
 class BatteryMeter:
-    """Feeds the estimate of the way home with the robot's battery, odometry and position.
+    """Updates the estimates of energy with the robot's battery, odometry and position.
 
     It listens as long as the node exists, even while no leaf is ticked, because consumption is learned from drives.
 
@@ -179,7 +179,7 @@ class ReturnInReach(_HomingLeaf):
         if self.record.homing_for:
             # The battery was swapped while no run was active.
             self.record.charged(self.homing.energy.share)
-        self.feedback_message = f"the battery, at {self.homing.energy.share:.0%}, suffices"
+        self.feedback_message = f"the battery level of {self.homing.energy.share:.0%} suffices"
         return self.answer(Status.SUCCESS, "in reach")
 
 
@@ -190,7 +190,7 @@ class ReturnInReach(_HomingLeaf):
         Answer("SUCCESS", "suffices", "zones_left > 0"),
         Answer("FAILURE", "too far", "zones_left > 0"),
         Answer("FAILURE", "no zone", "zones_left == 0"),
-        Answer("RUNNING", "asking for ways", "zones_left > 0"),
+        Answer("RUNNING", "requesting paths", "zones_left > 0"),
     ),
     facts={"zones_left": 3},
 )
@@ -235,7 +235,7 @@ class FullBatterySuffices(RosLeaf):
         if not self.homing.has_next:
             return self.answer(Status.FAILURE, "no zone")
         if self._ways is not None and self._ways.are_awaited():
-            return self.answer(Status.RUNNING, "asking for ways")
+            return self.answer(Status.RUNNING, "requesting paths")
         if self._ways is not None and (news := self._ways.news()):
             self.complain(f"'{self.name}': {news}.")
         reason = self.homing.excess()
@@ -285,7 +285,7 @@ class NavigateToCharge(NavigateToBase):
         self._stop = ""
 
     def goal(self) -> Any:
-        """Return the goal for the place; SUCCESS if that is home and the robot was already there when the mission was resumed."""
+        """Return the goal for the charging place; SUCCESS if the robot was already home when the mission resumed."""
         self._stop, pose = self.homing.charging_stop()
         if not self._stop:
             return super().goal()

@@ -53,7 +53,7 @@ _FRAMES_TOPIC = "/tf_static"
 
 
 class MapExtent:
-    """The rectangle of the last map that a node received, used to reject infinite positions and positions outside the map.
+    """The extent of a node's map, used to reject infinite positions and positions outside the map.
 
     Use `map_extent_of`: all leaves share one subscription.
 
@@ -96,7 +96,7 @@ class MapExtent:
             self._place, self._grid, self._obstacles = place, message, None
 
     def obstacles(self) -> "ObstacleMap | None":
-        """Return the cells that block sight and driving: occupied and unknown ones; None until a complete map has arrived."""
+        """Return the occupied and unknown cells, which block sight and driving; None without a complete map."""
         # Only sweeps need NumPy.
         import numpy as np
 
@@ -190,14 +190,14 @@ class DetectSurvivor(ServiceLeaf):
         self._pose, self._survivor_id = survivor, None
 
     def request(self) -> Any:
-        """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if an earlier run searched it."""
+        """Return the request for the current zone; FAILURE if every zone is visited, SUCCESS if it was searched in an earlier run."""
         self.take(None)
         if not self.zone_manager.has_remaining():
             self.complain(f"'{self.name}' has no zone to search: every zone is visited.")
             return self.answer(Status.FAILURE, "no zone")
         self._zone_id = self.zone_manager.current_zone()["id"]
         if self.record.before.has_searched(self._zone_id):
-            self.say(f"{self._zone_id} was searched by an earlier run.")
+            self.say(f"{self._zone_id} was searched in an earlier run.")
             return self._answered(self.record.before.pop_search(self._zone_id))
         return self.interface.Request(zone_id=self._zone_id)
 
@@ -211,7 +211,7 @@ class DetectSurvivor(ServiceLeaf):
             survivor = self._place(response)
         except UnusableValueError as error:
             self.record.survivor_unplaced(self._zone_id, str(error))
-            return self.on_failure(f"{self.service_name} found a survivor, and {error}")
+            return self.on_failure(f"{self.service_name} found a survivor, but {error}")
         self.record.zone_searched(self._zone_id, survivor)
         if survivor is not None:
             self.say(f"Survivor detected at {self._zone_id}!")
@@ -445,7 +445,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self.say(f"Broadcasting TF frame: {self.feedback_message} in {MAP_FRAME} frame.")
         named = self.record.survivor(survivor_id)
         if named is not None and named.possibly is not None:
-            self.say(f"{survivor_id} is possibly {named.possibly}: the operator decides.")
+            self.say(f"{survivor_id} may be a duplicate of {named.possibly}: the operator decides.")
         return Status.SUCCESS
 
     def _publish(self, survivor_id: str, x: float, y: float) -> None:
@@ -465,7 +465,7 @@ class BroadcastSurvivorTF(RosLeaf):
 def survivor_report(
     detect_node: DetectSurvivor, leaf: RosLeaf, record: MissionRecord, lacks: str
 ) -> SurvivorReport | Status:
-    """Return the report of the detected survivor, or the leaf's status if there is nothing to report.
+    """Return the report of the detected survivor, or a status if there is nothing to report.
 
     Args:
         detect_node: The search that found the survivor.
@@ -479,7 +479,7 @@ def survivor_report(
         leaf.complain(f"'{leaf.name}' has {lacks}: {missing}.")
         return Status.FAILURE
     if record.was_reported(survivor_id):
-        leaf.feedback_message = f"{survivor_id}, named by an earlier run, is already acknowledged"
+        leaf.feedback_message = f"{survivor_id}, named in an earlier run, is already acknowledged"
         return Status.SUCCESS
     return SurvivorReport(survivor_id, *pose)
 
@@ -567,7 +567,7 @@ class NotifyBase(ReportLeaf):
     detect_node: DetectSurvivor
 
     def request(self) -> Any:
-        """Return the report of the survivor; FAILURE if there is none with a name, SUCCESS if base acknowledged it in an earlier run."""
+        """Return the report of the survivor, FAILURE without a named one, or SUCCESS if it was already acknowledged."""
         report = survivor_report(self.detect_node, self, self.record, "nothing to report")
         if isinstance(report, Status):
             return self.answer(report, "nothing to report" if report is Status.FAILURE else "acknowledged")

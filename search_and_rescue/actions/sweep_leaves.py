@@ -342,7 +342,7 @@ class NavigateToPiece(NavigateTo):
     def _set_out(self, zone: str, sweep: SweepState, again: str) -> Any:
         piece = f"{sweep.told(zone)}{again}"
         if self.record.before.has_searched(zone):
-            self.feedback_message = f"{piece} was searched by an earlier run"
+            self.feedback_message = f"{piece} was searched in an earlier run"
             return Status.SUCCESS
         self._note_start(zone)
         return self._drive_to(piece, sweep.pieces[sweep.done])
@@ -495,7 +495,7 @@ def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tu
 
 
 def _plan_of(zone: str, sweep: SweepState) -> tuple[str, int, int]:
-    """Return the identity of a zone's plan, which stays the same except for skipped pieces."""
+    """Return the identity of a zone's plan, which skipped pieces change."""
     return zone, sweep.passes, sweep.skipped
 
 

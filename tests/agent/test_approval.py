@@ -75,7 +75,7 @@ def test_the_file_that_has_changed_is_named(tree, changed, capsys):
         file.write("\n")
     said = refusal(tree)
     assert said is not None
-    assert said.startswith("whole.xml is not what Ada approved on 2")
+    assert said.startswith("whole.xml differs from the version that Ada approved on 2")
     assert f": {changed} has changed. Review it, then run: sar-compile approve whole.xml" in said
 
 
@@ -85,7 +85,7 @@ def test_a_file_that_is_included_now_and_one_that_is_not_any_more_are_named(tree
     write("whole.xml", '<include path="other.xml"/>', WHOLE, main="Whole")
     said = refusal(tree)
     assert said is not None
-    for each in ("whole.xml has changed", "other.xml is new", "part.xml is no longer a part of it"):
+    for each in ("whole.xml has changed", "other.xml is new", "part.xml was removed"):
         assert each in said
 
 
@@ -193,7 +193,7 @@ def test_what_is_approved_is_listed_and_revoked(tree, capsys):
     (told,) = approve(capsys, "--list")[1].splitlines()
     assert "whole.xml (Whole): approved by Ada on 2" in told
     Path(tree).unlink()
-    assert approve(capsys, "--revoke", tree)[1] == f"no more: {told}\n"
+    assert approve(capsys, "--revoke", tree)[1] == f"revoked: {told}\n"
     assert approve(capsys, "--list")[1] == ""
     status, _, said = approve(capsys, "--revoke", tree)
     assert (status, said) == (2, "sar-compile: whole.xml is not approved\n")
@@ -309,21 +309,21 @@ class TestTheParametersOfTheRun:
         approve(capsys, "mission.xml", "--params", "q.yaml", "--by", "Ada")
         said = refusal("mission.xml", params=Path("q.yaml"), tick_rate_hz=50.0)
         assert said is not None
-        assert ": tick_rate_hz is 50.0 and was 5.0. Review it" in said
+        assert ": tick_rate_hz is 50.0, but was 5.0. Review it" in said
         assert said.endswith("sar-compile approve mission.xml --params=q.yaml")
 
     @pytest.mark.parametrize(
         ("old", "new", "told"),
         [
-            ("tick_rate_hz: 5.0", "tick_rate_hz: 5.1", "tick_rate_hz is 5.1 and was 5.0"),
-            ("    tick_rate_hz: 5.0\n", "", "tick_rate_hz is not given and was 5.0"),
-            ("x: 2,", "x: 2.5,", "zones.b.x is 2.5 and was 2"),
+            ("tick_rate_hz: 5.0", "tick_rate_hz: 5.1", "tick_rate_hz is 5.1, but was 5.0"),
+            ("    tick_rate_hz: 5.0\n", "", "tick_rate_hz is not given, but was 5.0"),
+            ("x: 2,", "x: 2.5,", "zones.b.x is 2.5, but was 2"),
             (
                 "    zone_order",
                 "    robot_radius_m: 0.3\n    zone_order",
-                "robot_radius_m is 0.3 and was not given",
+                "robot_radius_m is 0.3, but was not given",
             ),
-            ("[a, b]", "[b, a]", 'zone_order is ["b", "a"] and was ["a", "b"]'),
+            ("[a, b]", "[b, a]", 'zone_order is ["b", "a"], but was ["a", "b"]'),
         ],
     )
     def test_each_way_of_changing_the_file_is_refused(self, old, new, told, capsys):
@@ -335,7 +335,7 @@ class TestTheParametersOfTheRun:
     def test_of_many_changes_three_are_named(self, capsys):
         approve(capsys, "mission.xml")
         said = str(refusal("mission.xml", params=Path("q.yaml")))
-        assert said.count(" and was ") == 3
+        assert said.count(", but was ") == 3
         assert " more parameters. Review it" in said
 
     def test_without_a_file_those_of_the_mission_are_approved(self, capsys):

@@ -407,13 +407,13 @@ class TestManyCalls:
         answers = self.together(access, 60, "")
         refused = [each for each in answers if isinstance(each, ToolError)]
         assert len(refused) == 10
-        assert str(refused[0]) == "50 calls are still unanswered. Call again later"
+        assert str(refused[0]) == "50 calls are still running. Call again later"
         assert self.together(access, 1, "") == [(0, "", "")]
 
     @pytest.mark.parametrize(
         ("word", "said"),
         [
-            ("much", "the answer of verify is larger than 16 MiB: ask for less"),
+            ("much", "the result of verify is larger than 16 MiB: request less"),
             ("die", "verify was ended by signal 6: it may take 2048 MiB of memory, --memory of the server"),
         ],
     )
@@ -436,7 +436,7 @@ class TestManyCalls:
         (["--root", "nowhere"], "sar-compile: --root nowhere is not a folder\n"),
         (
             ["--trust"],
-            "sar-compile: --trust would trust every change that an agent makes to the modules: use it once with another command\n",
+            "sar-compile: --trust would also trust an agent's changes to the modules: pass it once to another command instead\n",
         ),
     ],
 )

@@ -202,7 +202,7 @@ def test_a_parameter_that_is_missing_says_where_a_value_is_given():
         simulated_tree('<Timeout duration="{@patience}"><NavigateToZone/></Timeout>')
     hint = error.value.findings[0].hint
     assert hint == (
-        "give it a value: --params FILE, or parameters: {patience: ...} in the scenario or the file of properties"
+        "set it: --params FILE, or parameters: {patience: ...} in the scenario or the file of properties"
     )
     assert simulated_tree(
         '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>', {"patience": 30.0}
@@ -266,7 +266,7 @@ def test_leaves_that_start_a_fact_differently_are_a_dispute_until_somebody_settl
     registry = registry_with(One={"facts": {"left": 1}}, Two={"facts": {"left": 2}})
     disputed = simulated_tree(body, registry=registry)
     assert disputed.disputes == {
-        "left": "the fact 'left' is 1 at the start for 'One', and 2 for 'Two'. Write the value: facts: {left: 1}"
+        "left": "the fact 'left' is 1 at the start for 'One', but 2 for 'Two'. Write the value: facts: {left: 1}"
     }
     settled = simulated_tree(body, registry=registry, facts={"left": 2})
     assert (settled.disputes, settled.fact_values()) == ({}, {"left": 2})

@@ -129,7 +129,7 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
     [
         (
             "[language]\nbtcpp = 4.8",
-            "'btcpp' is one of 4.8, 4.9, 4.10, and 4.8 without quotes is a number",
+            "'btcpp' is one of 4.8, 4.9, 4.10, but 4.8 without quotes is a number",
             "did you mean '\"4.8\"'?",
         ),
         (
@@ -138,7 +138,7 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
             'write strings in quotes: "4.8.2"',
         ),
         ("nodes = leaves", "not TOML: Invalid value", 'write strings in quotes: "leaves"'),
-        ("nodes = [true]", "an item of 'nodes' is a string, and true without quotes is true or false", None),
+        ("nodes = [true]", "an item of 'nodes' is a string, but true without quotes is true or false", None),
     ],
 )
 def test_missing_quotes_are_told_as_what_is_missing(tree, text, message, advice):

@@ -84,7 +84,7 @@ def test_facts_begin_as_the_run_did_unless_something_else_is_said(conform, fligh
     status, out, _ = conform(journal, options=())
     assert status == 1
     assert "does not conform from tick 1 on, 0:00: Tell SUCCESS" in out
-    assert "  it is assumed that 'Tell' answers 'counted' only when f > 0; f is 0\n" in out
+    assert "  it is assumed that 'Tell' returns 'counted' only when f > 0; f is 0\n" in out
     assert "  possible there: Tell " in out
     assert conform(journal, options=("--set", "f=1"))[0] == 0
 
@@ -157,7 +157,7 @@ def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
     status, out, _ = conform(journal, options=())
     assert status == 1
     assert (
-        "the tree has changed since the run: 'RetryUntilSuccessful' has other attributes\ndoes not conform"
+        "the tree has changed since the run: 'RetryUntilSuccessful' has different attributes\ndoes not conform"
         in out
     )
 
@@ -168,7 +168,7 @@ def test_a_journal_without_a_tree_is_told_so(conform, place):
         journal.end(Ending.STOPPED, 0)
     status, out, _ = conform(place / "bare.journal")
     assert status == 1
-    assert out.endswith("bare.journal: not compared: it has no run of a tree\n")
+    assert out.endswith("bare.journal: not compared: it contains no run of a tree\n")
 
 
 def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkeypatch):

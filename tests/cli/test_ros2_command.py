@@ -127,7 +127,7 @@ def test_the_list_has_the_missions_with_what_they_drive_and_heed(mission, robots
     assert status == 0
     assert first.startswith("node /digger (process ")
     assert first.endswith(", drives /digger/drive")
-    assert orders == "  orders: abort, pause, skip_it"
+    assert orders == "  commands: abort, pause, skip_it"
     assert second.startswith("node /flyer ")
 
 
@@ -161,7 +161,7 @@ def test_an_order_that_a_mission_does_not_heed_is_told_beside_those_that_it_does
 def test_of_several_missions_one_has_to_be_named(mission, robots):
     given = robots("digger", HEEDS)
     robots("flyer", HEEDS)
-    said = "ros2 mission pause: several missions run (/digger, /flyer): choose one with --node\n"
+    said = "ros2 mission pause: several missions are running (/digger, /flyer): choose one with --node\n"
     assert mission("pause") == (2, said)
     assert mission("pause", "--node", "flyer") == (0, "held\n")
     assert given == [("flyer", "pause")]

@@ -136,13 +136,13 @@ def test_a_view_that_fails_is_told_of_and_not_drawn_again(stage: Stage, screen: 
     screen.refresh()
     stage.output.leave()
     assert stage.done == ["drawn"]
-    assert stage.said == ["The view has failed and is switched off: ValueError()."]
+    assert stage.said == ["The view has failed and was switched off: ValueError()."]
 
 
 @pytest.mark.ros
 def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> None:
     stage.output.leave()
-    assert stage.said == ["The view has failed and is switched off: ValueError()."]
+    assert stage.said == ["The view has failed and was switched off: ValueError()."]
 
 
 @pytest.mark.ros

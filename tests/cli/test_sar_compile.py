@@ -85,7 +85,7 @@ def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
             "code": "unknown-node",
             "message": "there is no node 'Sey'",
             "suggestion": None,
-            "hint": "list them by sar-compile nodes; add a module of leaves by --nodes, or a palette by --model",
+            "hint": "list known nodes with sar-compile nodes; add a module of leaves with --nodes, or a palette with --model",
             "cause": "unknown-node: there are no nodes of these names",
         }
     ]
@@ -263,7 +263,7 @@ def test_nodes_as_json_is_complete(capsys):
         "refers_to": None,
         "required": True,
         "default": None,
-        "doc": "Number of failures to fail. With 1 or less, it fails with the first one.",
+        "doc": "Number of failures after which the node fails. With 1 or less, it fails with the first one.",
     }
 
 

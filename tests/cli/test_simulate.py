@@ -64,7 +64,7 @@ def test_without_a_scenario_every_leaf_answers_what_is_usual(capsys, tree):
     assert status == 0
     assert "  NavigateToZone  arrived (SUCCESS)\n" in out
     assert out.endswith(
-        "\nEvery leaf gave its default answer. A run ends when the root succeeds or fails. Set another end with --until.\n\n"
+        "\nEvery leaf returned its default outcome. A run ends when the root succeeds or fails. Set another end with --until.\n\n"
     )
 
 
@@ -74,7 +74,7 @@ def test_without_a_scenario_what_leaves_do_not_agree_on_is_wrong_usage(capsys, t
     status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.leaves")
     assert (status, out.strip()) == (2, "")
     assert err.startswith(
-        "sar-compile: the fact 'f' is 0 at the start for 'X', and 1 for 'W'. Write the value:"
+        "sar-compile: the fact 'f' is 0 at the start for 'X', but 1 for 'W'. Write the value:"
     )
 
 
@@ -92,7 +92,7 @@ def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
 
 def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):
     _, out, _ = run(capsys, tree, "--until", "tick == 2")
-    assert out.endswith("\nEvery leaf gave its default answer.\n\n")
+    assert out.endswith("\nEvery leaf returned its default outcome.\n\n")
 
 
 def test_an_expectation_that_does_not_hold_has_status_1(capsys, tree, scenario):
@@ -134,7 +134,7 @@ def test_a_tree_that_cannot_be_played_has_status_1_and_one_that_cannot_be_read_2
     ("option", "said"),
     [
         (("--ticks", "0"), "'0' is not an integer above 0"),
-        (("--until", "at == 'base"), "is no valid condition"),
+        (("--until", "at == 'base"), "is not a valid condition"),
         (("--until", "root === 1"), "did you mean '=='?"),
     ],
 )

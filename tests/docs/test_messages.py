@@ -113,29 +113,29 @@ def test_every_message_that_is_explained_is_printed_by_the_project():
 BASE = next(block.text for block in blocks(PARAMETERS) if block.file == "params.yaml")
 # Mistakes whose messages say all, so that the page need not.
 FURTHER = [
-    ("zone_order: kitchen", "parameter zone_order: must be a list of zone ids, is the string 'kitchen'"),
+    ("zone_order: kitchen", "parameter zone_order: must be a list of zone ids, but is the string 'kitchen'"),
     ('zone_order: ["attic", "attic"]', "parameter zone_order: names 'attic' more than once"),
     (
         'zone_order: ["attic", 2]',
         "'zone_order' mixes text with an integer: a list must be all of one type",
     ),
-    ("attic: {x: 3.5, y: .nan, yaw: 1.57}", "parameter zones.attic.y: must be a finite number, is nan"),
+    ("attic: {x: 3.5, y: .nan, yaw: 1.57}", "parameter zones.attic.y: must be a finite number, but is nan"),
     ("attic: {x: 3.5, y: 3.0}", "parameter zones.attic.yaw: is missing: write a number"),
     (
         "attic: {x: 3.5, y: 3.0, yaw: 1.57, z: 0.0}",
         "parameter zones.attic.z: is unknown; expected one of x, y, yaw, poa, pod, look_sec",
     ),
-    ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, is the string 'fast'"),
-    ("set_initial_pose: 3", "parameter set_initial_pose: must be true or false, is the number 3"),
+    ("tick_rate_hz: fast", "parameter tick_rate_hz: must be a number, but is the string 'fast'"),
+    ("set_initial_pose: 3", "parameter set_initial_pose: must be true or false, but is the number 3"),
     (
         "geofence: [0.0, 0.0, 5.0]",
-        "parameter geofence: must hold x and y of three corners or more, [x1, y1, x2, y2, x3, y3], holds 3 numbers",
+        "parameter geofence: must contain x and y of three or more corners, [x1, y1, x2, y2, x3, y3], but contains 3 numbers",
     ),
     (
         "georeference: {lat: 91.0, lon: 16.4, heading: 90.0}",
         "parameter georeference.lat: must be degrees between -90 and 90, not 91",
     ),
-    ("time_limit_sec: -1", "parameter time_limit_sec: must be seconds from 0 to 1000000000, is -1"),
+    ("time_limit_sec: -1", "parameter time_limit_sec: must be seconds from 0 to 1000000000, but is -1"),
     ("use_sim_time: hello", "parameter use_sim_time must be true or false, not 'hello'"),
 ]
 SHOWN = [

@@ -95,7 +95,7 @@ def test_a_list_of_whole_and_other_numbers_has_real_ones_which_ros_takes_and_no_
 
 def test_the_payloads_that_users_are_shown_have_parameters_that_the_mission_reads():
     shown = re.findall(
-        r"parameters of the mission: `({.*})`",
+        r"a JSON object: `({.*?})`. If",
         Path("docs/how-to/serve-missions.md").read_text(encoding="utf-8"),
     )
     with pytest.raises(PayloadError) as refused:
@@ -117,12 +117,12 @@ def test_without_a_payload_there_are_no_parameters(payload):
 @pytest.mark.parametrize(
     ("payload", "said"),
     [
-        ("a: 3", "the payload is no JSON"),
-        ("[" * 100_000, "the payload is no JSON"),
+        ("a: 3", "the payload is not JSON"),
+        ("[" * 100_000, "the payload is not JSON"),
         ("[1]", "the payload must be a JSON object"),
         ('{"a": ' * 900 + "1" + "}" * 900, "the payload is nested too deeply"),
-        ('{"a": NaN}', "the payload is no JSON: NaN is no number of JSON"),
-        ('{"a": {"b": [Infinity]}}', "the payload is no JSON: Infinity is no number of JSON"),
+        ('{"a": NaN}', "the payload is not JSON: NaN is not a JSON number"),
+        ('{"a": {"b": [Infinity]}}', "the payload is not JSON: Infinity is not a JSON number"),
         (
             '{"a\\u0000b": 1}',
             r"the payload has a parameter 'a\\x00b': use letters, digits and _ in names",
@@ -200,4 +200,4 @@ class TestHolding:
     def test_a_mission_without_such_a_verb_refuses_at_once(self, hold):
         refused: list[str] = []
         hold(GO_ON, lambda: True, refused.append)
-        assert refused == ["it has no such command"]
+        assert refused == ["it does not have this command"]

@@ -526,7 +526,7 @@ class TestOrders:
         [
             ("zone_a", 1.0, "map", "zone 'zone_a' exists: choose another name"),
             ("", 1.0, "map", "the zone has no name"),
-            ("zone_e", 1.0, "odom", "the pose is in the frame 'odom', and must be in 'map'"),
+            ("zone_e", 1.0, "odom", "the pose is in the frame 'odom', but must be in 'map'"),
             ("zone_e", float("nan"), "map", "(nan, 2.0) is not a position"),
             ("zone_e", 20.0, "map", "(20.00, 2.00) is outside the geofence"),
         ],
@@ -579,7 +579,7 @@ class TestStandstill:
     ) -> None:
         robot.speed = 0.25
         robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
-        assert (ticked(leaf), leaf.feedback_message) == (Status.RUNNING, "waiting for the robot to stand")
+        assert (ticked(leaf), leaf.feedback_message) == (Status.RUNNING, "waiting for the robot to stop")
         robot.speed = 0.0
         robot.ros.spin_until(lambda: robot.estimate.stands, "its stop")
         assert (ticked(leaf), leaf.feedback_message) == (Status.SUCCESS, "")

@@ -150,7 +150,7 @@ def test_a_robot_that_drives_on_after_an_abort_is_stopped_before_the_next_attemp
         "The robot moves (0.30 m/s, 0.00 rad/s) although its goal has ended and no other goal is active"
     )
     assert navigation.wait_for("follow_path cancelled")["all"]
-    run.wait_for("The robot stands.")
+    run.wait_for("The robot has stopped.")
     assert run.end() == 0, run.output
     assert "postponed" not in run.output
 

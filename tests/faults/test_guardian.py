@@ -10,7 +10,7 @@ from tests.processes import children_of
 
 pytestmark = pytest.mark.ros
 
-GONE = "the mission is gone"
+GONE = "the mission's process has ended"
 REPLACED = "the guardian has ended, by SIGKILL, and is replaced"
 
 

@@ -151,7 +151,7 @@ def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
     [
         (["--resume", "--new"], "not allowed with"),
         (["--check", "--resume"], "--check starts no run"),
-        (["--journal", "none", "--resume"], "--journal none excludes"),
+        (["--journal", "none", "--resume"], "--journal none conflicts with"),
         (["--resume"], " to resume. Omit --resume"),
     ],
 )

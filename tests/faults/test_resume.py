@@ -185,14 +185,14 @@ def test_a_simulated_mission_killed_between_name_and_report_is_resumed(start, tm
     run = start("sar-run", tree, *SIMULATED, "--journal", place, "--resume", *TWO_ZONES)
     assert run.end() == 0, run.output
     assert "The mission in " in run.output
-    assert "zone_a was searched by an earlier run." in run.output
+    assert "zone_a was searched in an earlier run." in run.output
     assert "Detection request for zone_a" not in run.output
     assert "Navigating to zone_a" not in run.output
     assert ACKNOWLEDGED in run.output
     assert run.output.count("Report received: survivor_1 at (-2.50, 3.20)") == 1
     again = start("sar-run", tree, *SIMULATED, "--journal", place, "--resume", *TWO_ZONES)
     assert again.end() == 2
-    assert "is over (Mission complete.). There is nothing to resume" in again.output
+    assert "is over (Mission complete.). Omit --resume" in again.output
 
 
 @pytest.mark.costly

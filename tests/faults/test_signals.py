@@ -174,7 +174,7 @@ class TestAGuardian:
         run.send(signal.SIGKILL)
         watching.wait_for_goals(stopped)
         run.wait_for(
-            "the mission is gone: /navigate_to_pose was asked to cancel its goal, which is cancelled"
+            "the mission's process has ended: /navigate_to_pose was asked to cancel its goal, which is cancelled"
         )
 
     def test_it_ends_with_a_mission_that_ends_in_order(self, servers, start, witness):
@@ -184,7 +184,7 @@ class TestAGuardian:
         (guardian,) = children_of(run._process.pid)
         assert run.stop(within_sec=5.0) == 130, run.output
         wait_for_end_of(guardian)
-        assert "the mission is gone" not in run.output
+        assert "the mission's process has ended" not in run.output
 
     def test_ctrl_c_in_a_terminal_does_not_reach_it(self, servers, start, witness):
         watching = witness()

@@ -72,11 +72,11 @@ def test_a_second_server_is_told_and_one_of_the_navigation_ends_the_run(fly, ser
     run = fly(RESILIENT)
     navigation.wait_for("accepted")
     serve("survivors")
-    run.wait_for("service detect_survivor: two servers answer to /detect_survivor. Stop one.")
+    run.wait_for("service detect_survivor: two servers provide /detect_survivor. Stop one.")
     serve("navigation", goals=ENDLESS)
-    run.wait_for("action navigate_to_pose: two servers answer to /navigate_to_pose. Stop one.")
+    run.wait_for("action navigate_to_pose: two servers provide /navigate_to_pose. Stop one.")
     assert run.end() == 1, run.output
-    assert "sar-run: action navigate_to_pose: two servers answer to /navigate_to_pose. Stop one" in run.output
+    assert "sar-run: action navigate_to_pose: two servers provide /navigate_to_pose. Stop one" in run.output
     navigation.wait_for("ended", how="cancel")
 
 
@@ -86,7 +86,7 @@ def test_a_second_mission_on_the_same_robot_is_refused_before_it_sends_anything(
     navigation.wait_for("accepted")
     second = fly(RESILIENT, set_initial_pose="true")
     assert second.end() == 2, second.output
-    assert "another mission drives this robot already: node /search_and_rescue (process " in second.output
+    assert "another mission already drives this robot: node /search_and_rescue (process " in second.output
     assert "uses the action '/navigate_to_pose'. Stop it first" in second.output
     assert navigation.of("initialpose") == []
     assert len(navigation.of("goal")) == 1
@@ -231,9 +231,9 @@ def test_a_run_that_was_stopped_names_that_and_blames_no_server(fly, serve):
     # Ten a second: longer than anybody's patience for feedback, answers, transforms and the clock.
     navigation.wait_for("feedback", times=120)
     run.send(signal.SIGCONT)
-    run.wait_for("This process stood still for ")
+    run.wait_for("This process was suspended for ")
     assert run.end() == 0, run.output
-    assert run.output.count("This process stood still for 1") == 1
+    assert run.output.count("This process was suspended for 1") == 1
     assert not any(blame in run.output for blame in BLAMES), run.output
 
 
@@ -248,11 +248,11 @@ def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_proc
     # In the graph, and not heard: as for who was forgotten, which is a matter of luck.
     navigation.freeze()
     os.kill(process, signal.SIGCONT)
-    run.wait_for("Since this process stood still it receives nothing from amcl and bt_navigator")
+    run.wait_for("Since its suspension, this process receives nothing from amcl and bt_navigator")
     navigation.thaw()
     assert run.end() == 0, run.output
     assert (
-        "crashed (it no longer received messages of Nav2, although the ROS graph shows Nav2): it is resumed (1 of 3)"
+        "crashed (it no longer received messages from Nav2, although the ROS graph shows Nav2): it is resumed (1 of 3)"
         in run.output
     )
     assert not any(blame in run.output for blame in BLAMES), run.output

@@ -217,13 +217,13 @@ def test_a_log_of_the_sqlite_logger_tells_the_same(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ("DROP TABLE Transitions", "it is no log of SqliteLogger: no such table: Transitions"),
-        ("DELETE FROM Definitions", "it has no tree in its table Definitions"),
-        ("UPDATE Definitions SET xml_tree = x'00'", "it has no tree in its table Definitions"),
-        ("DELETE FROM Transitions", "has no change of status"),
+        ("DROP TABLE Transitions", "it is not a log of SqliteLogger: no such table: Transitions"),
+        ("DELETE FROM Definitions", "its table Definitions contains no tree"),
+        ("UPDATE Definitions SET xml_tree = x'00'", "its table Definitions contains no tree"),
+        ("DELETE FROM Transitions", "contains no status change"),
         (
             "UPDATE Transitions SET state = 'x' WHERE rowid % 50 = 0",
-            "is no change of status. The rest is left out",
+            "is not a status change. The rest was skipped",
         ),
     ],
 )
@@ -239,7 +239,7 @@ def test_a_sqlite_log_whose_schema_is_not_utf_8_is_reported(tmp_path, capsys):
     log = sqlite_log(FAILED, tmp_path / "run.db3")
     log.write_bytes(log.read_bytes().replace(b"CREATE TABLE D", b"CREATE\xffTABLE D"))
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "run.journal"], capsys)
-    assert (status, "it is no log of SqliteLogger: " in said) == (2, True), said
+    assert (status, "it is not a log of SqliteLogger: " in said) == (2, True), said
 
 
 def bag_messages(log):
@@ -369,7 +369,7 @@ def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, 
         (MAGIC + b"\x01\x05", "it ends at byte 20, before its tree"),
         (MAGIC + b"\x01\xff\xff\xff\x7f", "its tree of 2147483647 bytes starts at byte 23"),
         (MAGIC + b"\x01\x01\x00\x00\x00\xff" + bytes(8), "byte 23 of its tree is not UTF-8"),
-        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + b"\xff" * 8, "its start at byte 27 is no date"),
+        (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + b"\xff" * 8, "its start time at byte 27 is not a date"),
         (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(17), "its tree has no numbers"),
     ],
 )

@@ -269,7 +269,7 @@ def test_a_head_is_that_of_one_journal_and_has_64_digits(place, capsys):
         with pytest.raises(SystemExit) as ended:
             main(["check", str(place), *arguments])
         assert ended.value.code == 2
-    assert "is no journal hash, which has 64 hexadecimal digits" in capsys.readouterr().err
+    assert "is not a journal hash, which has 64 hexadecimal digits" in capsys.readouterr().err
 
 
 def test_several_journals_are_told_each_and_the_worst_counts(place, tmp_path, capsys):

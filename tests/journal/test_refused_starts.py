@@ -9,7 +9,7 @@ import pytest
 from sar_compiler.cli.journal_command import main
 from sar_compiler.journal.refused_start import SUFFIX, forget_refusal, read_refusal, record_refusal
 
-REASON = "m.yaml:3:5: tick_rate_hz is 0, and must be above 0"
+REASON = "m.yaml:3:5: tick_rate_hz is 0, but must be above 0"
 
 
 @pytest.fixture

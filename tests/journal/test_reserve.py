@@ -93,10 +93,10 @@ def test_what_a_full_disk_has_kept_from_the_journal_is_written_in_its_order_once
     assert len(mission.said) == 2
     assert "cannot be written (" in mission.said[0]
     assert (
-        "The mission continues, writing is retried each second, and facts are kept beside it"
+        "The mission continues, writing is retried each second, and events are stored beside it"
         in mission.said[0]
     )
-    assert "is written again and has the events of the meantime." in mission.said[1]
+    assert "is written again, including the events of the meantime." in mission.said[1]
     assert [path.name for path in place.parent.iterdir()] == [place.name]
 
 

@@ -118,7 +118,7 @@ def test_a_leaf_that_is_stopped_or_skipped_has_given_no_answer(place, capsys):
 
 def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
     fly(place)
-    assert told(capsys, place) == "1 run; no leaf has answered.\n"
+    assert told(capsys, place) == "1 run; no leaf has returned a result.\n"
     assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data == {"answers": {}}
 
 
@@ -126,7 +126,7 @@ def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
     ("children", "words"),
     [
         ([leaf("Drive"), leaf("Fly")], "'Fly' (a.Leaf) replaces 'Look' (a.Leaf)"),
-        ([leaf("Drive"), leaf("Look", attributes={"x": 2})], "'Look' has other attributes"),
+        ([leaf("Drive"), leaf("Look", attributes={"x": 2})], "'Look' has different attributes"),
         ([leaf("Drive")], "it has 2 nodes instead of 3"),
     ],
 )
@@ -134,7 +134,7 @@ def test_a_journal_of_another_tree_is_refused_in_words(place, tmp_path, capsys, 
     fly(place)
     other = fly(tmp_path / "other.journal", tree={**TREE, "children": children})
     assert main(["stats", str(place), str(other)]) == 2
-    assert f"{other} is of another tree than {place}: {words}. " in capsys.readouterr().err
+    assert f"{other} and {place} record different trees: {words}. " in capsys.readouterr().err
 
 
 def test_a_tree_whose_file_was_moved_is_the_same(place, tmp_path, capsys):

@@ -148,7 +148,7 @@ def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_pat
     given["areas_file"] = str(tmp_path / "areas.geojson")
     binding = load("search_and_rescue").binding()
     assert begin_run(MISSION, ParameterReader(given), binding).notes == ()
-    with pytest.raises(TypeError, match="reads the file of areas_file: add it to path_parameters"):
+    with pytest.raises(TypeError, match="reads a file named by areas_file: add it to path_parameters"):
         begin_run(Unlisted(), ParameterReader(given), binding)
 
 
@@ -190,29 +190,29 @@ SWAPPED = [[corner[::-1] for corner in ring()]]
 @pytest.mark.parametrize(
     ("content", "changed", "said"),
     [
-        ("no json", {}, "areas_file: is no GeoJSON file: "),
-        ("[" * 100_000, {}, "areas_file: is no GeoJSON file: "),
-        ("[]", {}, "areas_file: is no GeoJSON of polygons: write a FeatureCollection"),
-        ('{"features": [1]}', {}, "areas_file: is no GeoJSON of polygons"),
+        ("no json", {}, "areas_file: is not a valid GeoJSON file: "),
+        ("[" * 100_000, {}, "areas_file: is not a valid GeoJSON file: "),
+        ("[]", {}, "areas_file: contains no GeoJSON polygons: write a FeatureCollection"),
+        ('{"features": [1]}', {}, "areas_file: contains no GeoJSON polygons"),
         ([feature("")], {}, "areas_file: feature 1 needs a property `name` without a dot"),
         ([feature("a.b")], {}, "areas_file: feature 1 ('a.b') needs a property `name` without a dot"),
         ([feature(), feature()], {}, "areas_file: feature 2 ('north') repeats the name of another feature"),
         ([feature(kind="Point")], {}, "zone_order: is empty"),
-        ([feature(rings=[[ring()], [ring()]], kind="MultiPolygon")], {}, "areas_file: feature 1 ('north') is no Polygon but MultiPolygon"),
+        ([feature(rings=[[ring()], [ring()]], kind="MultiPolygon")], {}, "areas_file: feature 1 ('north') is a MultiPolygon: draw"),
         ([{**feature(), "properties": "none"}], {}, "areas_file: feature 1 needs a property `name` without a dot"),
         ('{"crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}, "features": []}', {}, "areas_file: uses the coordinates 'urn:ogc:def:crs:EPSG::25832': write WGS 84"),
-        ([feature(rings=[5])], {}, "areas_file: feature 1 ('north') is no Polygon"),
-        ([feature(rings=[])], {}, "areas_file: feature 1 ('north') is no Polygon"),
+        ([feature(rings=[5])], {}, "areas_file: feature 1 ('north') is a Polygon without corners"),
+        ([feature(rings=[])], {}, "areas_file: feature 1 ('north') is a Polygon without corners"),
         ([feature(rings=[ring(), ring()])], {}, "areas_file: feature 1 ('north') has holes"),
         ([feature(rings=[[[10, "a"], [1, 2]]])], {}, "areas_file: feature 1 ('north') has a corner that is no"),
         ([feature(rings=[[[500, 10], [1, 2]]])], {}, "areas_file: feature 1 ('north') is not in degrees"),
         ([feature(rings=SWAPPED)], {}, "areas_file: feature 1 ('north') is "),
         ([feature()], {"georeference.lat": None}, "areas_file: is in degrees: add the map's georeference"),
-        ([feature()], {"areas_file": 3}, "areas_file: must be the path of a GeoJSON file, is 3"),
+        ([feature()], {"areas_file": 3}, "areas_file: must be the path of a GeoJSON file, but is 3"),
         ([feature()], {"areas_file": "/nowhere/areas.geojson"}, "areas_file: /nowhere/areas.geojson cannot be read"),
-        ([feature(poa=1.5)], {}, "zones.north.poa: must be a share from 0 to 1, is 1.5"),
-        ([feature(rings=[ring(CORNERS[:2])])], {}, "zones.north.polygon: must hold x and y of three corners"),
-        ([feature(rings=[[]])], {}, "areas_file: feature 1 ('north') is no Polygon"),
+        ([feature(poa=1.5)], {}, "zones.north.poa: must be a share from 0 to 1, but is 1.5"),
+        ([feature(rings=[ring(CORNERS[:2])])], {}, "zones.north.polygon: must contain x and y of three or more corners"),
+        ([feature(rings=[[]])], {}, "areas_file: feature 1 ('north') is a Polygon without corners"),
     ],
 )  # fmt: skip
 def test_each_mistake_in_the_file_is_named_before_the_flight(

@@ -162,7 +162,9 @@ def test_the_localisation_may_follow_the_robot_a_moment_later(stage: "Stage") ->
     leaf = driving(stage, to_zone)
     localisation = Localisation(stage, *FAR)
     stage.tick_until(
-        leaf, lambda: leaf.feedback_message == "waiting for the localisation to follow", "the wait"
+        leaf,
+        lambda: leaf.feedback_message == "waiting for the localisation to confirm the arrival",
+        "the wait",
     )
     assert leaf.status is Status.RUNNING
     localisation.tell(-3.0, 3.0)
@@ -188,7 +190,7 @@ def test_a_localisation_that_has_stopped_says_nothing_of_an_arrival(
 ) -> None:
     leaf = driving(stage, to_zone)
     estimate = Localisation(stage, *FAR).estimate
-    monkeypatch.setattr(estimate, "lost_transforms", lambda: "No transform from 'map' has come")
+    monkeypatch.setattr(estimate, "lost_transforms", lambda: "No transform from 'map' has arrived")
     assert stage.run(leaf) is Status.SUCCESS
 
 

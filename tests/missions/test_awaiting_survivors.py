@@ -109,7 +109,7 @@ def test_who_was_named_since_the_message_came_is_no_news(stage: "Stage") -> None
 @pytest.mark.parametrize(
     ("seen", "why"),
     [
-        ((1.0, 2.0, "camera"), "the point is in the frame 'camera', and must be in 'map'"),
+        ((1.0, 2.0, "camera"), "the point is in the frame 'camera', but must be in 'map'"),
         ((math.nan, 2.0), "(nan, 2.0) is not a position"),
     ],
     ids=["frame", "position"],

@@ -72,7 +72,7 @@ class TestTheReport:
     def test_a_time_limit_too_short_for_the_driving_alone_is_a_problem(self) -> None:
         [problem] = self.report(begun(), time_limit_sec=10.0).problems
         assert problem.startswith("Driving takes ")
-        assert problem.endswith(" s (estimated), and time_limit_sec is 10.")
+        assert problem.endswith(" s (estimated), but time_limit_sec is 10.")
 
     def test_a_start_outside_the_fence_is_a_problem(self) -> None:
         fence = [1.0, 1.0, 5.0, 1.0, 5.0, 5.0, 1.0, 5.0]

@@ -86,7 +86,7 @@ def test_without_such_a_parameter_nothing_is_shown_of_them() -> None:
         ({"dock__x": 2.0, "dock__y": 1.0, "dock__z": 1.0}, "charging.dock.z: is unknown"),
         (
             {"dock__x": 20.0, "dock__y": 1.0, "geofence": [-9.0, -9.0, 9.0, -9.0, 9.0, 9.0, -9.0, 9.0]},
-            "charging.dock.x: has the position (20, 1) outside the geofence",
+            "charging.dock.x: is at (20, 1), outside the geofence",
         ),
     ],
 )

@@ -87,11 +87,11 @@ def test_without_probabilities_there_is_no_map() -> None:
     ("changed", "said"),
     [
         ({"a__poa": 0.6}, "zones.a.poa: the zones' poa sum to 1.1: write 1 at most"),
-        ({"a__poa": 1.5}, "zones.a.poa: must be a share from 0 to 1, is 1.5"),
-        ({"b__pod": -0.5}, "zones.b.pod: must be a share from 0 to 1, is -0.5"),
+        ({"a__poa": 1.5}, "zones.a.poa: must be a share from 0 to 1, but is 1.5"),
+        ({"b__pod": -0.5}, "zones.b.pod: must be a share from 0 to 1, but is -0.5"),
         ({"b__poa": None}, "zones.b.poa: is missing"),
         ({"b__pod": None}, "zones.b.pod: is missing"),
-        ({"a__look_sec": -1}, "zones.a.look_sec: must be seconds from 0 to 1000000000, is -1"),
+        ({"a__look_sec": -1}, "zones.a.look_sec: must be seconds from 0 to 1000000000, but is -1"),
         ({"a__poa": "half"}, "zones.a.poa: must be a number"),
     ],
 )
@@ -126,7 +126,7 @@ def test_the_chosen_zone_is_the_current_one_and_the_others_keep_their_order() ->
 def test_a_zone_that_is_not_left_cannot_be_chosen() -> None:
     zones = searching().zones
     zones.advance()
-    with pytest.raises(ValueError, match="a is not left at that time"):
+    with pytest.raises(ValueError, match="a is not among the remaining zones at that time"):
         zones.choose("a")
 
 
@@ -443,7 +443,7 @@ class TestChooseZone:
         [
             ({"zone": "z"}, "there is no zone 'z' with a probability"),
             ({"x": math.nan}, "(nan, 0.0) is not a position"),
-            ({"frame": "odom"}, "the point is in the frame 'odom', and must be in 'map'"),
+            ({"frame": "odom"}, "the point is in the frame 'odom', but must be in 'map'"),
             (
                 {"zone": "a", "times": 0.0},
                 "the likelihood ratio is 0: write a number from 0.001 to 1000",
@@ -678,7 +678,7 @@ class TestAskingThePlanner:
         server.accepts = False
         assert stage.run(self.take(stage, search, "nearest")) is Status.SUCCESS
         assert stage.warnings == [
-            "'Choose': 3 of 3 paths estimated as 1.5 times the straight line: the planner returned no path: it rejects the request."
+            "'Choose': 3 of 3 paths estimated as 1.5 times the straight line: the planner returned no path: it rejected the request."
         ]
 
     def test_nobody_waits_for_a_planner_that_is_not_there_which_is_told_once(self, stage: "Stage") -> None:

@@ -179,7 +179,7 @@ def test_a_text_that_is_no_raster_is_refused(cells: str) -> None:
 
 def test_the_raster_of_other_ground_is_refused() -> None:
     cells = CoverageRaster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).text()
-    with pytest.raises(ValueError, match="the raster has other ground"):
+    with pytest.raises(ValueError, match="the raster covers a different area"):
         CoverageRaster(field(), cells=cells)
 
 

@@ -60,7 +60,7 @@ def draw(search: Search, *what: Any, **values: Any) -> str:
 
 def test_an_area_is_searched_after_all_others_from_a_place_inside() -> None:
     search = begun()
-    assert draw(search) == "'c' is added"
+    assert draw(search) == "'c' was added"
     *_, last = search.zones.remaining_zones()
     assert (last["id"], last["x"], last["y"]) == ("c", 6.0, 2.0)
     assert search.sweeps.grounds["c"].polygon == tuple(SQUARE)
@@ -77,7 +77,7 @@ def test_a_survivor_is_seen_as_far_as_in_the_other_areas_unless_it_is_said() -> 
 
 def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -> None:
     search = begun(**LIKELY)
-    assert draw(search, poa=0.5) == "'c' is added; the POA of the other zones is multiplied by 0.50"
+    assert draw(search, poa=0.5) == "'c' was added; the POA of the other zones was multiplied by 0.50"
     assert {name: area.poa for name, area in search.zones.areas.items()} == pytest.approx(
         {"a": 0.3, "b": 0.2, "c": 0.5}
     )
@@ -87,13 +87,13 @@ def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -
 
 def test_where_there_is_room_the_others_stay_as_likely_as_they_are() -> None:
     search = begun(**LIKELY | {"zones.a.poa": 0.3})
-    assert draw(search, poa=0.3) == "'c' is added"
+    assert draw(search, poa=0.3) == "'c' was added"
     assert [area.poa for area in search.zones.areas.values()] == pytest.approx([0.3, 0.4, 0.3])
 
 
 def test_an_area_that_nobody_has_begun_to_search_is_changed() -> None:
     search = begun(**LIKELY)
-    assert draw(search, "b", (), poa=0.2) == "'b' is changed"
+    assert draw(search, "b", (), poa=0.2) == "'b' was changed"
     assert search.zones.areas["b"].poa == 0.2
     assert search.zones.areas["b"].pod == 0.5
     draw(search, "b")
@@ -128,7 +128,7 @@ def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None
             {},
             r"has an impossible corner: \(9.5, 0\) is not on the map",
         ),
-        (("c",), {"frame": "odom"}, "the outline is in the frame 'odom', and must be in 'map'"),
+        (("c",), {"frame": "odom"}, "the outline is in the frame 'odom', but must be in 'map'"),
         (("c",), {"detection_range": 0.0}, "the detection range is 0: write metres above 0"),
         (("c",), {"poa": 1.5}, "the probability is 1.5: write a number from 0 to 1"),
         (("c",), {}, r"the probability \(poa\) is missing"),
@@ -210,9 +210,9 @@ def test_an_area_that_is_drawn_is_answered_and_told(stage: "Stage") -> None:
         response: Any = answer.result()
         return response.success, response.message
 
-    assert answered("c") == (True, "'c' is added")
+    assert answered("c") == (True, "'c' was added")
     assert answered("") == (False, "the area has no name: write one")
-    assert stage.lines == ["Command add_area by the operator: 'c' is added."]
+    assert stage.lines == ["Command add_area by the operator: 'c' was added."]
     assert stage.warnings == ["Command add_area by the operator: refused, the area has no name: write one."]
     leaf.shutdown()
     stage.until(lambda: not client.service_is_ready(), "the end of the service")

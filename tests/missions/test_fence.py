@@ -34,7 +34,7 @@ def test_the_parameter_lists_the_corners():
         ([0.0, 1.0, 2.0, 3.0], "holds 4 numbers"),
         ([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "holds 7 numbers"),
         ([0.0, 1.0, 2.0, 3.0, 4.0, float("nan")], "holds the number nan"),
-        ("everywhere", "must be a list of numbers, is the string 'everywhere'"),
+        ("everywhere", "must be a list of numbers, but is the string 'everywhere'"),
         (["a"], "holds the string 'a'"),
         ([True] * 6, "holds true"),
     ],

@@ -211,7 +211,7 @@ class TestFullBatterySuffices:
         server = PlanningServer(stage.host())
         server.gate.clear()
         stage.tick_until(robot.full, lambda: server.asked, "the question")
-        assert robot.full.answer_label == "asking for ways"
+        assert robot.full.answer_label == "requesting paths"
         robot.full.stop(Status.INVALID)
         server.gate.set()
         assert stage.run(robot.full) is Status.SUCCESS
@@ -330,7 +330,7 @@ def test_a_charge_is_told_in_a_sentence() -> None:
     told: list[str] = []
     search.record.journal.listen(lambda fact: told.append(search.sentence(fact)))
     search.record.charged(0.954321)
-    assert told == ["the battery, at 95%, suffices"]
+    assert told == ["the battery level of 95% suffices"]
 
 
 UNASKED = "no leg begins unless the robot comes home again"

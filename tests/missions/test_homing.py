@@ -55,14 +55,14 @@ def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"per_m": 0}, "energy.per_m: must be above 0, is 0"),
-        ({"per_sec": -1}, "energy.per_sec: must be a share from 0 to 1, is -1"),
+        ({"per_m": 0}, "energy.per_m: must be above 0, but is 0"),
+        ({"per_sec": -1}, "energy.per_sec: must be a share from 0 to 1, but is -1"),
         (
             {"reserve": 15},
-            "energy.reserve: must be a share from 0 to 1, is 15; 15 percent are 0.15: write 0.15",
+            "energy.reserve: must be a share from 0 to 1, but is 15; 15 percent are 0.15: write 0.15",
         ),
         ({"reserve": 1.0}, "energy.reserve: is 1: write a share from 0 to below 1"),
-        ({"wrong_by": -0.1}, "energy.wrong_by: must be a share from 0 to 1, is -0.1"),
+        ({"wrong_by": -0.1}, "energy.wrong_by: must be a share from 0 to 1, but is -0.1"),
         ({"per_metre": 0.1}, "energy.per_metre: is unknown; did you mean 'per_m'?"),
         ({"reserve": "much"}, "energy.reserve: must be a number"),
     ],

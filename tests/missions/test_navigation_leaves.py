@@ -370,7 +370,7 @@ class TestFailure:
         acceptance = server.hold()
         leaf = drive(stage, acceptance_timeout_sec=0.05, hold_timeout_sec=0.0)
         assert stage.run(leaf) is Status.FAILURE
-        assert "no answer to the goal within 0.05 s" in stage.warnings[0]
+        assert "no response to the goal within 0.05 s" in stage.warnings[0]
         assert not leaf.settled()
         acceptance.set()
         stage.until(
@@ -537,7 +537,7 @@ class TestTheMeans:
         stage.until(robot.lost_transforms, "their end")
         server.order("abort")
         stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
-        assert "No transform from 'map' has come for 0.3 s" in stage.record.navigation_lost
+        assert "No transform from 'map' has arrived for 0.3 s" in stage.record.navigation_lost
 
 
 def without_code(stage: "Stage") -> "NavServer":

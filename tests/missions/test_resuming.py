@@ -59,10 +59,10 @@ def test_the_same_tree_in_another_place_and_form_is_the_same(journal: Journal, t
 @pytest.mark.parametrize(
     ("body", "words", "line"),
     [
-        (BODY.replace('"2"', '"3"'), "num_attempts is 3 here, and was 2", "<RetryUntilSuccessful"),
-        (BODY.replace('"F"', '"G"'), "name is 'G' here, and was 'F'", "<AlwaysFailure"),
+        (BODY.replace('"2"', '"3"'), "num_attempts is 3 here, but was 2", "<RetryUntilSuccessful"),
+        (BODY.replace('"F"', '"G"'), "name is 'G' here, but was 'F'", "<AlwaysFailure"),
         (BODY.replace("AlwaysFailure", "AlwaysSuccess"), "class is ", "<AlwaysSuccess"),
-        (BODY.replace("</Seq", "<AlwaysSuccess/></Seq"), "'S' has 2 children here, and had 1", "<Sequence"),
+        (BODY.replace("</Seq", "<AlwaysSuccess/></Seq"), "'S' has 2 children here, but had 1", "<Sequence"),
         ('<AlwaysSuccess name="S"/>', "class is ", "<AlwaysSuccess"),
     ],
 )
@@ -85,7 +85,7 @@ def test_a_tree_that_is_damaged_is_another_tree(place: Path, tmp_path: Path, tre
     first.begin({"tree": tree, "identity": tree, "simulated": False}, {})
     first.close()
     journal = open_journal(place, resume=True)
-    with pytest.raises(TreeError, match="has another tree"):
+    with pytest.raises(TreeError, match="has a different tree"):
         held(journal, compiled(tmp_path, BODY))
     with pytest.raises(ParameterError):
         require_same_identity(journal, about(mission=None))
@@ -110,7 +110,7 @@ def test_every_parameter_that_is_another_one_is_named(journal: Journal) -> None:
 
 def test_another_mission_is_named(journal: Journal) -> None:
     with pytest.raises(
-        JournalError, match="is of the mission 'patrol', but this is a tree without a mission"
+        JournalError, match="belongs to the mission 'patrol', but this is a tree without a mission"
     ):
         require_same_identity(journal, about(mission=None))
 

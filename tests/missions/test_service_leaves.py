@@ -88,7 +88,7 @@ class TestDetectSurvivor:
         assert not leaf.was_found()
         assert stage.record.survivors == ()
         assert stage.warnings[0].startswith(
-            "'DetectSurvivor' failed: detect_survivor found a survivor, and ("
+            "'DetectSurvivor' failed: detect_survivor found a survivor, but ("
         )
         assert stage.wakes == 0
         told = [line for line in stage.record.shortfalls(stage.zones) if "an unusable position" in line]

@@ -288,7 +288,7 @@ class TestCommands:
                 ["--ros-args", "-p", "survivors:=[]"],
                 "parameter survivors: ROS cannot infer the type of an empty list",
             ),
-            (["--ros-args", "-r", "nothing"], "'-r nothing' is not understood"),
+            (["--ros-args", "-r", "nothing"], "'-r nothing' is invalid"),
             (["--ros-args", "--params-file", "none.yaml"], "cannot read none.yaml: No such file"),
         ],
     )

@@ -365,7 +365,7 @@ class TestLeaves:
         leaf = self.take(stage, search, "PlanSweep")
         publisher = self.walled(stage, 0.0)
         assert stage.run(leaf) is Status.FAILURE
-        assert "a cannot be swept: the robot cannot drive to any stop" in stage.warnings[0]
+        assert "a cannot be swept: every stop is blocked" in stage.warnings[0]
         assert publisher.topic_name.endswith("map")
 
     def test_ground_that_is_all_blocked_by_now_has_no_gaps_to_sweep(self, stage: "Stage") -> None:

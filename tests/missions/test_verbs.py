@@ -28,19 +28,19 @@ def test_the_values_of_a_complete_order_are_taken():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"name": ""}, "go: name is '', and must be a text"),
-        ({"name": "a\nb"}, r"go: name is 'a\nb', and must be a text"),
-        ({"name": "\ud800"}, r"go: name is '\ud800', and must be a text"),
-        ({"name": 5}, "go: name is 5, and must be a text"),
-        ({"name": "n" * 201}, "and must be a text of at most 200 characters"),
-        ({"x": "1"}, "go: x is '1', and must be a number"),
-        ({"x": True}, "go: x is True, and must be a number"),
-        ({"x": float("nan")}, "go: x is nan, and must be a number"),
-        ({"how": "AWAY"}, "go: how is 'AWAY', and must be one of FAST, SLOW"),
+        ({"name": ""}, "go: name is '', but must be a string"),
+        ({"name": "a\nb"}, r"go: name is 'a\nb', but must be a string"),
+        ({"name": "\ud800"}, r"go: name is '\ud800', but must be a string"),
+        ({"name": 5}, "go: name is 5, but must be a string"),
+        ({"name": "n" * 201}, "but must be a string of at most 200 characters"),
+        ({"x": "1"}, "go: x is '1', but must be a number"),
+        ({"x": True}, "go: x is True, but must be a number"),
+        ({"x": float("nan")}, "go: x is nan, but must be a number"),
+        ({"how": "AWAY"}, "go: how is 'AWAY', but must be one of FAST, SLOW"),
         ({"x": 10**400}, "go: x is 1000000"),
-        ({"x": None}, "go: x is None, and must be a number"),
-        ({"how": ""}, "go: how is '', and must be one of FAST, SLOW"),
-        ({"whom": 1}, "go: whom is 1, and must be a text"),
+        ({"x": None}, "go: x is None, but must be a number"),
+        ({"how": ""}, "go: how is '', but must be one of FAST, SLOW"),
+        ({"whom": 1}, "go: whom is 1, but must be a string"),
         ({"why": "so"}, "go has no field 'why'"),
         ({"\ud800": "so"}, r"go has no field '\ud800'"),
     ],
@@ -61,7 +61,7 @@ def test_what_is_optional_may_be_left_empty(kind, values):
 
 
 def test_a_value_that_is_missing_is_named():
-    with pytest.raises(CommandError, match="go: x is None, and must be a number"):
+    with pytest.raises(CommandError, match="go: x is None, but must be a number"):
         GO.check({"name": "there", "how": "FAST", "whom": ""})
 
 
@@ -124,6 +124,6 @@ def test_an_area_is_drawn_with_what_is_known_of_it():
 def test_an_outline_that_is_none_is_refused(corners):
     verb = {each.name: each for each in VERBS}["add_area"]
     with pytest.raises(
-        CommandError, match=r"add_area: corners is .*, and must be 3 to 100 corners, each \[x, y\] in metres"
+        CommandError, match=r"add_area: corners is .*, but must be 3 to 100 corners, each \[x, y\] in metres"
     ):
         verb.check({"zone": "yard", "corners": corners, "poa": None, "detection_range": None})

@@ -173,7 +173,7 @@ def test_of_several_trees_the_one_to_execute_is_asked_for_with_their_names(folde
         assert (
             "error[no-main-tree]: the file has 2 trees, but does not define which one to execute: A, B" in err
         )
-        assert 'choose one by --tree A, or write main_tree_to_execute="A"' in err
+        assert 'choose one with --tree A, or write main_tree_to_execute="A"' in err
         assert main([command, "two.xml", "--tree", "A"]) == 0
 
 

@@ -242,7 +242,7 @@ class TestJson:
         state = mission(ended=False)
         assert report_data(state)["outcome"] == "working"
         state.process = RunProcess(is_gone=True)
-        assert report_data(state)["outcome"] == "broken off"
+        assert report_data(state)["outcome"] == "crashed"
 
 
 class TestGeoJson:

@@ -42,7 +42,7 @@ def test_a_standstill_and_the_seconds_to_hear_others_again_count_nothing_and_it_
         assert machine.passes(5.0, 0.5) == pytest.approx(0.0)
         assert machine.passes(10.0, 0.5) == pytest.approx(10.0)
     (line,) = machine.said
-    assert line.startswith("This process stood still for 12.0 s ")
+    assert line.startswith("This process was suspended for 12.0 s ")
 
 
 def test_who_stands_still_again_and_again_is_named_and_spared_once_in_a_while(machine):

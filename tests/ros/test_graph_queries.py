@@ -364,7 +364,7 @@ class TestNamespaces:
         ready = self.ready(robots.node("/tb1/mission"), *self.USES, pose=False)
         robots.lines(
             ready,
-            "transforms: published on /tb1/tf by /tb1/amcl, and this node listens to /tf: run with "
+            "transforms: published on /tb1/tf by /tb1/amcl, but this node listens to /tf: run with "
             "`--ros-args -r /tf:=tf -r /tf_static:=tf_static`",
         )
 
@@ -373,7 +373,7 @@ class TestNamespaces:
         arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         graph = robots.graph("/tb1/mission", cli_args=arguments)
         said = (
-            "transforms: published on /tf by /tb1/amcl, and this node listens to /tb1/tf: run with "
+            "transforms: published on /tf by /tb1/amcl, but this node listens to /tb1/tf: run with "
             "`--ros-args -r /tf:=/tf -r /tf_static:=/tf_static`"
         )
         robots.until(lambda: graph.transforms() == said, said)
@@ -543,7 +543,7 @@ class TestQualityOfService:
         [
             (
                 {"reliability": "best_effort"},
-                "no answer arrives from /detector (best effort publisher and reliable subscription)",
+                "no response arrives from /detector (best effort publisher and reliable subscription)",
             ),
             (
                 {"durability": "transient_local"},
@@ -666,11 +666,11 @@ class TestClock:
     @pytest.mark.parametrize(
         ("nodes", "topic", "said"),
         [
-            ((), "", "use_sim_time is set and no /clock has come"),
-            (("/gazebo",), "/clock", "use_sim_time is set and no /clock has come from /gazebo: is the simulation paused?"),
+            ((), "", "use_sim_time is set, but no /clock has arrived"),
+            (("/gazebo",), "/clock", "use_sim_time is set, but no /clock has arrived from /gazebo: is the simulation paused?"),
             (
                 ("/gazebo",), "/tb1/clock",
-                "use_sim_time is set and no /clock has come; there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
+                "use_sim_time is set, but no /clock has arrived; there is /tb1/clock: run with `--ros-args -r /clock:=/tb1/clock`",
             ),
             (
                 ("/bag", "/gazebo"), "/clock",
@@ -713,7 +713,7 @@ class TestClock:
         robots.until(lambda: mission.count_publishers("/clock"), "the clock")
         assert Readiness(mission, [], initial_pose=None).poll()
         assert said.has(
-            "/clock is published by /gazebo, and use_sim_time is not set: stamps of the robot look old. "
+            "/clock is published by /gazebo, but use_sim_time is not set: the robot's stamps look old. "
             "Run with `--ros-args -p use_sim_time:=true`."
         )
 
@@ -729,11 +729,11 @@ class TestFrames:
     @pytest.mark.parametrize(
         ("wanted", "link", "said"),
         [
-            ("base_footprint", ("odom", "base_link"), "no transform of 'base_footprint' has come; there are 'base_link' and 'odom'"),
-            ("Base_Link", ("odom", "base_link"), "no transform of 'Base_Link' has come; there are 'base_link' and 'odom'; did you mean 'base_link'?"),
+            ("base_footprint", ("odom", "base_link"), "no transform of 'base_footprint' has arrived; there are 'base_link' and 'odom'"),
+            ("Base_Link", ("odom", "base_link"), "no transform of 'Base_Link' has arrived; there are 'base_link' and 'odom'; did you mean 'base_link'?"),
             (
                 "base_link", ("odom", "tb1/base_link"),
-                "no transform of 'base_link' has come; there are 'odom' and 'tb1/base_link'; did you mean 'tb1/base_link'?",
+                "no transform of 'base_link' has arrived; there are 'odom' and 'tb1/base_link'; did you mean 'tb1/base_link'?",
             ),
         ],
     )  # fmt: skip
@@ -768,7 +768,7 @@ class TestFrames:
         robots.send_transforms(robots.node("/tb1/ekf"), ("map", "odom"), topic="/tb1/tf")
         look = self.where(robots, "map", "odom", "/tb1/mission")
         said = (
-            "no transform of 'map' and 'odom' has come; transforms: published on /tb1/tf by /tb1/ekf, and this node listens "
+            "no transform of 'map' and 'odom' has arrived; transforms: published on /tb1/tf by /tb1/ekf, but this node listens "
             "to /tf: run with `--ros-args -r /tf:=tf -r /tf_static:=tf_static`"
         )
         robots.until(lambda: look() == said, said)
@@ -933,7 +933,7 @@ class TestWatch:
         other.create_subscription(PoseWithCovarianceStamped, "/initialpose", told.append, 1)
         robots.publish(other, "/amcl_pose", POSES)
         line = (
-            "A localisation has appeared. It is sent no pose because it could be another robot's: topic amcl_pose has several publishers: "
+            "A localisation has appeared. No pose is sent to it, because it may belong to another robot: topic amcl_pose has several publishers: "
             "/amcl and /tb2/amcl."
         )
         robots.until(lambda: said.has(line), line)

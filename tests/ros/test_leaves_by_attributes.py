@@ -588,7 +588,7 @@ class TestRosTransform:
         leaf.tick_once()
         assert (leaf.status, leaf.feedback_message) == (
             Status.RUNNING,
-            "no transform of 'map' and 'camera' has come; no node publishes on /tf",
+            "no transform of 'map' and 'camera' has arrived; no node publishes on /tf",
         )
         self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)))
         self.send(ros, ("odom", "camera", (0.0, 0.0, 0.0)))
@@ -599,10 +599,10 @@ class TestRosTransform:
     @pytest.mark.parametrize(
         ("link", "ago_sec", "said"),
         [
-            (("map", "camera", (1.0, 0.0, 0.0)), 100.0, r"the transforms are 10\d\.\d s old, and may be at most 5 s"),
-            (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has come; there are 'map' and 'odom'"),
-            (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has come; there are 'camera' and 'odom'"),
-            (("map", "camera", (math.nan, 0.0, 0.0)), 0.0, "no transform of 'map' and 'camera' has come"),
+            (("map", "camera", (1.0, 0.0, 0.0)), 100.0, r"the transforms are 10\d\.\d s old, but may be at most 5 s"),
+            (("map", "odom", (1.0, 0.0, 0.0)), 0.0, "no transform of 'camera' has arrived; there are 'map' and 'odom'"),
+            (("odom", "camera", (1.0, 0.0, 0.0)), 0.0, "no transform of 'map' has arrived; there are 'camera' and 'odom'"),
+            (("map", "camera", (math.nan, 0.0, 0.0)), 0.0, "no transform of 'map' and 'camera' has arrived"),
         ],
     )  # fmt: skip
     def test_after_the_time_out_it_fails_with_the_reason(

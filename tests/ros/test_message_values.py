@@ -197,8 +197,8 @@ def stamped(seconds: float) -> Any:
 @pytest.mark.parametrize(
     ("stamp", "now", "is_simulated", "said"),
     [
-        (YEARS_SEC - 8.0, YEARS_SEC, False, "its stamp is 8.0 s old, and may be at most 5 s"),
-        (60.0, 100.0, True, "its stamp is 40.0 s old, and may be at most 5 s"),
+        (YEARS_SEC - 8.0, YEARS_SEC, False, "its stamp is 8.0 s old, but may be at most 5 s"),
+        (60.0, 100.0, True, "its stamp is 40.0 s old, but may be at most 5 s"),
         (YEARS_SEC + 3.0, YEARS_SEC, False, "its stamp is 3.0 s in the future"),
         (100.0, YEARS_SEC, False, "add `--ros-args -p use_sim_time:=true`"),
         (YEARS_SEC, 100.0, True, "Start it with `-p use_sim_time:=true`"),
@@ -273,7 +273,7 @@ class TestReports:
             read(share)
         assert read(83.0) is None
         assert len(node.lines) == 2
-        assert node.lines[0] == f"Topic 'battery': percentage is 85, and {SHARE}. It is treated as unknown."
+        assert node.lines[0] == f"Topic 'battery': percentage is 85, but {SHARE}. It is treated as unknown."
 
     def test_two_kinds_of_problem_and_two_sources_are_reported_apart(self, node: At, clock: At) -> None:
         reports = ValueReports(node)

@@ -75,7 +75,7 @@ def test_a_jump_counts_as_the_machines_time_and_is_said(bench, jump, which):
     counted = bench.node_time()
     assert bench.passes(counted, 0.5, 0.5 + jump, steps=1) == pytest.approx(0.5)
     assert bench.said == [
-        f"The clock has jumped {which}. 0.5 s are used instead, according to the machine's clock."
+        f"The clock has jumped {which}. 0.5 s are counted instead, according to the machine's clock."
     ]
 
 

@@ -239,7 +239,7 @@ class TestMistakes:
 
     def test_a_number_in_quotes(self) -> None:
         text = mistakes(mission(base_station__x="1.5"))["base_station.x"]
-        assert text == "must be a number, is the string '1.5' (write it without quotes)"
+        assert text == "must be a number, but is the string '1.5' (write it without quotes)"
 
     @pytest.mark.parametrize("value", [math.inf, "0.5", True])
     def test_an_initial_pose_that_is_no_place(self, value: object) -> None:
@@ -469,14 +469,14 @@ class TestParameterFiles:
             ("zone_order: [a]\n", "'zone_order' is outside of ros__parameters"),
             ("/**:\n  zone_order: [a]\n", "'zone_order' is outside of ros__parameters"),
             ("/**: {}\n", "'/**' has no ros__parameters below it"),
-            ("/my robot:\n  ros__parameters: {x: 1}\n", "'/my robot' is no valid node name or namespace"),
-            ("/a//b:\n  ros__parameters: {x: 1}\n", "'/a//b' is no valid node name or namespace"),
+            ("/my robot:\n  ros__parameters: {x: 1}\n", "'/my robot' is not a valid node name or namespace"),
+            ("/a//b:\n  ros__parameters: {x: 1}\n", "'/a//b' is not a valid node name or namespace"),
             ("/**:\n  ros__parameters: {'': 1}\n", "a name is missing before this ':'"),
             ("/**:\n  ros__parameters: {x: a:b}\n", "'a:b' needs quotes within [] and {}"),
             ("/**:\n  ros__parameters: {x: [why?]}\n", "'why?' needs quotes within [] and {}"),
             ("ros__parameters:\n  x: 1\n", "no node's name"),
-            ("/**:\n  ros__parameters:\n", "must hold parameters"),
-            ("/**:\n  ros__parameters: [1]\n", "must hold parameters"),
+            ("/**:\n  ros__parameters:\n", "must contain parameters"),
+            ("/**:\n  ros__parameters: [1]\n", "must contain parameters"),
             (HEAD + "    x: 1\n---\n" + HEAD + "    x: 2\n", "a second document"),
             ("%YAML 1.2\n---\n" + HEAD + "    x: 1\n", "YAML 1.1 only"),
             ("/**: " + "{a: " * 2000 + "}" * 2000, "nested too deeply"),
@@ -522,7 +522,7 @@ def test_where_the_map_lies_is_read_and_not_asked_for():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"georeference": 3}, "georeference: must hold lat, lon and heading, is the number 3"),
+        ({"georeference": 3}, "georeference: must contain lat, lon and heading, but is the number 3"),
         (
             {"georeference.lat": 1.0, "georeference.lon": 2.0},
             "georeference.heading: is missing: write a number",

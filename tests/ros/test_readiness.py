@@ -208,8 +208,7 @@ class TestServers:
         )
         [line] = missing(ros, readiness(node, Use.action("navigate_to_pose")))
         assert (
-            line
-            == "action navigate_to_pose: two servers answer to /navigate_to_pose, /one and /two. Stop one"
+            line == "action navigate_to_pose: two servers provide /navigate_to_pose, /one and /two. Stop one"
         )
         assert said.has("Waiting for", "two servers")
         for server in servers:
@@ -357,8 +356,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has given up starting "
-            "Nav2 up, planner_server failed to activate. Restart Nav2, and give the initial pose within its "
+            "node bt_navigator: state 'inactive', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, planner_server failed to activate. Restart Nav2, and give the initial pose within its "
             "initial_transform_timeout",
         )
 
@@ -381,8 +379,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting "
-            f"Nav2 up, {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -391,12 +388,12 @@ class TestTheBringUpOfNav2:
             (
                 ("active", "active", "inactive"),
                 "planner_server",
-                "planner_server was activated, and its answer was lost",
+                "planner_server was activated, but its response was lost",
             ),
             (
                 ("inactive", "inactive", "unconfigured"),
                 "planner_server",
-                "planner_server was configured, and its answer was lost",
+                "planner_server was configured, but its response was lost",
             ),
             (("inactive", "inactive", "inactive"), "bt_navigator", "bt_navigator failed to activate"),
             (
@@ -417,8 +414,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting "
-            f"Nav2 up, {failed}. Restart Nav2",
+            f"node bt_navigator: state '{navigator}', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, {failed}. Restart Nav2",
         )
 
     @pytest.mark.parametrize(
@@ -462,8 +458,8 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has given up starting "
-            'Nav2 up, controller_server failed to configure (controller_server: "Failed to create controller. No plugin."). '
+            "node bt_navigator: state 'unconfigured', must be 'active'; lifecycle_manager_navigation has given up starting Nav2, "
+            'controller_server failed to configure (controller_server: "Failed to create controller. No plugin."). '
             "Restart Nav2",
         )
 
@@ -472,8 +468,7 @@ class TestTheBringUpOfNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
-            "node bt_navigator: state 'inactive', must be 'active'; the localisation has no pose yet: give it one "
-            "(initialpose; in RViz: 2D Pose Estimate)",
+            "node bt_navigator: state 'inactive', must be 'active'; the localisation has no pose yet: send it one (initialpose; in RViz: 2D Pose Estimate)",
         )
         assert nav2.poses == []
 
@@ -541,7 +536,7 @@ class TestNav2:
     def test_in_a_namespace_shows_the_full_names_that_it_looks_for(self, ros: Ros) -> None:
         node = ros.node("mission", namespace="/robot3")
         pose, *nodes = missing(ros, readiness(node, Use.nav2()))
-        assert pose.startswith("topic amcl_pose (/robot3/amcl_pose): no answer to the initial pose (")
+        assert pose.startswith("topic amcl_pose (/robot3/amcl_pose): no response to the initial pose (")
         assert pose.endswith(", and no node subscribes to initialpose (/robot3/initialpose)")
         assert nodes == [
             "node amcl: not there (no service /robot3/amcl/get_state)",
@@ -614,7 +609,7 @@ class TestNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=(1.0, -2.0, 0.5)),
-            "topic amcl_pose: no answer to the initial pose (1.00, -2.00, yaw 0.50)",
+            "topic amcl_pose: no response to the initial pose (1.00, -2.00, yaw 0.50)",
         )
 
     def test_says_that_nobody_listens_to_the_pose(self, ros: Ros) -> None:
@@ -622,7 +617,7 @@ class TestNav2:
         comes_to_miss(
             ros,
             readiness(ros.node(), Use.nav2()),
-            "topic amcl_pose: no answer to the initial pose (0.00, 0.00, yaw 0.00), and no node subscribes to initialpose",
+            "topic amcl_pose: no response to the initial pose (0.00, 0.00, yaw 0.00), and no node subscribes to initialpose",
         )
 
     def test_publishes_the_pose_again_until_it_is_answered(
@@ -672,7 +667,7 @@ class TestNav2:
         nav2.answers = False
         ready = readiness(ros.node(), Use.nav2())
         ros.spin_until(lambda: ready.poll() or len(nav2.poses) >= 3, "the pose for a third time")
-        comes_to_miss(ros, ready, "topic amcl_pose: no answer to the initial pose (0.00, 0.00, yaw 0.00)")
+        comes_to_miss(ros, ready, "topic amcl_pose: no response to the initial pose (0.00, 0.00, yaw 0.00)")
 
     def test_a_localised_robot_is_not_told_that_it_stands_elsewhere(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
@@ -850,7 +845,7 @@ class TestClock:
         from rclpy.parameter import Parameter
 
         node = ros.node(parameter_overrides=[Parameter("use_sim_time", value=True)])
-        assert missing(ros, readiness(node)) == ["use_sim_time is set and no /clock has come"]
+        assert missing(ros, readiness(node)) == ["use_sim_time is set, but no /clock has arrived"]
 
     def test_is_ready_when_the_clock_has_come(self, ros: Ros) -> None:
         from rclpy.parameter import Parameter

@@ -103,7 +103,7 @@ def test_a_robot_that_drives_on_after_an_abort_is_told_within_a_second_and_gets_
         assert not any(info.goal_id.uuid)
         assert (info.stamp.sec, info.stamp.nanosec) == (0, 0)
     robot.speed = 0.0
-    robot.ros.spin_until(lambda: said.has("The robot stands."), "its stop")
+    robot.ros.spin_until(lambda: said.has("The robot has stopped."), "its stop")
 
 
 def test_what_begins_to_drive_seconds_after_an_abort_gets_everything_cancelled(
@@ -169,7 +169,9 @@ def test_another_client_s_goal_is_not_cancelled_and_its_movement_is_told(robot: 
 def test_a_robot_that_somebody_drives_by_hand_is_only_told(robot: Robot, said: Said) -> None:
     robot.speed = 0.25
     robot.ros.spin_until(
-        lambda: said.has("The robot moves (0.25 m/s, 0.00 rad/s), and no goal of this mission is active."),
+        lambda: said.has(
+            "The robot moves (0.25 m/s, 0.00 rad/s), although no goal of this mission is active."
+        ),
         "the warning",
     )
     assert robot.cancelled == []
@@ -198,8 +200,8 @@ def test_without_odometry_the_end_of_a_goal_counts_and_that_is_told_once(robot: 
     robot.end(robot.drive())
     for _ in range(3):
         robot.motion.look()
-    robot.ros.spin_until(lambda: said.has("No odometry comes on odometry/filtered"), "the note")
-    assert sum("No odometry comes" in line for line in said.lines()) == 1
+    robot.ros.spin_until(lambda: said.has("No odometry arrives on odometry/filtered"), "the note")
+    assert sum("No odometry arrives" in line for line in said.lines()) == 1
     assert robot.estimate.stands is None
 
 

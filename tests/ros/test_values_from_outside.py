@@ -115,10 +115,10 @@ def stamped(seconds: float) -> Callable[[Any], None]:
     [
         (setter("pose.pose.position.y", math.nan), "is not a position"),
         (setter("pose.pose.position.y", math.inf), "is not a position"),
-        (setter("pose.pose.orientation.w", 0.0), "the length of the quaternion is 0, and must be 1"),
+        (setter("pose.pose.orientation.w", 0.0), "the length of the quaternion is 0, but must be 1"),
         (lambda message: message.pose.covariance.__setitem__(7, math.nan), "is not a number (NaN)"),
         (lambda message: message.pose.covariance.__setitem__(0, -0.5), "must be 0 or more"),
-        (setter("header.frame_id", "robot1/map"), "is in the frame 'robot1/map', and must be in 'map'"),
+        (setter("header.frame_id", "robot1/map"), "is in the frame 'robot1/map', but must be in 'map'"),
         (stamped(3600.0), "in the future"),
         (stamped(2 * DAY_SEC), "use_sim_time"),
     ],
@@ -155,7 +155,7 @@ def test_a_robot_that_stands_has_said_so_long_ago(robot: Robot) -> None:
         (setter("pose.pose.orientation.w", 0.0), "the length of the quaternion"),
         (setter("twist.twist.linear.x", math.nan), "the speed is nan m/s"),
         (stamped(3600.0), "in the future"),
-        (stamped(-3600.0), " s old, and may be at most 30 s"),
+        (stamped(-3600.0), " s old, but may be at most 30 s"),
         (stamped(-2 * DAY_SEC), "use_sim_time"),
     ],
 )  # fmt: skip
@@ -180,7 +180,7 @@ def test_a_robot_whose_odometry_has_lost_its_pose_moves_all_the_same(robot: Robo
         (setter("transform.translation.x", math.nan), "the translation of 'odom' is (nan, 0.0, 0.0)"),
         (setter("transform.rotation.w", 0.5), "the length of the quaternion is 0.5"),
         (stamped(3600.0), "in the future"),
-        (stamped(-3600.0), "s old, and may be at most 30 s"),
+        (stamped(-3600.0), "s old, but may be at most 30 s"),
     ],
 )
 def test_a_transform_that_is_none_places_no_robot(
@@ -242,7 +242,7 @@ class TestTopicLeaf:
 
     @pytest.mark.parametrize(
         ("seconds", "said"),
-        [(60.0, "in the future"), (-60.0, " s old, and may be at most 5 s"), (-10 * DAY_SEC, "use_sim_time")],
+        [(60.0, "in the future"), (-60.0, " s old, but may be at most 5 s"), (-10 * DAY_SEC, "use_sim_time")],
     )
     def test_a_message_of_another_time_is_no_message(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch, seconds: float, said: str

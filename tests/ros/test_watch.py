@@ -291,7 +291,7 @@ def test_transforms_that_stop_are_told_and_their_return(
         lambda: (publisher.publish(TFMessage(transforms=[frame])), known._robot.transform_at)[1],
         "a transform",
     )
-    scene.until(lambda: scene.said.has("No transform from 'map' has come for 0.3 s"), "the silence")
+    scene.until(lambda: scene.said.has("No transform from 'map' has arrived for 0.3 s"), "the silence")
     scene.until(
         lambda: (
             publisher.publish(TFMessage(transforms=[frame])),
@@ -341,7 +341,7 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
     ros.spin_until(lambda: said.has("Nav2 is no longer active: node amcl: /amcl/get_state"), "the loss")
     assert stopwatch.own_sec < 4.0
     if transforms:
-        ros.spin_until(lambda: said.has("No transform from 'map' has come for 3 s"), "their silence")
+        ros.spin_until(lambda: said.has("No transform from 'map' has arrived for 3 s"), "their silence")
         assert stopwatch.own_sec < 4.0
 
 
@@ -360,4 +360,4 @@ def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(
     ros.spin_until(lambda: known._robot.transform_at is not None, "a transform")
     navigation.freeze()
     localiser.order(transforms=False)
-    ros.spin_until(lambda: said.has("No transform from 'map' has come for 3 s"), "their silence")
+    ros.spin_until(lambda: said.has("No transform from 'map' has arrived for 3 s"), "their silence")

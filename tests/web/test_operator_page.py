@@ -415,7 +415,7 @@ def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map
     open_team(browser, team)
     browser.wait_for("#robots button", "east, 2.5 m")
     team.feed.know(RunProcess(is_gone=True), 0)
-    browser.wait_for("#robots button", "broken off")
+    browser.wait_for("#robots button", "crashed")
     assert "2.5 m" not in browser.text("#robots button")
     assert browser.text("#drive") == ""
     browser.wait(lambda: browser.js(ENABLED) == ["STOP ALL"], "no commands to robot1")

@@ -83,7 +83,7 @@ def test_a_run_that_takes_the_place_of_another_is_shown_by_itself(live, browser)
     browser.wait_for("#condition", "working")
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     run.close()
-    browser.wait_for("#condition", "No word for")
+    browser.wait_for("#condition", "No contact for")
     again = live(port=run.server.port).begin({**ABOUT, "mission": "second"})
     again.status(1, "SUCCESS")
     browser.wait_for("#mission", "second")
@@ -136,7 +136,7 @@ def test_a_node_has_the_sign_that_the_journal_says(live, browser):
     browser.open(tree_of(run.server))
     browser.wait_for("#tree", "→R Mission↻ DriveSearch")
     assert browser.text("#signs").endswith(
-        "hollow: of an earlier activation→R sequence, reactive↻ runs its child again"
+        "hollow: from an earlier activation→R sequence, reactive↻ runs its child again"
     )
 
 

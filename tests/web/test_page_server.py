@@ -257,7 +257,7 @@ def test_what_is_wrong_with_an_order_is_said(live):
 
 @pytest.mark.parametrize(
     ("is_sent", "status", "said"),
-    [(False, 503, "The command was not sent"), (True, 504, "the command was sent but not answered yet")],
+    [(False, 503, "The command was not sent"), (True, 504, "the command was sent, but has no response yet")],
 )
 def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
     live, monkeypatch, is_sent, status, said

@@ -1,4 +1,4 @@
-"""Prediction of a tree's runs, computed without running it: probabilities, times and influential leaves.
+"""Prediction of a tree's runs: probabilities, times and influential leaves.
 
 The tree's states are searched as for a proof, with the known probabilities and times of leaves
 (`state_search.probabilities`). The result is a system of linear equations (`weighed_graph`).
@@ -64,7 +64,7 @@ class Influence:
 
 @dataclass(frozen=True)
 class Prediction:
-    """The expected results of a tree's runs. A number that is not known exactly is given by its bounds.
+    """The expected results of a tree's runs. Uncertain numbers have bounds.
 
     Attributes:
         success: The probability that a run ends with the root SUCCESS.
@@ -107,7 +107,7 @@ class Prediction:
     merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
-        """Return the time by which a share of the runs that end has ended, seconds; None if unknown."""
+        """Return the time by which a share of the ending runs has ended, seconds; None if unknown."""
         whole = self.distribution[-1][2] if self.distribution else 0.0
         return next((sec for sec, _, ended in self.distribution if ended >= share * whole - _ROUNDING), None)
 
@@ -189,7 +189,7 @@ def _predict_searched(
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
-    """Require that every time takes few ticks: the search counts them, and stores each count as a separate state.
+    """Require that every time takes few ticks, because each count of ticks is a separate state.
 
     Raises:
         UndecidableError: If a time takes too many.
@@ -204,7 +204,7 @@ def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
 
 
 def _require_no_error(graph: Graph, simulated: SimulatedTree) -> None:
-    """Require that no tick raises, because the behaviour after it is unknown.
+    """Require that no tick raises an error, because the behaviour after it is unknown.
 
     Raises:
         UndecidableError: If one does.
@@ -222,7 +222,7 @@ def _round_up(seconds: float) -> str:
 
 
 def _times(simulated: SimulatedTree) -> Iterator[tuple[str, float]]:
-    """Yield the nodes that wait, each with its time limit, seconds; limits known only at run time are left out."""
+    """Yield the nodes with a constant time limit, and the limit in seconds."""
     for behaviour in simulated.root.iterate():
         if isinstance(behaviour, StubLeaf):
             yield from ((behaviour.name, answer.sec[1]) for answer in behaviour.answers)
@@ -253,7 +253,7 @@ def _unknown_prediction(properties: Properties) -> Prediction:
 
 
 class _ViolationMonitors(MonitorSet):
-    """Monitors that remember their violations: a bit for each, above the state of the wrapped monitors.
+    """Monitors that remember their violations as bits of their state.
 
     Args:
         monitors: The wrapped monitors.
@@ -314,7 +314,7 @@ class _PredictionSolver:
             self._classify_state(int(state))
 
     def _classify_state(self, state: int) -> None:
-        """Determine the properties violated in a state, and whether a run has succeeded in it."""
+        """Determine which properties a state violates, and whether a run has succeeded in it."""
         steps, code = self._stepper.steps, self._graph.states[state]
         outcome, watched = steps.restore(code)
         broken = watched >> self._properties.rules.monitors.count
@@ -360,7 +360,7 @@ class _PredictionSolver:
         return tuple((self._seconds(each.tick), each.succeeded, each.ended) for each in moments or ())
 
     def _property_bounds(self, rule: int) -> ProbabilityBounds:
-        """Return the probability that a property holds; an obligation must be met before a run ends."""
+        """Return the probability that a property holds; obligations must be met before a run ends."""
         broken, unknown = self._broken[:, rule], self._open
         if rule in self._properties.owing:
             return self._weighed.bounds(self._ends & ~broken, unknown)
@@ -398,7 +398,7 @@ class _PredictionSolver:
 
 
 def _judge(steps: TickSteps, code: bytes) -> Judgement:
-    """Return the judgement of a state in which a run ends, perhaps because it idles."""
+    """Return the judgement of a state in which a run ends or idles."""
     judgement = steps.judge(code, None)
     if not judgement.ends:
         return steps.judge(code, idle=True)

@@ -1,4 +1,4 @@
-"""The places that a tree's runs reach, with the probability of each step, and the quantities computed from them.
+"""The graph of a tree's runs with the probability of each step, and quantities computed from it.
 
 A *place* is a state, or an intermediate state of ticks (`state_search.forking`) in which one leaf has several
 outcomes. If all probabilities are known, the places are a Markov chain. The probability of reaching some states from
@@ -110,7 +110,7 @@ class ProbabilityGraph:
     def _not_followed(
         self, graph: Graph, source: Indices, answers: Indices, shares: Reals
     ) -> tuple[Indices, Indices, Reals]:
-        """Return the places and outcomes after which ticks need an unknown value, and the share of these ticks in each."""
+        """Return the places and outcomes whose next ticks need an unknown value, with the share of these ticks."""
         width = self._low.shape[1]
         followed = np.bincount(source * width + answers, shares, self._count * width).reshape(-1, width)
         missing = (self._high[self._choice_at] > 0.0) * (1.0 - followed)
@@ -281,7 +281,7 @@ class ProbabilityGraph:
         return ProbabilityBounds(min(told), max(told)) if told else None
 
     def _extremes(self, goal: Flags) -> list[Reals]:
-        """Return the probabilities with which reaching some states is least and most probable."""
+        """Return the choices' probabilities that minimise and maximise the probability of reaching some states."""
         signs = (-1, 1) if len(self._varying) else (1,)
         return [self._optimum(self._place_flags(goal), sign)[1] for sign in signs]
 
@@ -293,7 +293,7 @@ class ProbabilityGraph:
         return float(ticks[0] / reached[0]) if reached[0] > 0.0 else None
 
     def influences(self, goal: Flags, usual: Sequence[int]) -> Iterator[tuple[int, float, float]]:
-        """Yield each influential leaf with a derivative, and the probability of a goal if the leaf never failed.
+        """Yield each influential leaf with its derivative, and the goal's probability without the leaf's failures.
 
         The derivative is that of the probability of reaching the goal with respect to the probability of the leaf's
         usual outcome, if the others keep their proportions. Unknown probabilities are set to the middle of their
@@ -332,7 +332,7 @@ class ProbabilityGraph:
     def ends(
         self, ends: Flags, goal: Flags, is_spent: Callable[[], bool] = lambda: False
     ) -> list[EndTick] | None:
-        """Return when runs end, tick by tick; None if that takes too long. Unknown probabilities are set to the middle.
+        """Return the distribution of end times, tick by tick; None if the computation takes too long.
 
         Args:
             ends: The states in which runs end.
@@ -436,7 +436,7 @@ def _steps_of(graph: Graph) -> tuple[Indices, Indices, Indices]:
 
 
 def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Reals, Reals]:
-    """Return the least, greatest and middle probability of each outcome of each choice; the last choice has one outcome."""
+    """Return the minimum, maximum and middle probability of each outcome of each choice."""
     shape = len(bounds) + 1, max(map(len, bounds), default=1)
     low, high, between = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for number, answers in enumerate([*bounds, [(1.0, 1.0)]]):
@@ -447,7 +447,7 @@ def _tables(bounds: Sequence[Sequence[tuple[float, float]]]) -> tuple[Reals, Rea
 
 
 def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[float]) -> list[float]:
-    """Return the probabilities within some bounds, with the sum 1, that maximize the gain."""
+    """Return the probabilities within bounds, with the sum 1, that maximise the gain."""
     likely = [low for low, _ in bounds]
     left = 1.0 - sum(likely)
     for place in sorted(range(len(gains)), key=lambda each: -gains[each]):
@@ -458,7 +458,7 @@ def best_probabilities(bounds: Sequence[tuple[float, float]], gains: Sequence[fl
 
 
 def _sum_by_place(parts: Sequence[tuple[Indices, Reals]]) -> tuple[Indices, Reals]:
-    """Return each place once, with the sum of the values of its parts."""
+    """Return the distinct places, each with the sum of its values."""
     places, inverse = np.unique(np.concatenate([each[0] for each in parts]), return_inverse=True)
     return places, np.bincount(inverse, np.concatenate([each[1] for each in parts]), len(places))
 

@@ -53,7 +53,7 @@ class ReusedTree:
         return self._choices >= _MOST_CHOICES
 
     def play(self, scenario: Scenario) -> Player:
-        """Return a complete run from the start; it ends the one before."""
+        """Play a complete run, and end the previous one."""
         clock = self.simulated.clock
         clock.advance(-clock.now())
         self._entries.restore(self._start)

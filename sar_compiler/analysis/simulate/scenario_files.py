@@ -48,7 +48,7 @@ MAX_TICKS = 1000
 
 @dataclass(frozen=True)
 class AnswerStep:
-    """One step of a script: an answer given once, or a number of times.
+    """One step of a script: an outcome and how often it is returned.
 
     Attributes:
         answer: The label or the status of the answer.
@@ -147,7 +147,7 @@ class Scenario:
 
 
 def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectations:
-    """Read the expectations of a scenario; reports impossible ones."""
+    """Read the expectations of a scenario; report impossible ones."""
     document, parts = words.document, {} if value is None else value.mapping
     plain = {} if value is None else value.data
     ticks, limit_sec = _tick_window(parts["within"]) if "within" in parts else (None, None)
@@ -168,7 +168,7 @@ def read_expectations(value: Value | None, words: LeafVocabulary) -> Expectation
 
 
 def _lines(document: Document, parts: Mapping[str, Value]) -> Iterator[tuple[str, int]]:
-    """Yield the names of the expectations, and their contents, with their lines."""
+    """Yield the names, contents and lines of the expectations."""
     for name, value in parts.items():
         yield name, document.source.place(value.start)[0]
         below = [key for key, _ in value.entries] if value.entries is not None else value.listed
@@ -234,7 +234,7 @@ def read_scripts(value: Value, words: LeafVocabulary) -> dict[StubLeaf, tuple[An
 
 
 def _steps(value: Value, words: LeafVocabulary, leaves: Sequence[StubLeaf]) -> tuple[AnswerStep, ...]:
-    """Read one step that is always used, or a list of steps that are used once each, except those for every n-th time."""
+    """Read a step or a list of steps of a leaf's script."""
     one = value.items is None
     steps = [_step(item, words, leaves, always=one) for item in value.listed]
     return tuple(step for step in steps if step is not None)
@@ -277,10 +277,10 @@ def _check_running(document: Document, value: Value, leaves: Sequence[StubLeaf])
     for leaf in leaves:
         if all(answer.status != "RUNNING" for answer in leaf.answers):
             message = f"'{leaf.name}' returns at once and never runs, so it cannot have a time"
-            document.report("wrong-value", message, value, hint="leave 'after' out")
+            document.report("wrong-value", message, value, hint="omit 'after'")
 
 
-_EMPTY_HINT = "write leaves: with their answers, and expect: with the expected results"
+_EMPTY_HINT = "write leaves: with their outcomes, and expect: with the expected results"
 
 
 @dataclass(eq=False, repr=False)
@@ -303,7 +303,7 @@ class ScenarioStage:
     _bindings: dict[str | None, Binding] = field(default_factory=dict, init=False)
 
     def with_controls(self, document: Document, controls: Value, tree_id: str | None) -> Binding:
-        """Return a tree of the file with a scenario's controls and decorators; raises as `binding`."""
+        """Return a tree of the file with a scenario's controls and decorators; see `binding`."""
         binding = bind_main(self.forest, self.registry, tree_id or self.tree_id, self.palettes)
         files = (*self.palettes, *self.forest.files)
         apply_controls(document, controls, binding, self.registry, files)
@@ -321,7 +321,7 @@ class ScenarioStage:
         return self._bindings[wanted]
 
     def play(self) -> "ScenarioSimulation":
-        """Return the tree without a scenario: every leaf gives its default answer.
+        """Return the tree without a scenario, so that every leaf returns its default outcome.
 
         Raises:
             TreeError: If the tree cannot be used.
@@ -358,7 +358,7 @@ def read_scenario(path: str | Path, stage: ScenarioStage) -> ScenarioSimulation:
 
 
 def understand(document: Document, stage: ScenarioStage) -> ScenarioSimulation:
-    """Return the tree and the scenario that a file describes.
+    """Read a scenario file, and return the tree and the scenario.
 
     Raises:
         TreeError: If anything is wrong with it, or with the tree; carries all the findings.
@@ -404,7 +404,7 @@ def _simulate(
     parameters: Mapping[str, object],
     assumptions_for: Callable[[SimulatedTree], Assumptions],
 ) -> SimulatedTree:
-    """Compile the tree for simulation, with all that is assumed of it."""
+    """Compile the tree for simulation, with its assumptions."""
     # The possible assumptions depend on the leaves, so the tree is analysed first.
     plain = compile_simulated(binding, parameters)
     assumed = assumptions_for(plain)

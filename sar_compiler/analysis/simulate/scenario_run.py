@@ -48,7 +48,7 @@ class RunVariables(FactVariables):
         self._simulated = simulated
 
     def read(self, name: str) -> ScriptValue:
-        """Return a value; raises as `Variables` says, with the name that was probably meant."""
+        """Return a value; see `Variables`. Errors suggest the probable name."""
         if name in self.now:
             return self.now[name]
         try:
@@ -59,11 +59,11 @@ class RunVariables(FactVariables):
 
 
 class ScriptedError(SarError):
-    """A scenario demands an answer that a leaf cannot give at this point of the run."""
+    """A scenario requests an outcome that a leaf cannot return at this point of the run."""
 
 
 class DrawnChoice(NamedTuple):
-    """One choice that was made for a leaf.
+    """A choice for a leaf.
 
     Attributes:
         leaf: The leaf.
@@ -102,7 +102,7 @@ class ScenarioPolicy:
         }
 
     def choose(self, leaf: StubLeaf, options: Sequence[Answer]) -> Answer:
-        """Return the scenario's answer, or else the default one.
+        """Return the scenario's outcome, or the default one.
 
         Raises:
             ScriptedError: If the leaf cannot give that answer now.
@@ -122,7 +122,7 @@ class ScenarioPolicy:
 
 @dataclass(eq=False)
 class _RandomOutcomes:
-    """Chooses answer and time of a leaf with known probabilities or times at its start, as `kernel.probabilities` does."""
+    """Chooses a leaf's outcome and time at its start, from known probabilities and times."""
 
     leaf: StubLeaf
     random: Random
@@ -131,7 +131,7 @@ class _RandomOutcomes:
     _until: float = 0.0
 
     def choose(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> Answer:
-        """Return the leaf's next answer, and record the choice."""
+        """Return the leaf's next outcome, and record the choice."""
         now = self.clock.now() + TOLERANCE_SEC
         if self.leaf.status is not Status.RUNNING or (now >= self._until and self._answer not in options):
             self._draw(options, choices)
@@ -162,7 +162,7 @@ class _Plan:
     _since: float = 0.0
 
     def choose(self, options: Sequence[Answer], choices: list[DrawnChoice]) -> Answer:
-        """Return the leaf's next answer, and record the choice."""
+        """Return the leaf's next outcome, and record the choice."""
         if self.leaf.status is not Status.RUNNING:
             self._current = None  # an interrupted step counts as done
         if self._current is None:
@@ -177,7 +177,7 @@ class _Plan:
         return nominal(options) if at_once else self._named_outcome(choice.answer, options)
 
     def _next(self, options: Sequence[Answer]) -> DrawnChoice:
-        """Return the choice from the remaining steps, or else the default one."""
+        """Return the choice from the remaining steps, or the default one."""
         step = next((left.step for left in self.steps if left.take(self._holds, self.random)), None)
         usual = nominal(options)
         if step is None:
@@ -210,7 +210,7 @@ class _Plan:
 
 
 def _default_outcomes(name: str, options: Sequence[Answer]) -> list[Answer]:
-    """Return the answers with a label or a status, those with the label first."""
+    """Return the outcomes with a label or a status, those with the label first."""
     labelled = [answer for answer in options if answer.label == name]
     return labelled + [answer for answer in options if answer.status == name]
 
@@ -227,7 +227,7 @@ class _RemainingUses:
         self._probabilities = 0
 
     def take(self, holds: _Holds, random: Random) -> bool:
-        """Use the step, if that is possible now."""
+        """Use the step if possible now."""
         if self._left == 0 or not holds(self.step):
             return False
         self._probabilities += 1
@@ -365,7 +365,7 @@ class Player:
 
 
 class ScenarioPlayer(Player):
-    """Ticks a tree that was compiled for one run, and records everything that changes.
+    """Ticks a tree that was compiled for one run, and records all changes.
 
     Args:
         simulated: The tree.
@@ -391,7 +391,7 @@ class ScenarioPlayer(Player):
 
 
 def _keys(simulated: SimulatedTree) -> Mapping[str, object]:
-    """Return the entries of the tree's blackboard, by their keys; a subtree's have its path as prefix."""
+    """Return the entries of the tree's blackboard by key; a subtree's keys have its path as prefix."""
     return simulated.compiled.board.values()
 
 
@@ -411,7 +411,7 @@ class Failure:
 
 
 def failures(run: ScenarioRun) -> list[Failure]:
-    """Return the violated expectations of a run's scenario, except for its trace."""
+    """Return the violated expectations of a run's scenario, excluding the trace."""
     if run.trouble:
         return [Failure("run", f"tick {len(run.ticks)} could not be finished: {run.trouble}")]
     lines = run.scenario.expect.lines
@@ -459,7 +459,7 @@ def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
 
 
 def _order(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Search for the events of an order, each after the one before."""
+    """Search for the events of an order, one after the other."""
     events = run.events
     before: EventPattern | None = None
     for deed in run.scenario.expect.order:
@@ -514,7 +514,7 @@ class OutcomeCoverage:
 
     @property
     def unseen(self) -> list[NodeCoverage]:
-        """The leaves that were ticked, with outcomes that no run has shown."""
+        """The ticked leaves with outcomes that no run has shown."""
         return [node for node in self.nodes if node.ticked and node.unseen]
 
     def add(self, run: ScenarioRun) -> None:

@@ -25,12 +25,12 @@ class Interval(NamedTuple):
 
     @property
     def half_width(self) -> float:
-        """Half the distance of the bounds."""
+        """Half the distance between the bounds."""
         return (self.high - self.low) / 2.0
 
 
 def wilson(successes: int, runs: int, confidence: float) -> Interval:
-    """Return Wilson's score interval of a success rate; unlike the normal one it is right near 0 and 1, too.
+    """Return Wilson's score interval of a success rate, which is also accurate near 0 and 1.
 
     Args:
         successes: The number of runs that have succeeded.
@@ -79,7 +79,7 @@ PlayRuns = Callable[[Sequence[int]], list[RunResultSample]]
 
 @dataclass(frozen=True)
 class StoppingRule:
-    """The condition under which a combination has been run often enough.
+    """The condition that ends the runs of a combination.
 
     Attributes:
         runs: The largest number of runs.
@@ -98,7 +98,7 @@ class StoppingRule:
         return wilson(sum(not each.failure for each in outcomes), len(outcomes), self.confidence)
 
     def is_enough(self, outcomes: Sequence[RunResultSample]) -> bool:
-        """Return whether no more runs are needed."""
+        """Return whether the runs suffice."""
         return len(outcomes) >= self.runs or self.interval(outcomes).half_width <= self.half_width
 
 
@@ -122,7 +122,7 @@ class SweepRow:
     _early: dict[int, list[RunResultSample]] = field(default_factory=dict)
 
     def needs_no_more_runs(self, rule: StoppingRule) -> bool:
-        """Return whether the row needs no more runs from workers."""
+        """Return whether all runs of the row were requested from workers."""
         return self.is_done or self.asked >= rule.runs
 
     def next_batch(self, rule: StoppingRule, seed: int) -> "_Batch":
@@ -151,7 +151,7 @@ ShowRows = Callable[[Sequence[SweepRow]], object]
 def sweep(
     rows: Sequence[SweepRow], rule: StoppingRule, seed: int, workers: ReplaceableExecutor, report: ShowRows
 ) -> None:
-    """Play all rows until each was played often enough.
+    """Play all rows until each meets its stopping rule.
 
     Args:
         rows: The rows, whose outcomes are filled in.
@@ -188,7 +188,7 @@ def sweep(
 
 
 def _next(rows: Sequence[SweepRow], rule: StoppingRule, seed: int, again: list[_Batch]) -> _Batch | None:
-    """Return the next batch: a lost one, else one of the row with the fewest runs so far."""
+    """Return the next batch: a lost one, or one of the row with the fewest runs."""
     if again:
         return again.pop(0)
     row = min(
@@ -203,6 +203,6 @@ def _named(batch: _Batch) -> str:
 
 
 def smallest_failure(rows: Sequence[SweepRow]) -> tuple[SweepRow, RunResultSample] | None:
-    """Return the failed run that is nearest to a default one, with its row; None if none has failed."""
+    """Return the failed run nearest to a default run, with its row; None if no run has failed."""
     failed = [(row, outcome) for row in rows for outcome in row.outcomes if outcome.failure]
     return min(failed, key=lambda each: each[1].size, default=None)

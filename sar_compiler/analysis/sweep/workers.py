@@ -15,7 +15,7 @@ _Result = TypeVar("_Result")
 
 
 class InlineExecutor(Executor):
-    """Does the work at once, in this thread."""
+    """Executes tasks immediately in this thread."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
         """Return the result in a future that is done."""
@@ -25,7 +25,7 @@ class InlineExecutor(Executor):
 
 
 class ReplaceableExecutor:
-    """An executor that is replaced if it breaks, because one of its processes was killed.
+    """An executor that is replaced if one of its processes was killed.
 
     Args:
         make: Creates an executor.
@@ -72,7 +72,7 @@ class ReplaceableExecutor:
 
 
 def in_processes(count: int) -> ReplaceableExecutor:
-    """Return worker processes; for one, this process works itself."""
+    """Return worker processes; a single worker is this process."""
     if count == 1:
         return ReplaceableExecutor(InlineExecutor, 1)
     # Each is started afresh, on every platform: a copy of this process would have its threads' locks.
@@ -81,7 +81,7 @@ def in_processes(count: int) -> ReplaceableExecutor:
 
 
 def live_with_parent() -> None:
-    """Leave Ctrl-C to the parent process, and end with it in any case."""
+    """Ignore Ctrl-C, which the parent process handles, and end with the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None  # noqa: S101 - this is a worker

@@ -92,7 +92,7 @@ def _search(
     forgets: bool,
     plainly: int,
 ) -> Verification:
-    """Search the states of a tree, branch by branch if that is needed; raises `ConditionError` as well."""
+    """Search the states of a tree, branch by branch if necessary."""
     simulated = prepared.simulated
     stepper = TreeStepper(prepared, properties.rules, forgets=forgets)
     asked = [*questions_of(properties), *([OWN_RECORDS] if stepper.claims else ())]
@@ -119,7 +119,7 @@ def _search(
 def _partial_result(
     asked: Collection[str], progress: Progress, properties: Properties, simulated: SimulatedTree
 ) -> Verification:
-    """Return the result during the search: the violated properties, without a run."""
+    """Return an intermediate result: the violated properties, without runs."""
     violated = "it is violated, but the search stopped before a run could be shown"
     verdicts = tuple(
         Verdict(each, ProofStatus.BROKEN, violated)

@@ -43,7 +43,7 @@ _OUTSIDE = -1
 
 
 def has_parallels(flat: FlatTree) -> bool:
-    """Return whether a tree has parallel nodes, and none that may tick a child twice in a tick or read arbitrary nodes."""
+    """Return whether a tree has parallel nodes whose branches can be searched separately."""
     own = any(isinstance(node, UserNode) for node in flat.nodes)
     return not own and any(isinstance(node, CountingNode) for node in flat.nodes)
 
@@ -91,7 +91,7 @@ class EntrySharing:
                 self._changed.add(entry.name)
 
     def is_apart(self, branch: Behaviour) -> bool:
-        """Return whether no other node uses the entries that a branch changes, or changes those that it uses."""
+        """Return whether a branch shares no changed entry with other nodes."""
         if branch.id not in self._origins:
             return False
         made = self._origins.construction(branch.id)
@@ -103,7 +103,7 @@ class EntrySharing:
 
 @dataclass(frozen=True, eq=False)
 class BranchAssembly:
-    """A tree, or a branch that is ticked on its own, with automata in place of some branches.
+    """A tree or a separate branch, with automata in place of some branches.
 
     Attributes:
         stepper: Ticks it.
@@ -151,7 +151,7 @@ class BranchAssembly:
         )
 
     def go_on(self, position: "BranchPosition", wanted: IsWanted) -> "tuple[BranchPosition, tuple[int, ...]]":
-        """Play the first wanted tick; return the new position, and the tick's choices in the tree without automata."""
+        """Play the first wanted tick; return the new position and the choices in the original tree."""
         path = next(step for step in self.stepper.ticks(position.state) if wanted(step)).path()
         self.told.clear()
         state = next(self.stepper.ticks(position.state, path)).state or b""
@@ -166,7 +166,7 @@ class BranchAssembly:
 
 @dataclass(frozen=True)
 class BranchPosition:
-    """The position in a run that is composed of runs of branches.
+    """The position in a run composed of the branches' runs.
 
     Attributes:
         state: The state of the whole; empty after an error.
@@ -199,7 +199,7 @@ class Branch:
         return all(outcome != SKIPPED for some in self.automaton.ticks for outcome, _ in some)
 
     def go_on(self, position: BranchPosition, result: BranchResult) -> tuple[BranchPosition, tuple[int, ...]]:
-        """Return the position after a tick with a given result, and the tick's choices in the tree without automata."""
+        """Return the position after a tick with a given result, and the choices in the original tree."""
         classes, runs = self.classes, self.automaton.halts[self.classes[position.state]]
         after, choices = self.parts.go_on(
             position, lambda step: (step.outcome, classes[step.state or b""]) == result
@@ -209,7 +209,7 @@ class Branch:
 
 
 def branches_of(prepared: PreparedTree, flat: FlatTree, read: Iterable[str]) -> Iterator[Branch]:
-    """Yield the branches of a tree that can be replaced by automata, none within another one.
+    """Yield the outermost branches of a tree that automata can replace.
 
     Args:
         prepared: The tree.
@@ -263,7 +263,7 @@ def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch
 
 
 def _comes_to_its_end(graph: Graph, runs: Sequence[bool]) -> bool:
-    """Return whether a branch ends in every fair run, with no pending obligation while it does not run.
+    """Return whether a branch ends in every fair run, without pending obligations between its runs.
 
     An obligation that is pending until the branch ends is not pending when it restarts, so runs in which it ends
     repeatedly are fair.
@@ -276,7 +276,7 @@ def _comes_to_its_end(graph: Graph, runs: Sequence[bool]) -> bool:
 
 
 def _classes(results: Sequence[Sequence[BranchResult]]) -> list[int]:
-    """Return a class number for each state, equal for states with the same possible results: the coarsest bisimulation.
+    """Return the class number of each state in the coarsest bisimulation.
 
     Only a running branch can be halted, so one that does not run is in another class.
     """

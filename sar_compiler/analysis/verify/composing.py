@@ -51,7 +51,7 @@ def prove_by_branches(
     report: Report,
     so_far: Verification,
 ) -> Verification | None:
-    """Return the answers to all questions from searches with replaced branches; None if that does not succeed.
+    """Answer all questions by searches with replaced branches; return None if that fails.
 
     Args:
         prepared: The tree.
@@ -85,7 +85,7 @@ def prove_by_branches(
 
 
 class _BranchQuestions:
-    """The questions about a tree, each with the branches that it concerns in full.
+    """The questions about a tree, each with the branches that must not be replaced for it.
 
     Args:
         prepared: The tree.
@@ -114,7 +114,7 @@ class _BranchQuestions:
             self.numbers.setdefault(named, []).append(number)
 
     def search(self, concrete: frozenset[Behaviour], max_states: int, report: Report) -> Graph:
-        """Search the tree with some branches in full."""
+        """Search the tree without replacing some branches."""
         asked = self._properties.only(self.numbers[concrete])
         parts = self._arrangement.without(concrete, asked.rules)
         graph, unknown = explore_decidable(parts.stepper, max_states, report, asked.names)
@@ -151,7 +151,7 @@ class _BranchQuestions:
 
 
 class BranchArrangement:
-    """The replaced branches, alone or joined, for a given set of branches that are search_branch in full.
+    """The replaced branches, single or joined, for a set of unreplaced branches.
 
     Args:
         prepared: The tree.
@@ -166,7 +166,7 @@ class BranchArrangement:
         self._joined: dict[tuple[Behaviour, Behaviour], Branch | None] = {}
 
     def without(self, concrete: Collection[Behaviour], rules: PropertyAutomata) -> BranchAssembly:
-        """Return the tree with some branches in full.
+        """Return the tree without replacing some branches.
 
         Args:
             concrete: The roots of these branches.
@@ -183,7 +183,7 @@ class BranchArrangement:
         )
 
     def _join_neighbours(self, parallel: Behaviour, parts: dict[Behaviour, Branch]) -> list[Behaviour]:
-        """Return the children of a parallel node, with replaced neighbours joined into one new part."""
+        """Return the children of a parallel node, with neighbouring replaced branches joined."""
         can_join = {root for root, branch in parts.items() if branch.is_never_skipped}
         children: list[Behaviour] = []
         for joins, some in groupby(parallel.children, can_join.__contains__):
@@ -196,7 +196,7 @@ class BranchArrangement:
         return children
 
     def _joined_neighbours(self, parallel: Behaviour, run: list[Branch]) -> list[Branch]:
-        """Return as few branches as possible for neighbours below a parallel node."""
+        """Join neighbouring branches below a parallel node into as few as possible."""
         # From the last child backwards, so that a joined branch is reused if only the branch before it differs.
         is_first = run[0].root is parallel.children[0]
         found: list[Branch] = []
@@ -208,7 +208,7 @@ class BranchArrangement:
         return found if is_first else found[::-1]
 
     def _join(self, parallel: Behaviour, pair: Sequence[Branch]) -> Branch | None:
-        """Return two branches as one; None if they can only be replaced separately."""
+        """Join two branches; return None if they can only be replaced separately."""
         roots = pair[0].root, pair[1].root
         if roots not in self._joined:
             self._joined[roots] = search_branch(self._prepared, copy.copy(parallel), pair)
@@ -216,7 +216,7 @@ class BranchArrangement:
 
 
 def _needs_all(node: TreeNode) -> bool:
-    """Return whether a parallel node succeeds if all children have, and fails if one has."""
+    """Return whether a parallel node succeeds if all children succeed, and fails if one fails."""
     behaviour, count = node.behaviour, len(node.children)
     if count > _MOST_JOINED:
         return False
@@ -229,13 +229,13 @@ def _needs_all(node: TreeNode) -> bool:
 
 
 def _constant(port: Input[int]) -> int:
-    """Return the value of a port that never changes; 0 for one that may."""
+    """Return the value of a constant port; 0 for a variable one."""
     return port.get() if port.entry is None else 0
 
 
 @dataclass(frozen=True, eq=False)
 class ComposedSpace(StateSpace):
-    """The states of a tree with replaced branches, with runs shown for the whole tree.
+    """The states of a tree with replaced branches; runs are shown for the original tree.
 
     Attributes:
         parts: The tree.
@@ -261,7 +261,7 @@ class ComposedSpace(StateSpace):
 
 
 class _WholeRun:
-    """A run of the whole tree that follows a run of a tree with replaced branches.
+    """A run of the original tree that corresponds to a run with replaced branches.
 
     Args:
         parts: That tree.

@@ -1,4 +1,4 @@
-"""The smallest change of leaf outcomes with which a recorded run would have succeeded, and the effects of other outcomes.
+"""Counterfactuals: the smallest change that makes a recorded run succeed, and effects of other outcomes.
 
 The recorded run is located among all runs of the tree, tick by tick. From the last tick backwards, the search then
 tries other continuations.
@@ -24,7 +24,7 @@ _MOST_FOLLOWED = 12
 
 
 class Counterfactual(NamedTuple):
-    """The change with which a run would have succeeded.
+    """A change of an outcome that makes a run succeed.
 
     Attributes:
         tick: The number of the last tick that could have been different.
@@ -62,7 +62,7 @@ class WhatIfResult(NamedTuple):
 def counterfactual(
     simulated: SimulatedTree, record: Iterable[Event] | TickSource, names: Sequence[str]
 ) -> Counterfactual | None:
-    """Return the smallest change with which a run would have succeeded, the latest of those; None if none was found.
+    """Return the latest of the smallest changes that make a run succeed; None if none was found.
 
     The change is one leaf's outcome. After it, leaves have their usual outcome, the first possible one, with as few
     exceptions as possible and at most two.
@@ -98,7 +98,7 @@ def counterfactual(
 
 
 class WhatIfSearch:
-    """Answers what a tree would have done in a run with another outcome of a leaf, for several queries.
+    """Answers queries about the effect of another outcome in a run.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
@@ -114,7 +114,7 @@ class WhatIfSearch:
         self._after = _Continuations(self._runs)
 
     def consequences(self, record: Iterable[Event], leaf: int) -> list[WhatIfResult]:
-        """Return the consequences of each other outcome of a leaf in the last tick of a record.
+        """Return the consequences of each other outcome of a leaf in a record's last tick.
 
         Args:
             record: The run up to that tick.
@@ -155,7 +155,7 @@ class _OtherOutcome(NamedTuple):
 
     @property
     def unusual(self) -> int:
-        """The number of unusual outcomes in the tick from this one on."""
+        """The number of unusual outcomes in the rest of the tick."""
         return sum(self.way.unusual[self.place :])
 
 
@@ -181,7 +181,7 @@ class _Continuations:
         self._hopeless: dict[bytes, int] = {}
 
     def follow(self, change: _OtherOutcome) -> WhatIfResult:
-        """Return the consequence of another outcome: some usual ticks, at most until the tree has ended."""
+        """Return the consequence of another outcome: some usual ticks until the tree has ended."""
         way, answers = change.way, list(change.way.answers[change.place + 1 :])
         for _ in range(_MOST_FOLLOWED):
             ways = self._runs.ways(way.state) if way.root == _RUNNING else []
@@ -193,7 +193,7 @@ class _Continuations:
         return WhatIfResult(change.was, change.instead, then, way.root)
 
     def way_to_success(self, way: PossibleTick, most: int) -> list[PossibleTick] | None:
-        """Return the shortest sequence of ticks after one up to a success of the root; None if there is none.
+        """Return the shortest sequence of ticks to a success of the root; None if there is none.
 
         Args:
             way: The tick.

@@ -1,4 +1,4 @@
-"""Limits: facts that bound how often something happens, which proofs need."""
+"""Limits: facts that bound how often events occur, which proofs need."""
 
 from collections.abc import Collection
 
@@ -12,7 +12,7 @@ _WITHOUT_END = 1e18
 
 
 def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
-    """Remove the assumed limits on how often a tree's leaves may have an outcome; return whether there are any.
+    """Remove the assumed limits on leaf outcomes; return whether there are any.
 
     A record shows how often it happened.
 
@@ -27,7 +27,7 @@ def remove_limits(simulated: SimulatedTree, known: Collection[str]) -> bool:
 
 
 def find_limits(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
-    """Return the facts that bound how often something happens, such as operator commands or losses of a connection.
+    """Return the facts that bound how often events occur, such as operator commands.
 
     These are the facts that outcomes only decrease.
 

@@ -1,4 +1,4 @@
-"""Properties of trees: the files that define them, their conditions, and the monitors that detect violations in runs."""
+"""Properties of trees: files, conditions, and monitors that detect violations."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,7 +30,7 @@ AFTER_A_TICK = (ROOT, IDLE)
 
 
 class ConditionError(UndecidableError):
-    """A condition of a property cannot be evaluated in a state that a run reaches.
+    """A condition of a property cannot be evaluated in a reachable state.
 
     Args:
         owner: The name of the property.
@@ -101,7 +101,7 @@ class Condition:
         return self._program.script
 
     def entry_name(self, name: str) -> str | None:
-        """Return the absolute name of the entry to which a name in it refers; None for a part of the last tick's result."""
+        """Return the absolute name of a variable's entry; None for a part of the last tick's result."""
         return None if name in AFTER_A_TICK else self._surroundings.entry(name).name
 
     @property
@@ -311,14 +311,14 @@ class PropertyAutomata:
 
 
 def _answer(condition: AfterTickCondition, root: str, *, idle: bool | None) -> bool | None:
-    """Return whether a condition holds; None if that depends on a value that is not known yet."""
+    """Return whether a condition holds; None if it depends on an unknown value."""
     try:
         return condition(root, idle)
     except IdleUnknownError:
         return None
 
 
-_EMPTY_HINT = "write properties: and below it a name, and below that never: LEAF ANSWER"
+_EMPTY_HINT = "write properties: and below it a name, and below that never: LEAF OUTCOME"
 # The keys of the main events of a property, of the required events, and of the limiting events.
 _KEYS: Mapping[PropertyPattern, tuple[str, str, str]] = {
     PropertyPattern.AFTER: ("after", "eventually", "before"),
@@ -352,7 +352,7 @@ class EventProperty:
 
 @dataclass(frozen=True)
 class PropertyFile:
-    """The content of a file of properties.
+    """The content of a properties file.
 
     Attributes:
         document: The file, with its findings.
@@ -379,7 +379,7 @@ class PropertyFile:
 
 
 def read_property_file(path: str | Path) -> PropertyFile:
-    """Read a file of properties.
+    """Read a properties file.
 
     Its errors are stored in its document. `verify` raises them with those that need a tree.
 
@@ -393,7 +393,7 @@ def read_property_file(path: str | Path) -> PropertyFile:
 
 
 def parse_property_file(text: str, path: str = "<text>") -> PropertyFile:
-    """Read a file of properties from memory; raises as `read_property_file`."""
+    """Parse a properties file in memory; see `read_property_file`."""
     from sar_compiler.documents.yaml_files import parse_yaml
 
     return _understood(parse_yaml(text, path, _EMPTY_HINT))
@@ -440,7 +440,7 @@ class InapplicableProperty:
 
 @dataclass(frozen=True)
 class Properties:
-    """The properties of a tree, as they are checked.
+    """The properties to check for a tree.
 
     Attributes:
         rules: The properties as automata for the search.
@@ -471,7 +471,7 @@ class Properties:
         return (heard | beside).difference(each.number for some in guarded.values() for each in some)
 
     def without(self, owner: str) -> "Properties":
-        """Return the properties without one of them, or without the end of a run and those that depend on it."""
+        """Return the properties without one of them, or without those that depend on the end of a run."""
         if owner in self.names:
             return self.only([number for number, each in enumerate(self.names) if each != owner])
         lasting = set(range(self.rules.monitors.count)).difference(self.owing)
@@ -479,7 +479,7 @@ class Properties:
         return replace(others, rules=replace(others.rules, ends=_never_over), has_end=False)
 
     def only(self, numbers: Sequence[int]) -> "Properties":
-        """Return some of the properties, by their numbers in ascending order."""
+        """Return some of the properties, given their ascending numbers."""
         rules, count = self.rules, self.rules.monitors.count
         monitors = MonitorSet([rules.monitors[number] for number in numbers if number < count])
         at_end = [rules.at_end[number - count] for number in numbers if number >= count]
@@ -499,7 +499,7 @@ class Properties:
 
 
 def without_properties() -> Properties:
-    """Return the properties without a file: none, and a run is over when the root has succeeded or failed."""
+    """Return the default properties, without a file: a run ends when the root has succeeded or failed."""
     return Properties(PropertyAutomata(MonitorSet(()), {}, _root_is_over))
 
 
@@ -558,7 +558,7 @@ class _PropertyEvents:
 
     @property
     def cannot_happen(self) -> bool:
-        """Whether they name only leaves that the tree does not have."""
+        """Whether all named leaves are missing in the tree."""
         return bool(self.missing) and not self.numbers
 
 
@@ -623,7 +623,7 @@ class _PropertyParser:
         return events
 
     def _missing_leaf(self, text: str) -> str | None:
-        """Return the leaf that a string names, if a tree can have it and this one does not."""
+        """Return the leaf that a string names if it is missing in this tree."""
         words = text.split(" ")
         heads = [" ".join(words[:count]) for count in range(len(words), 0, -1)]
         if any(self._words.named(head) for head in heads):
@@ -631,7 +631,7 @@ class _PropertyParser:
         return next((head for head in heads if head in self._tags), None)
 
     def _guard(self, numbers: set[int], condition: Condition, *, comes_first: bool) -> int:
-        """Return the number of an event that happens together with others while a condition holds."""
+        """Return the number of an event that accompanies others while a condition holds."""
         companion = len(self._alphabet.events) + len(self.monitors)
         for number in numbers:
             self.guarded.setdefault(number, []).append(Guarded(companion, condition.holds, comes_first))

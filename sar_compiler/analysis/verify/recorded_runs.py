@@ -1,4 +1,4 @@
-"""Location of a recorded run among all runs of its tree.
+"""Finding a recorded run among all runs of its tree.
 
 A record may omit when timers expired and which outcome of a leaf a status stands for. So several ways may match one
 recorded tick.
@@ -36,11 +36,11 @@ class NotReplayedError(UndecidableError):
 
 
 class OtherTreeError(UndecidableError):
-    """A recorded run is one of a tree with other nodes."""
+    """A recorded run belongs to a tree with different nodes."""
 
 
 def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
-    """Yield the ticks of a record, including those between in which nothing was recorded."""
+    """Yield the ticks of a record, including those without recorded events."""
     tick: list[Event] = []
     before: Event | None = None
     for event in record:
@@ -54,7 +54,7 @@ def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:
 
 
 def recorded_ticks(record: Iterable[Event]) -> Iterator[LoggedTick]:
-    """Yield the ticks of a record, as `ticks_of` does."""
+    """Yield the ticks of a record; see `ticks_of`."""
     for tick in ticks_of(record):
         end = tick[-1]
         content = (*[event[1:5] for event in tick], end.statuses)
@@ -113,7 +113,7 @@ class PossibleTick(NamedTuple):
     broken: tuple[tuple[int, Event], ...] = ()
 
     def common(self, noted: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-        """Return how many recorded outcomes of a tick this one has, in order, and how many of its own outcomes match them.
+        """Return how many recorded outcomes this tick has in order, and how many of its own outcomes match.
 
         An outcome that may be that of a leaf's condition is passed over if this tick lacks it.
 
@@ -124,7 +124,7 @@ class PossibleTick(NamedTuple):
         return _common(self.answers, noted, before)
 
     def other_status(self, recorded: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-        """Return the first node whose recorded status differs from this tick, with that status; None if all match.
+        """Return the first node with a different recorded status, and that status; None if all match.
 
         Args:
             recorded: The statuses that were recorded in the tick, in their order, each with the node's number.
@@ -225,7 +225,7 @@ class FoundTicks:
         return map(FoundTick, reversed(self._numbers), reversed(self._times), reversed(self._ways))
 
     def append(self, tick: LoggedTick, ways: "_FoundWays") -> None:
-        """Add a tick with its possible ways."""
+        """Add a tick with its possible continuations."""
         self._numbers.append(tick.number)
         self._times.append(tick.time_sec)
         self._ways.append(ways)
@@ -233,7 +233,7 @@ class FoundTicks:
     def remove_other_ticks(
         self, states: Collection[bytes], shared: "Callable[[_FoundWays], _FoundWays]"
     ) -> None:
-        """Remove the ways that reach none of the last tick's states; *shared* returns one list for equal ways."""
+        """Remove the continuations that reach none of the last tick's states."""
         now = frozenset(states)
         known: dict[tuple[int, frozenset[bytes]], tuple[_FoundWays, frozenset[bytes]]] = {}
         for index in range(len(self._ways) - 1, -1, -1):
@@ -246,7 +246,7 @@ class FoundTicks:
 
 
 class LostTick(NamedTuple):
-    """A recorded tick that is impossible after the ticks before it.
+    """A recorded tick that is impossible after the previous ticks.
 
     Attributes:
         number: Its number in the run, from 1.
@@ -266,7 +266,7 @@ class LostTick(NamedTuple):
 
 
 class _RecordPosition:
-    """A position in a record: the possible states, and the results before it.
+    """A position in a record, with the possible states and the previous results.
 
     Args:
         states: The states that the run can be in.
@@ -283,7 +283,7 @@ class _RecordPosition:
 
     @property
     def key(self) -> Hashable:
-        """What another one has that is the same."""
+        """A key that is equal for equivalent positions."""
         return self.states, frozenset(self.told.statuses.items()), frozenset(self.told.labels.items())
 
 
@@ -342,7 +342,7 @@ class TreeRuns:
         return not self._left
 
     def ways(self, state: bytes) -> list[PossibleTick]:
-        """Return the ticks of a state; none after the limit on explored ticks is reached."""
+        """Return the ticks of a state; none once the limit on explored ticks is reached."""
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
@@ -350,7 +350,7 @@ class TreeRuns:
         return self._known[state]
 
     def ticks_like(self, state: bytes, noted: Sequence[Event], before: ObservedPrefix) -> list[PossibleTick]:
-        """Return the ticks of a state that have the recorded answers; of a state with few ticks all.
+        """Return the ticks of a state with the recorded outcomes; all ticks if they are few.
 
         Of the ticks with other answers, one is among them for each first answer that differs. So their number grows with that of the
         leaves that are ticked, and not with that of the combinations of their answers.
@@ -381,7 +381,7 @@ class TreeRuns:
         return state in self._known
 
     def _know(self, state: bytes, most: int) -> bool:
-        """Note the ticks of a state; return whether these are all, and no more than some."""
+        """Store the ticks of a state; return whether they are complete and few."""
         found: dict[PossibleTick, None] = {}
         for count, way in enumerate(self._play_ticks(state), 1):
             found[way] = None
@@ -435,7 +435,7 @@ class TreeRuns:
         return [*self.ways(state), *self._raising.get(state, ())]
 
     def _way(self, state: bytes) -> PossibleTick:
-        """Return the last tick, which has a state after it."""
+        """Return the last tick, which has not raised an error."""
         statuses = self._statuses()
         tick, broken = self.stepper.played(), self.stepper.broken()
         answers = tuple(event for event in tick.events if event.answer)
@@ -446,19 +446,19 @@ class TreeRuns:
         )
 
     def _statuses(self) -> tuple[str, ...]:
-        """Return the statuses of the nodes from their cells; empty for a node at rest."""
+        """Return the statuses of the nodes from their cells; empty for idle nodes."""
         cells = self.stepper.ticker.cells
         return tuple(WORDS[cells[node.at]] if cells[node.at] else "" for node in self.stepper.flat.nodes)
 
     def restore_before(self, state: bytes, way: PossibleTick, place: int) -> None:
-        """Restore the facts and keys before an outcome of a tick, by its index among the tick's outcomes."""
+        """Restore the facts and keys before an outcome of a tick, given its index."""
         for step in self.stepper.ticks(state):
             if self._way(step.state or _NOWHERE)._replace(running=way.running) == way:
                 self.stepper.restore_before_outcome(place)
                 return
 
     def locate(self, record: Iterable[Event] | TickSource) -> tuple[FoundTicks, LostTick | None]:
-        """Return the ticks of a run, found again, up to the first that is none of the tree's.
+        """Find the ticks of a recorded run in the tree, up to the first impossible one.
 
         Raises:
             UndecidableError: If the tree has too many runs, or a tick depends on an unknown value.
@@ -520,7 +520,7 @@ class TreeRuns:
         return []
 
     def _find_ways(self, position: "_RecordPosition", tick: Sequence[Event]) -> _FoundWays:
-        """Return the ways of a recorded tick."""
+        """Return the possible ticks that match a recorded one."""
         *events, end = tick
         noted = [event for event in events if event.answer and event.number in self.leaves]
         halted = self.leaves.intersection(event.number for event in events if event.what == HALTED)
@@ -541,7 +541,7 @@ class TreeRuns:
         return LostTick(end.tick, end.time_sec or 0.0, tick, states, position.told, is_last)
 
     def locate_all(self, record: Iterable[Event] | TickSource) -> FoundTicks:
-        """Return the ticks of a run, found again.
+        """Find all ticks of a recorded run in the tree.
 
         Raises:
             NotReplayedError: If the run is not one of the tree's runs.

@@ -1,4 +1,4 @@
-"""The use of numbers in scripts: the constants to which a variable is compared, and the flow of values by `y = x + 2`."""
+"""The use of numbers in scripts: comparisons with constants, and the flow of values as in `y = x + 2`."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -228,5 +228,5 @@ def _either(first: FlowValue, second: FlowValue) -> FlowValue:
 
 
 def _is_number(value: FlowValue) -> bool:
-    """Return whether a value is a number if the entries on which it depends hold numbers."""
+    """Return whether a value is a number if the entries that it depends on contain numbers."""
     return str not in value.types and object not in value.types

@@ -1,4 +1,4 @@
-"""Values of keys and facts that no run can distinguish, so that states that differ only in them are merged.
+"""Merging of states that differ only in values that no run can distinguish.
 
 A patrol that counts its rounds (`rounds = rounds + 1`) has a state for each number, although nothing depends on it,
 or only on whether it is below 3. So before a search the scripts of a tree, of its leaves' outcomes and of the
@@ -49,7 +49,7 @@ _AFTERWARDS = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 
 
 def merge_values(prepared: PreparedTree, properties: Properties) -> None:
-    """Make searches of a tree merge the values of keys and facts that no run can distinguish.
+    """Merge, in searches of a tree, values of keys and facts that no run can distinguish.
 
     Nothing is merged if a property asks whether the tree idles, that is, whether every value stays unchanged.
 
@@ -127,7 +127,7 @@ def _take_ports(flows: ScriptFlows, simulated: SimulatedTree) -> bool:
 
 
 def _types_at_start(board: Board, name: str) -> set[object]:
-    """Return the types that an entry has at the start: its own, and that of its value."""
+    """Return the initial types of an entry: its own and that of its value."""
     own = {board.kind(name)} if board.is_declared(name) else set()
     return {*own, *((type(board.get(name)),) if board.has(name) else ())} - {None}
 
@@ -165,7 +165,7 @@ class _Solution:
         return self._types[name] <= NUMBERS
 
     def _real_entries(self) -> set[str]:
-        """Return the entries that only hold real numbers, and whose values only flow into entries of that kind."""
+        """Return the entries that contain only real numbers, which flow only into such entries."""
         real = {name for name, types in self._types.items() if types == {float}}
         while lost := {
             source for target, source, _ in self._flows.flows if source in real and target not in real
@@ -174,7 +174,7 @@ class _Solution:
         return real
 
     def _fixed_entries(self) -> set[str]:
-        """Return the entries that are read in a way that distinguishes all of their values."""
+        """Return the entries whose reads distinguish all values."""
         flows = self._flows
         fixed = {*flows.fixed, *(name for name in self._read if not self._are_numbers(name))}
         for target, source, offset in flows.flows:
@@ -187,13 +187,13 @@ class _Solution:
         return fixed
 
     def _is_irrelevant(self, target: str, value: FlowValue) -> bool:
-        """Return whether an assigned value makes no difference, because nothing reads the entry and it has one type."""
+        """Return whether an assigned value is irrelevant, because no node reads the entry and it has one type."""
         types = self._types[target]
         is_taken = len(types) == 1 and types == value.types and types <= {float, str}
         return target not in self._read and value.is_total and is_taken
 
     def _require(self, name: str, above: float, below: float) -> bool:
-        """Require that values are distinguished up to a number, and down to one; return whether that is new."""
+        """Require that values between two bounds are distinguished; return whether that is new."""
         above = above if above <= _LARGEST_LIMIT else math.inf
         below = below if below >= -_LARGEST_LIMIT else -math.inf
         is_new = above > self._above[name] or below < self._below[name]
@@ -202,7 +202,7 @@ class _Solution:
         return is_new
 
     def _follow_flows(self) -> None:
-        """Require of each entry the distinctions of the entries into which its values flow.
+        """Propagate required distinctions backwards along the flow of values.
 
         These are longest paths: one that still grows after as many steps as there are entries is a cycle.
         """
@@ -220,12 +220,12 @@ class _Solution:
 
 
 def _distance(offset: float) -> float:
-    """Return by how much a bound moves towards the other values; sums of non-integers are rounded."""
+    """Return the distance by which a bound moves along a flow."""
     return max(0.0, offset if offset.is_integer() else math.ceil(offset) + 1.0)
 
 
 def _types_of_all(flows: ScriptFlows, start: Mapping[str, set[object]]) -> dict[str, set[object]]:
-    """Return the types that each entry can hold.
+    """Return the possible types of each entry.
 
     Args:
         flows: The effects of scripts.

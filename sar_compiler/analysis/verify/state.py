@@ -1,4 +1,4 @@
-"""The state of a tree between two ticks: its parts, and how it is saved and restored."""
+"""The state of a tree between two ticks, and how it is saved and restored."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ _MOST_GROWING = 3
 
 
 class EventAlphabet:
-    """The possible events of the stub leaves of a tree, which the kernel knows by numbers.
+    """The possible events of a tree's stub leaves, numbered for the kernel.
 
     Args:
         simulated: The tree.
@@ -93,7 +93,7 @@ class PreparedTree:
         return prepared
 
     def merge(self, values: Mapping[str, MergedValues]) -> None:
-        """Make searches merge some values of entries, by the entries' absolute names; call it before the first tick."""
+        """Merge, in searches, values of entries given by absolute names; call it before the first tick."""
         if not values:
             return
         entries, merging = self.entries, ValueMerging(self.entries, values)
@@ -126,13 +126,13 @@ class StateValues:
         return dict(sorted(self.simulated.fact_values().items()))
 
     def facts_and_keys(self, state: bytes | None = None) -> tuple[dict[str, object], dict[str, object]]:
-        """Return the facts and the keys of the tree in a state, each by their names; the current ones without a state."""
+        """Return the facts and the keys of the tree, by name, in a state or now."""
         if state is not None:
             self.steps.restore(state)
         return self.facts(), dict(sorted(self.simulated.compiled.board.values().items()))
 
     def values_in(self, state: bytes) -> dict[str, object]:
-        """Return the keys of the tree and then the facts in a state."""
+        """Return the keys of the tree, then the facts, in a state."""
         facts, keys = self.facts_and_keys(state)
         return {**keys, **facts}
 

@@ -1,4 +1,4 @@
-"""The states of a tree and the ticks between them, with the runs that lead to them, replayed tick by tick."""
+"""The states of a tree and the ticks between them, with replayed runs that lead to them."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Trace:
 
 
 class PlayedTick(NamedTuple):
-    """A tick that was found in a search.
+    """A tick found in a search.
 
     Attributes:
         path: Its choices.
@@ -69,7 +69,7 @@ def replay_ticks(stepper: TreeStepper, ticks: Iterable[PlayedTick]) -> list[Tick
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """The states that were found of a tree, and the ticks between them.
+    """The states found for a tree, and the ticks between them.
 
     For each tick, the search stores only the states and intermediate states to which it leads, and its pending
     obligations. The events and changes of a million ticks would not fit into memory. A run is reconstructed from
@@ -96,7 +96,7 @@ class StateSpace:
 
     @property
     def raised(self) -> Exception | None:
-        """The error of the last tick in the last run that was shown, if `plain` has played it."""
+        """The error of the last tick in the last shown run, if `plain` has played it."""
         return None if self.plain is None else self.plain.steps.error
 
     def to(self, state: int) -> Trace:
@@ -119,7 +119,7 @@ class StateSpace:
         return [(source, self._leads_to(target)) for source, target in pairwise(states)]
 
     def _trace(self, steps: Iterable[tuple[int, IsWanted]], loop: int = 0) -> Trace:
-        """Return a run of ticks, each given by its initial state and a function that recognizes the wanted tick."""
+        """Return a run of ticks, each given by its initial state and a predicate."""
         if self.plain is None:
             played = [self._play(source, wanted, number) for number, (source, wanted) in enumerate(steps, 1)]
         else:

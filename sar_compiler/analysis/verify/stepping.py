@@ -1,4 +1,4 @@
-"""The ticks of a simulated tree from any possible state, checked against the declarations of the user's specs."""
+"""The ticks of a simulated tree from any state, checked against the user's declarations."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -36,7 +36,7 @@ from sar_compiler.runtime.variables import UNKNOWN
 def check_declarations(
     nodes: Iterable[UserNode], compiled: CompiledTree, deny: Callable[[Behaviour, str], None]
 ) -> bool:
-    """Let nodes check their own behaviour against their declarations; return whether there are any declarations.
+    """Enable checks of nodes against their declarations; return whether there are any.
 
     Args:
         nodes: The nodes.
@@ -129,7 +129,7 @@ class TreeStepper:
         self._before: tuple[Mapping[str, object], Mapping[str, object]] = ({}, {})
 
     def _begin_as_first(self, prepared: PreparedTree, ticker: Ticker) -> None:
-        """Start nodes like those of the first stepper: their behaviours have been ticked since, and some have memory."""
+        """Initialise nodes like those of the first stepper, because their behaviours have been ticked since."""
         cells, values = ticker.cells, ticker.values
         for node in self.flat.nodes:
             keeps_nothing = node.first_cell == node.last_cell and node.first_value == node.last_value
@@ -147,7 +147,7 @@ class TreeStepper:
         self.wrong = f"'{behaviour.name}' ({cls.__module__}.{cls.__qualname__}) {what}: correct its outcomes or semantics"
 
     def _remembered(self) -> dict[str, object]:
-        """Return the memory of the user's controls and decorators in their cells, by the names of node and attribute."""
+        """Return the cells of the user's controls and decorators, by the names of node and attribute."""
         values = self.ticker.values
         return {
             f"{node.behaviour.name}.{name}": values[at]
@@ -158,7 +158,7 @@ class TreeStepper:
         }
 
     def ticks(self, state: bytes, path: tuple[int, ...] = ()) -> Iterator[TickSteps]:
-        """Play the ticks of a state one after the other, or the one with some choices.
+        """Play the ticks of a state one after the other, or the tick with given choices.
 
         `played`, `unusual` and `broken` describe the last tick.
         """
@@ -173,7 +173,7 @@ class TreeStepper:
             self._trail.keeps = False
 
     def pass_over(self, place: int) -> None:
-        """Pass over the other ticks that begin as the last one did, up to an answer, by its place among its answers.
+        """Skip the ticks that begin like the last one, up to the outcome with an index.
 
         What is chosen behind the answer makes no difference then: the next combination is another one up to it.
         """
@@ -187,12 +187,12 @@ class TreeStepper:
         self.ticker.choices.go_back(next(behind, self.ticker.choices.asked))
 
     def play(self, state: bytes, wanted: Callable[[TickSteps], bool], number: int = 0) -> TickRecord:
-        """Play the first wanted tick of a state; return it as the tick of that number."""
+        """Play the first wanted tick of a state, and return it with a tick number."""
         next(step for step in self.ticks(state) if wanted(step))
         return self.played(number)
 
     def played(self, number: int = 0) -> TickRecord:
-        """Return the events of the last tick, as the tick of that number."""
+        """Return the events of the last tick with a tick number."""
         now, events = self.ticker.entries.now, []
         happened, after = self._recorded_events(), list(now)
         for (event, past), (_, then) in pairwise([*happened, (0, after)]):
@@ -227,12 +227,12 @@ class TreeStepper:
         return tuple(unusual)
 
     def judgement(self, state: bytes, *, idle: bool | None = None) -> Judgement:
-        """Judge a state by itself; see `PropertyAutomata.judge`."""
+        """Judge a single state; see `PropertyAutomata.judge`."""
         outcome, watched = self.steps.restore(state)
         return self._rules.judge(outcome, watched, idle)
 
     def broken(self) -> tuple[tuple[int, Event], ...]:
-        """Return the numbers of the properties over events that the last tick has violated, each with the event."""
+        """Return the event properties that the last tick has violated, each with the event."""
         if not self.steps.broken:
             return ()
         watched, found = self._watched, []
@@ -244,7 +244,7 @@ class TreeStepper:
         return tuple(found)
 
     def _own_number(self, place: int) -> int:
-        """Return the number of an event of the last tick; for an event that accompanies another, the number of that one."""
+        """Return the number of an event of the last tick, or of the event that it accompanies."""
         count, numbers = len(self._alphabet.events), self._trail.numbers
         if numbers[place] < count:
             return numbers[place]

@@ -1,4 +1,4 @@
-"""Searches of trees in which leaves write unknown values: a tick that needs one is distinguished from one that raises.
+"""Searches of trees in which leaves write unknown values.
 
 A run is not explored beyond such a tick. So the runs that are shown are possible, and statements about all runs are
 undecided.
@@ -20,7 +20,7 @@ DecidableResult = TypeVar("DecidableResult")
 def search_decidable(
     properties: Properties, search: Callable[[Properties], DecidableResult]
 ) -> tuple[DecidableResult, dict[str, str]]:
-    """Search without the conditions of properties and of the end of a run that need an unknown value.
+    """Search without conditions that need an unknown value.
 
     Args:
         properties: The properties of the tree.
@@ -62,7 +62,7 @@ def explore_decidable(
 
 
 class _RecordedErrors(Stepper):
-    """The steps of a tree, with the first tick of each kind that raises.
+    """The steps of a tree, with the first raising tick of each kind.
 
     Args:
         steps: The steps.

@@ -1,4 +1,4 @@
-"""The questions about a tree, their answers from the graph of its states, and the comparison of two trees' answers."""
+"""The questions about a tree, their verdicts, and the comparison of two trees' verdicts."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ class ProofStatus(str, Enum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """A question and its answer.
+    """A question and its verdict.
 
     Attributes:
         question: The statement that should hold.
@@ -41,7 +41,7 @@ class Verdict:
     trace: Trace | None = None
 
     def __repr__(self) -> str:
-        """Return the question and its answer, without the run, which has many lines."""
+        """Return the question and its verdict without the run."""
         return f"<{self.question}: {self.outcome.value}{f', {self.reason}' if self.reason else ''}>"
 
     def _repr_html_(self) -> str:
@@ -114,7 +114,7 @@ OWN_RECORDS = "your classes behave as they declare"
 
 
 def questions_of(properties: Properties) -> list[str]:
-    """Return the questions about a tree: those that are asked of every tree, and its properties."""
+    """Return the questions about a tree: the general ones and its properties."""
     ends = [AN_END, NO_LIVELOCK] if properties.has_end else []
     return [NO_ERROR, EVERY_LEAF, *ends, *properties.names]
 
@@ -133,7 +133,7 @@ class ProofQuestions:
         self._told = told
 
     def verdict_on_errors(self) -> Verdict:
-        """Return the verdict on whether a tick of any run raises an error."""
+        """Return the verdict on whether any tick raises an error."""
         error, unknown = self._graph.error, self._space.unknown
         first = error or unknown
         if first is None:
@@ -238,7 +238,7 @@ _RANKS: Mapping[ProofStatus | None, int] = {
 
 @dataclass(frozen=True)
 class ComparedVerdict:
-    """A question that was asked of two trees, or of one of them.
+    """A question about two trees, or about one of them.
 
     Attributes:
         question: The question.
@@ -252,7 +252,7 @@ class ComparedVerdict:
 
     @property
     def change(self) -> str:
-        """The change of the answer: `SAME`, `WORSE`, `BETTER`, or `OTHER` for neither."""
+        """The change of the verdict: `SAME`, `WORSE`, `BETTER`, or `OTHER` for neither."""
         before, now = (None if each is None else each.outcome for each in (self.before, self.now))
         if before is now:
             return SAME
@@ -263,7 +263,7 @@ class ComparedVerdict:
 
 @dataclass(frozen=True)
 class VerificationComparison:
-    """The answers to the same questions about two trees.
+    """The verdicts on the same questions about two trees.
 
     Attributes:
         before: The result for the first tree.
@@ -275,11 +275,11 @@ class VerificationComparison:
 
     @property
     def answers(self) -> tuple[ComparedVerdict, ...]:
-        """Every question that was asked of either tree, in their order."""
+        """All questions about either tree, in order."""
         before, now = ({v.question: v for v in each.verdicts} for each in (self.before, self.now))
         return tuple(ComparedVerdict(name, before.get(name), now.get(name)) for name in {**now, **before})
 
     @property
     def worse(self) -> bool:
-        """Whether any answer is worse than before."""
+        """Whether any verdict is worse than before."""
         return any(answer.change == WORSE for answer in self.answers)

@@ -80,7 +80,7 @@ class CheckContext:
         ]
 
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
-        """Yield the nodes for whose spec `find` returns anything, with its result.
+        """Yield the nodes for whose spec `find` returns a result, with that result.
 
         Most files have no such node, and are not traversed.
         """
@@ -90,7 +90,7 @@ class CheckContext:
                 yield bound, found[id(bound.spec)]
 
     def is_main(self, tree: BoundTree) -> bool:
-        """Return whether a tree is executed as far as the file shows: the main tree, or an unused one.
+        """Return whether a tree may be executed: it is the main tree, or no tree uses it.
 
         If the file names no main tree, the other files of its project are searched for uses.
         """
@@ -122,7 +122,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_telling(self) -> bool:
-        """Whether the outcomes of the nodes allow any conclusions."""
+        """Whether the outcomes of the nodes allow conclusions."""
         return any(is_telling(spec) for spec in self.bound.specs)
 
     @functools.cached_property
@@ -133,7 +133,7 @@ class CheckContext:
 
     @functools.cached_property
     def broken(self) -> frozenset[BoundNode]:
-        """The nodes with an error in their tag, attributes or children, from which no conclusions are drawn."""
+        """The nodes with an error in their tag, attributes or children; rules skip them."""
         return frozenset(self._broken()) if self._errors else frozenset()
 
     @functools.cached_property

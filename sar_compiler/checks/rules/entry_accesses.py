@@ -1,4 +1,4 @@
-"""The accesses of nodes to blackboard keys, and to each entry with all subtrees expanded, with their order.
+"""The accesses of nodes to blackboard keys and entries, and their order, with all subtrees expanded.
 
 It answers which of two accesses happens first in every run, from the positions of their nodes alone.
 """
@@ -24,7 +24,7 @@ from sar_compiler.tree.diagnostic import Span
 
 
 class AccessTime(enum.IntEnum):
-    """The time of an access relative to the ticks of the node's children."""
+    """When a node accesses an entry, relative to the ticks of its children."""
 
     BEFORE = 0
     AFTER = 1
@@ -171,7 +171,7 @@ def _is_open(bound: BoundNode) -> bool:
 
 
 def _is_indirect(bound: BoundNode, name: str) -> bool:
-    """Return whether a key holds the script that a node runs, or the name of the key that it uses."""
+    """Return whether a key contains the script that a node runs, or the name of the key that it uses."""
     parameter = bound.spec.parameters.get(name)
     if parameter is None:
         return False
@@ -184,7 +184,7 @@ def _has_scope(spec: NodeSpec) -> bool:
 
 
 def is_root_key(key: str) -> bool:
-    """Return whether a key is written as a key of the main tree: `@key`."""
+    """Return whether a key has the form of a main tree's key: `@key`."""
     return key.startswith(ROOT_SIGN)
 
 
@@ -329,7 +329,7 @@ class OrderedAccesses:
         self.uses = [uses[index] for _, index in numbered]
 
     def has_access_in(self, first: int, last: int) -> bool:
-        """Return whether an access is at a place with a number from *first* to *last*."""
+        """Return whether an access has a place number from *first* to *last*."""
         index = bisect.bisect_left(self._numbers, first)
         return index < len(self._numbers) and self._numbers[index] <= last
 
@@ -338,7 +338,7 @@ class OrderedAccesses:
         return self.uses[start : bisect.bisect_right(self._numbers, place.number, start)]
 
     def is_each_preceded(self, first: EntryAccess) -> bool:
-        """Return whether another access precedes each of them, as `comes_first` decides for two."""
+        """Return whether another access precedes all of these, in the sense of `comes_first`."""
         place: TreePosition = first.place
         if self.uses and self._numbers[0] < place.number and not self.uses[0].place.holds(place):
             return False  # the most frequent case
@@ -356,7 +356,7 @@ class OrderedAccesses:
         return True
 
     def _are_after(self, first: EntryAccess, inner: TreePosition, around: TreePosition) -> bool:
-        """Return whether another access, in a child of a node, precedes the accesses elsewhere in the node."""
+        """Return whether an access in one child of a node precedes the accesses in the other children."""
         return (
             not self.has_access_in(around.number + 1, inner.number - 1)
             and (not self.has_access_in(inner.last + 1, around.last) or _precedes(first, around))
@@ -383,13 +383,13 @@ class EntryAccesses:
     is_parameter: bool = False
 
     def of(self, *kinds: AccessKind) -> list[EntryAccess]:
-        """Return the uses of given kinds."""
+        """Return the accesses of the given kinds."""
         return [use for use in self.uses if use.access.kind in kinds]
 
     # Computed once, after all uses have been added: an entry may have as many uses as its tree has nodes.
     @functools.cached_property
     def writers(self) -> list[EntryAccess]:
-        """The uses that may write it first; the `=` of a script may if a port has the key."""
+        """The accesses that may write the entry first; `=` in a script may if a port has the key."""
         has_port = any(use.access.place is None for use in self.uses)
         return self.of(AccessKind.WRITE, AccessKind.BOTH, *((AccessKind.CHANGE,) if has_port else ()))
 
@@ -439,17 +439,17 @@ class EntryTable:
 
     @functools.cached_property
     def written(self) -> Mapping[Scope, list[str]]:
-        """The keys of each scope that something may write."""
+        """The keys that a node may write, by scope."""
         return self._keys(is_made=True)
 
     @functools.cached_property
     def written_keys(self) -> frozenset[str]:
-        """The keys of all scopes that something may write."""
+        """The keys that a node may write, in all scopes."""
         return frozenset(itertools.chain.from_iterable(self.written.values()))
 
     @functools.cached_property
     def unwritten(self) -> Mapping[Scope, list[str]]:
-        """The keys of each scope that nothing writes."""
+        """The keys that no node writes, by scope."""
         return self._keys(is_made=False)
 
     def _keys(self, *, is_made: bool) -> Mapping[Scope, list[str]]:
@@ -472,7 +472,7 @@ class EntryTable:
 
     @functools.cached_property
     def unclosed(self) -> Mapping[BoundTree, frozenset[str | None]]:
-        """The keys of each tree that are written with only one brace, with their intended form."""
+        """Each tree's keys with only one brace, and their intended form."""
         return {
             tree: frozenset(
                 complete_key_braces(text)
@@ -484,7 +484,7 @@ class EntryTable:
 
 
 def entry_table_of(top: TreeInstance, accesses: Mapping[BoundTree, KeyAccesses] | None = None) -> EntryTable:
-    """Return the accesses to each entry; those of each tree by itself may be passed if they are known."""
+    """Return the accesses to each entry; pass the accesses of each tree if they are known."""
     if accesses is None:
         trees = dict.fromkeys(instance.tree for instance in top.iterate())
         accesses = {tree: key_accesses_of(tree) for tree in trees}
@@ -516,7 +516,7 @@ def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: s
 
 
 def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
-    """Return the outermost `SubTree` that passes an entry to the tree of a use, and its attribute for this.
+    """Return the outermost `SubTree` that passes an entry to a use's tree, and the attribute that does.
 
     None if the use is in the tree to which the entry belongs, or the entry is passed without an attribute.
     """
@@ -544,7 +544,7 @@ def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition 
 
 
 def comes_first(first: EntryAccess, second: EntryAccess) -> bool:
-    """Return whether the first use has certainly happened when the second happens for the first time."""
+    """Return whether the first use always happens before the second one's first time."""
     if not first.access.is_certain:
         return False
     place, other = first.place, second.place
@@ -575,12 +575,12 @@ def _precedes(first: EntryAccess, around: TreePosition) -> bool:
 
 
 def _is_straight(use: EntryAccess, around: TreePosition | None) -> bool:
-    """Return whether every ancestor of *use* below *around* (None: every ancestor) advances only after it."""
+    """Return whether all ancestors of *use* below *around* (None: all ancestors) advance only after it."""
     return use.place is around or any(each is around for each in enclosing_sequences(use))
 
 
 def enclosing_sequences(use: EntryAccess) -> Iterator[TreePosition | None]:
-    """Yield the places around a use, as long as the nodes between continue only after it has happened.
+    """Yield the places around a use, up to the first node that may continue without it.
 
     Yields None after the root.
     """
@@ -616,7 +616,7 @@ def _is_first(place: TreePosition, around: TreePosition) -> bool:
 
 
 def between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
-    """Return the nodes between two uses in the same sequence, including that of the first use."""
+    """Return the nodes between two uses in a sequence, including the first use's node."""
     around = common_position(first.place, second.place)
     start, end = around.child(first.place), around.child(second.place)
     return around.bound.children[start.index : end.index]

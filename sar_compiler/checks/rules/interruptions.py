@@ -1,4 +1,4 @@
-"""Rules about work that controls repeat or interrupt: reactive controls, which re-evaluate every child, and parallels."""
+"""Rules about actions that reactive controls and parallels repeat or interrupt."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -52,7 +52,7 @@ def _sequence(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnost
 
 
 def _pairs_with_later(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[tuple[BoundNode, BoundNode]]:
-    """Yield each child that precedes a child which takes time, with the first of these."""
+    """Yield each child that precedes a child that takes time, and the latter."""
     later: BoundNode | None = None
     pairs: list[tuple[BoundNode, BoundNode]] = []
     for child in reversed(bound.children):
@@ -123,7 +123,7 @@ def _starts_over(bound: BoundNode) -> bool:
 
 
 def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield work below the root that is restarted after it is done, because nothing before it has changed."""
+    """Yield finished work that is restarted in every tick, because no earlier node changes its result."""
     waiting = [root]
     while waiting:
         bound = waiting.pop()

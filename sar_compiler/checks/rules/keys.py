@@ -129,7 +129,7 @@ def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enu
 
 
 def _doubt(findings: Iterable[Diagnostic], unless: str = "unless C++ code does") -> Iterator[Diagnostic]:
-    """Yield findings one severity lower: nodes of other programs may write a key without the file showing it."""
+    """Yield findings one severity lower, because nodes of other programs may write keys that the file does not show."""
     for finding in findings:
         yield replace(finding, message=f"{finding.message}, {unless}", severity=Severity.INFO)
 
@@ -163,7 +163,7 @@ def _unknown_enumeration(use: EntryAccess, meant: str) -> Diagnostic:
 def _unwritten_argument(
     place: BoundNode, attribute: str, entry: EntryAccesses, near: str | None
 ) -> Diagnostic:
-    """Return the finding about an unwritten key at the `SubTree` that passes it to the reading tree."""
+    """Return the finding about an unwritten key, located at the `SubTree` that passes it to the reading tree."""
     message = f"{attribute}: '{entry.key}' is read in '{place.name}', but never written"
     suggestion = f"{{{near}}}" if near is not None else None
     hint = f"write it in an earlier node, or read the mission parameter {{@{entry.key}}}"
@@ -180,7 +180,7 @@ def _how_to_give(use: EntryAccess, key: str) -> str:
 
 
 def _is_typo(entry: EntryAccesses, near: str) -> bool:
-    """Return whether a key must be a typo: it differs only in blanks, or is used once and very similar."""
+    """Return whether a key is a typo: it differs only in blanks, or is used once and is very similar."""
     if entry.key.strip() == near.strip():
         return True
     plural = {entry.key, near} in ({entry.key, f"{entry.key}s"}, {near, f"{near}s"})
@@ -199,7 +199,7 @@ def _is_given_another(use: EntryAccess, board: EntryTable) -> bool:
 
 
 def _is_name_of_key(use: EntryAccess) -> bool:
-    """Return whether a port takes the name of a key, so that a key in braces holds the name."""
+    """Return whether a port expects the name of a key, so that an entry in braces contains the name."""
     role = use.bound.spec.semantics.keys.get(use.access.attribute)
     return role is not None and role.indirect
 
@@ -213,7 +213,7 @@ def _nearest(key: str, others: Collection[str], guesses: Guesses) -> str | None:
 
 
 def _may_be_enumeration(use: EntryAccess, entry: EntryAccesses, enums: Collection[str]) -> bool:
-    """Return whether a name that scripts only read may be an enumerator: a declared one, else any in capitals."""
+    """Return whether a name that scripts only read may be an enumerator: a declared one, or any in capitals."""
     if use.access.place is None or use.access.kind is not AccessKind.READ or entry.of(AccessKind.CHANGE):
         return False
     return use.access.key in enums if enums else use.access.key[0].isupper()
@@ -313,7 +313,7 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
 
 
 def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Yield the first read of an entry that can follow an end of its writers without a write.
+    """Yield the first read of an entry that may happen after its writers ended without writing it.
 
     Only leaves whose outcomes declare the keys that they write are checked (`Answer.writes`). A read is reported if a run
     is possible in which it is the first access after such an end. This is decided from the positions of the two nodes.
@@ -369,7 +369,7 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
 
 
 def _ends_of(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
-    """Return the outcome set of a node after a leaf in it has not written a key; empty if unknown."""
+    """Return a node's outcome set after one of its leaves did not write a key; empty if unknown."""
     ended = 0
     for answer in _silent_answers(writer) or ():
         ended |= BITS[answer.status]
@@ -393,7 +393,7 @@ def _ends_of(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes)
 
 
 def _is_guarded(use: EntryAccess, top: TreePosition) -> bool:
-    """Return whether a node before a read, in its branch, may prevent the read."""
+    """Return whether an earlier node in the branch may prevent a read."""
     place = use.place
     if _has_scripts(place.bound) and use.access.attribute != next(iter(place.bound.conditions), None):
         return True

@@ -56,7 +56,7 @@ def _check_gates(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagn
 
 
 def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
-    """Return why a child is never ticked, if it is ticked only after certain results of others."""
+    """Return why a child is never ticked, if its ticks depend on other children's results."""
     verb = _VERBS[gate.answers & ~K]
     if len(gate.children) > 1:
         return f"no earlier child ever {verb}"
@@ -64,7 +64,7 @@ def _gate_reason(gate: Gate, children: Sequence[BoundNode]) -> str:
 
 
 def _check_last_reachable(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
-    """Report the first unreachable child: its predecessor never lets the tick continue."""
+    """Report the first child that is unreachable because its predecessor never passes the tick on."""
     goes_on = bound.spec.semantics.goes_on
     for before, child in itertools.pairwise(bound.children):
         answers = outcomes.possible_results(before)
@@ -128,7 +128,7 @@ def _needless_finding(bound: BoundNode, child: BoundNode) -> Diagnostic | None:
 
 
 def _cancels_inner_decorator(bound: BoundNode, child: BoundNode) -> bool:
-    """Return whether a decorator reverses every status that the decorator in it has changed."""
+    """Return whether a decorator reverses the effect of the decorator inside it."""
     once, twice = child.spec.semantics.possible, bound.spec.semantics.possible
     if once is None or twice is None or {bound.spec.kind, child.spec.kind} != {Kind.DECORATOR}:
         return False

@@ -1,4 +1,4 @@
-"""Rules about leaves that precede the leaves on which they depend, by the facts that their registrations declare."""
+"""Rules about leaves that precede the leaves they depend on, according to their declared facts."""
 
 import bisect
 import functools
@@ -66,7 +66,7 @@ class _LeafFacts:
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
     def enables(self, other: "_LeafFacts") -> bool:
-        """Return whether an effect of this leaf, on the initial facts, lets another leaf do more than fail."""
+        """Return whether this leaf's effect on the initial facts lets another leaf do more than fail."""
         for script in self.results:
             facts = _variables({**self.facts, **other.facts})
             if _run(script, facts) and any(_holds(condition, facts) for condition in other.conditions):
@@ -235,7 +235,7 @@ def _too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
 
 
 def _undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
-    """Return a finding about a leaf in a sequence that depends on an effect of an earlier leaf that another one undid."""
+    """Return a finding about a leaf that depends on an earlier effect which another leaf has undone."""
     before = effects.last_two_before(leaf) if leaf.words.reads else []
     if len(before) < _DOING_AND_UNDOING:
         return None

@@ -78,11 +78,11 @@ class PossibleOutcomes:
             self._analyze(tree)
 
     def possible_results(self, bound: BoundNode) -> int:
-        """Return all results that a tick of a node may have."""
+        """Return all possible results of a node's tick."""
         return self._of(bound) & ALL
 
     def certain_results(self, bound: BoundNode) -> int:
-        """Return the results that a tick of a node is known to have in some run."""
+        """Return the results of a node's tick that are known to occur in some run."""
         return self._of(bound) >> _SHIFT
 
     def takes_time(self, bound: BoundNode) -> bool:
@@ -90,7 +90,7 @@ class PossibleOutcomes:
         return bool(self.certain_results(bound) & R)
 
     def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
-        """Return the first leaf that is restarted whenever a node is, and that meets a condition.
+        """Return the first leaf that meets a condition and is restarted with a node.
 
         Nodes that depend on a result are left out: those after the first child of a selector, in a branch, or
         under a condition. So are nodes that are executed only once.
@@ -178,7 +178,7 @@ class PossibleOutcomes:
         return outcome_sets
 
     def _leaf(self, bound: BoundNode) -> OutcomeSets:
-        """Return the outcome sets of a leaf without conditions; a node that lacks its required children is unknown."""
+        """Return the outcome sets of a leaf without conditions."""
         spec = bound.spec
         if not spec.kind.is_leaf:
             return _UNKNOWN
@@ -224,7 +224,7 @@ def is_question(leaf: BoundNode) -> bool:
 
 
 def consequence(leaf: BoundNode) -> str:
-    """Return the consequence of a leaf's restart in every tick: "would be sent a new goal in every tick"."""
+    """Return the consequence of restarting a leaf in every tick: "would be sent a new goal in every tick"."""
     if _drives(leaf.spec):
         return "would be sent a new goal in every tick"
     verb, _, rest = leaf.spec.effects.partition(" ")

@@ -1,4 +1,4 @@
-"""Rules about valid scripts that differ from the probable intent, and about scripts that can never run."""
+"""Rules about valid scripts with a probably unintended meaning, and about scripts that can never run."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -38,7 +38,7 @@ _CONDITIONS = frozenset({"_failureIf", "_successIf", "_skipIf", "_while"})
 
 
 def check_scripts(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield conditions that assign a variable instead of comparing it, and statements that do nothing or always raise."""
+    """Yield conditions that assign instead of comparing, and statements that do nothing or always raise an error."""
     for bound, attribute, script in context.scripts:
         asked = is_condition(bound, attribute)
         if asked:
@@ -61,7 +61,7 @@ def is_condition(bound: BoundNode, attribute: str) -> bool:
 
 
 def is_statement(bound: BoundNode, attribute: str, start: int) -> bool:
-    """Return whether the name that a script reads at a position is a whole statement, which `check_scripts` reports."""
+    """Return whether a name in a script is a whole statement, which `check_scripts` reports."""
     script = dict(bound.scripts()).get(attribute)
     statement = script.by_start.get(start) if script is not None else None
     if not isinstance(statement, Name) or script is None:
@@ -265,7 +265,7 @@ class _Folding:
         return self._either(node.then, node.otherwise)
 
     def _either(self, then: Expression, otherwise: Expression) -> _Samples:
-        """Return the possible values of a choice; it always raises only if both of its branches do."""
+        """Return the possible values of a choice, which always raises an error only if both branches do."""
         before = len(self.errors)
         self.values_of(then)
         middle = len(self.errors)

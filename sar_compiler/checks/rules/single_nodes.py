@@ -65,7 +65,7 @@ def _close_text(bound: BoundNode, names: list[str]) -> Iterator[Diagnostic]:
 
 
 def check_bounds(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield numbers that a node accepts, but that make no sense to it."""
+    """Yield numbers that a node accepts but that make no sense."""
     for bound, bounds_of in context.nodes_with(_bounds):
         for name, bounds in bounds_of.items():
             number = bound.values.get(name)

@@ -19,7 +19,7 @@ _KeysOf = Callable[[BoundTree], frozenset[str] | None]
 
 
 def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield trees that no other tree uses, and attributes of `SubTree` that the tree does not use, or not as intended."""
+    """Yield unused trees, and attributes of `SubTree` that its tree does not use or uses differently."""
     compared = functools.cache(_compared_strings)
     for tree in context.trees:
         yield from _keys_as_texts(tree, context, compared)
@@ -94,13 +94,13 @@ def _keys_as_texts(
         ):
             message = f"{name}: '{text}' is a string, but '{tree.name}' has a key of this name"
             hint = f'write {name}="{{{text}}}", unless you mean the string'
-            cause = Cause("subtrees are passed strings that are names of keys in the outer tree", text)
+            cause = Cause("subtrees receive strings that are also keys of the outer tree", text)
             advice = Advice(suggestion=f"{{{text}}}", hint=hint, common_cause=cause)
             yield use.element.finding("key-as-text", message, value=name, **advice)
 
 
 def _compared_strings(tree: BoundTree) -> frozenset[tuple[str, object]]:
-    """Return the pairs of key and string that scripts of a tree compare: such a string is a valid argument for the key."""
+    """Return the keys that a tree's scripts compare with strings, and these strings, which are valid arguments."""
     scripts = (script for node in tree.scripted for _, script in node.scripts())
     statements = (each for script in scripts for each in script.statements)
     return frozenset(
@@ -170,7 +170,7 @@ def _unused_arguments(use: BoundNode, context: CheckContext, keys_of: _KeysOf) -
 
 
 def _undeclared_arguments(use: BoundNode, context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield keys that are passed to a tree known only by its model, and that the model does not declare."""
+    """Yield keys passed to a tree whose model does not declare them, if only the model is known."""
     model = context.bound.models.subtrees.get(use.spec.tag)
     if model is None or not model.ports:  # a model without ports may only declare that the tree exists
         return

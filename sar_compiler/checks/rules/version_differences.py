@@ -53,7 +53,7 @@ def check_versions(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def check_literals(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield literals that a port accepts here, but that BehaviorTree.CPP cannot read."""
+    """Yield literals that a port accepts here but BehaviorTree.CPP cannot read."""
     for bound, types in context.nodes_with(_readable_types):
         for name, cpp in types.items():
             text = bound.element.attributes.get(name)
@@ -155,7 +155,7 @@ _FROM_THE_RIGHT = {"-": "+-", "/": "*/", "|": "^", "^": "|"}
 
 
 class OlderReading(NamedTuple):
-    """A part of a script that an older version refuses or evaluates differently.
+    """A part of a script that an older version rejects or evaluates differently.
 
     Attributes:
         start: Its start, in characters of the script's text.
@@ -171,7 +171,7 @@ class OlderReading(NamedTuple):
 
 
 def older_readings(script: Script, version: Version) -> Iterator[OlderReading]:
-    """Yield the parts of a script of 4.9 that an older version refuses or evaluates differently."""
+    """Yield the parts of a 4.9 script that an older version rejects or evaluates differently."""
     if version < ORDER:
         yield from _right_associative(script)
     if version < STATEMENTS:

@@ -176,7 +176,7 @@ class KeyTypeRules:
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
 
     def misfits(self, entry: EntryAccesses) -> Iterator[Diagnostic]:
-        """Yield values of an entry that one of its ports cannot read, or that BehaviorTree.CPP refuses in a tick."""
+        """Yield an entry's values that one of its ports cannot read, or that BehaviorTree.CPP rejects in a tick."""
         first = self._types.get((entry.scope, entry.key))
         if first is None:
             return
@@ -257,7 +257,7 @@ class KeyTypeRules:
     def _values_written(
         self, use: EntryAccess, port: _TypedPort | None, expression: Expression | None, depth: int = 0
     ) -> _PossibleValues:
-        """Return the values that a use writes: those of a script's expression, of a copied key or string, or of a port."""
+        """Return the values that a use writes: from a script's expression, a copied key or string, or a port."""
         bound, scope = use.bound, use.instance.scope
         source = bound.spec.semantics.copies
         if use.access.place is not None:
@@ -344,13 +344,13 @@ class KeyTypeRules:
         yield from itertools.islice(itertools.chain(refused, notes), 1)
 
     def _is_read_as(self, value: _WrittenValue, cpp: str) -> bool:
-        """Return whether a value that the file shows is no string, or a string that can be read as a number type."""
+        """Return whether a known value is not a string, or is a string that can be read as a number type."""
         return not isinstance(value.value, str) or can_be_converted(value.value, cpp, self._version)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
     ) -> Diagnostic | None:
-        """Return the finding about values for which BehaviorTree.CPP raises an error because of a port; None if none."""
+        """Return the finding about values that a port makes BehaviorTree.CPP reject; None if there are none."""
         types = [value.cpp for value in values]
         shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
         # The types of constants, items and ports are compared when the tree is bound.
@@ -371,13 +371,13 @@ class KeyTypeRules:
         return self._refusal(what, write.element, write.span, port, is_new=is_new)
 
     def _is_text_lost(self, port: _TypedPort, write: _KeyWrite, types: list[str], first: EntryType) -> bool:
-        """Return whether a loop finds an entry empty after `SetBlackboard` copied a string, because that port has no type."""
+        """Return whether an entry is empty for a loop after `SetBlackboard`, whose port has no type, copied a string."""
         is_named_first = first.parameter is not None and not first.cpp
         is_loop = is_loop_queue(port.cpp) and self._version >= LISTS.since
         return is_loop and is_named_first and write.is_copy and types == [TEXT]
 
     def _is_converted(self, value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
-        """Return whether BehaviorTree.CPP can convert a value that the file shows to the type of a port."""
+        """Return whether BehaviorTree.CPP can convert a known value to the type of a port."""
         written = value.value if value.text is None else value.text
         if not value.is_shown or (not port.reads and (write.is_constant or write.is_item)):
             return True
@@ -471,14 +471,14 @@ class KeyTypeRules:
                     break
 
     def _is_written(self, scope: Scope, key: str) -> bool:
-        """Return whether a name in a script is a key that something may write, or an enumeration."""
+        """Return whether a name in a script is a key that may be written, or an enumeration."""
         entry = self._entries.get(scope.owner(key))
         return key in self._enums or (entry is not None and (entry.is_made or entry.is_parameter))
 
     def _refusal(
         self, message: str, element: Element, span: Span, port: _TypedPort | None, *, is_new: bool = False
     ) -> Diagnostic:
-        """Return the finding about a value for which BehaviorTree.CPP raises an error in a tick."""
+        """Return the finding about a value that makes BehaviorTree.CPP raise an error in a tick."""
         message = f"{message}, for which BehaviorTree.CPP raises an error"
         code = "cpp-type-mismatch"
         if is_new:
@@ -506,7 +506,7 @@ def _script_in(text: str, port: _TypedPort) -> Script | None:
 
 
 def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:
-    """Return a use of an entry for each kind of port, and whether anything but a port with a type writes it.
+    """Return a use of an entry for each kind of port, and whether anything other than a typed port writes it.
 
     For an entry with many uses, each port of a kind of node is compared once. A port that counts children is compared
     once for each number of children.
@@ -538,7 +538,7 @@ def _is_lost(value: _WrittenValue, cpp: str) -> bool:
 
 
 def _is_taken(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
-    """Return whether a port here accepts a value: one that only writes must accept the strings that scripts write."""
+    """Return whether a port accepts a value; an output port must accept the strings that scripts write."""
     written = value.value
     if not value.is_shown or fits(port.parameter.value_type, written):
         return True

@@ -30,7 +30,9 @@ from sar_compiler.tree.model import SUBTREE_TAG, Element
 
 ONESHOT = "oneshot"
 """The attribute of any node that wraps it in a OneShot with the given policy."""
-ONESHOT_HELP = "Runs the node to its end once, and then repeats its result. An interruption is not an end."
+ONESHOT_HELP = (
+    "Runs the node until it completes once, then repeats its result. If interrupted, the node starts over."
+)
 
 CONDITIONS = {
     "_failureIf": "A condition: if it is true when the node would start, the node fails instead.",
@@ -137,7 +139,7 @@ class AttributeBinder:
         return True
 
     def _check_note(self, element: Element, name: str) -> None:
-        """Report a note that looks like a condition or a decorator, but has no effect."""
+        """Report an ignored attribute that looks like a condition or a decorator."""
         text = element.attributes[name]
         decorator = re.match(_LIKE_DECORATOR, name)
         if decorator:
@@ -151,12 +153,12 @@ class AttributeBinder:
             hint = f"the conditions are {join_with_commas(CONDITIONS)}"
         else:
             return
-        message = f"'{name}' has no effect: attributes that begin with '_' are notes, except the conditions"
+        message = f"'{name}' has no effect: attributes that begin with '_' are ignored, except the conditions"
         advice = Advice(hint=hint, severity=Severity.WARNING)
         self._collector.add("unknown-attribute", message, element, name=name, **advice)
 
     def _has_condition(self, text: str) -> bool:
-        """Return whether a note's text is a key of the tree, or a script with an operator of conditions."""
+        """Return whether an ignored attribute's text is a key of the tree or a script with a condition's operator."""
         script = _read_condition(text)
         # Several words that happen to form several statements are a text.
         if script is None or len(script.statements) != 1:
@@ -172,7 +174,7 @@ class AttributeBinder:
         )
 
     def typo_in_note(self, name: str) -> str | None:
-        """Return the attribute that was probably intended by one that begins with `_`; None for an editor's note."""
+        """Return the attribute that one beginning with `_` probably intended; None for an editor's data."""
         if name not in self._option_errors:
             self._option_errors[name] = typo_in_note(name, self._collector.guesses)
         return self._option_errors[name]
@@ -188,7 +190,7 @@ class AttributeBinder:
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
-        """Report a key with only one of its braces if no string can be intended; return whether it is one."""
+        """Report a key with only one of its braces if a string cannot be intended; return whether it is one."""
         suggestion = complete_key_braces(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key needs two braces, but '{element.attributes[name]}' has one"
@@ -260,7 +262,7 @@ class AttributeBinder:
         bound.values = {**bound.values, name: value}
 
     def _constant_to_write(self, bound: BoundNode, name: str, text: str) -> None:
-        """Report a text for a port that the node also writes, unless the directions of its ports are guesses."""
+        """Report a constant for a port that the node also writes, unless the directions of its ports are guesses."""
         if bound.spec.provenance is not Provenance.FROM_USE:
             message = f"{name}: the node also writes this port, but '{text}' is not a key, so writing raises an error"
             cause = Cause("nodes also write these ports, which have a string in place of a key", name)
@@ -325,9 +327,9 @@ class AttributeBinder:
         return missing[0]
 
     def _report_unlisted(self, bound: BoundNode, name: str, message: str, near: str | None) -> None:
-        """Report an attribute that a file's description does not list, and treat it as a port unless a listed one was intended."""
+        """Report an attribute that a description does not list; treat it as a port unless a listed one was intended."""
         severity = bound.spec.provenance.severity_of_unlisted(is_near=near is not None)
-        hint = "if the node has it, add the port to the description"
+        hint = "if the node has this port, add it to the description"
         advice = Advice(suggestion=near, hint=hint, severity=severity)
         self._collector.add("unknown-attribute", message, bound.element, name=name, **advice)
         if near is None:
@@ -337,7 +339,7 @@ class AttributeBinder:
 
 
 def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: ValueType) -> ConversionError:
-    """Return the error for a number whose unit differs from that in the attribute's name, with the converted number."""
+    """Return the error for a number whose unit differs from the attribute's, with the converted number."""
     unit = unit_of_key(name)
     meant = convert_with_unit(text, unit) if unit else None
     try:
@@ -350,7 +352,7 @@ def _in_unit_of_name(error: ConversionError, name: str, text: str, value_type: V
 
 
 def convert_to_attribute_unit(name: str, text: str, spec: NodeSpec) -> str | None:
-    """Return the replacement for a number under an attribute of another unit (`sec="5"`: `msec="5000"`); None if unknown."""
+    """Return the replacement for a number in an attribute with another unit (`sec="5"`: `msec="5000"`), or None."""
     written = unit_suffix(name)
     ways = {
         p.name: convert_with_unit(f"{text}{written}", unit) for p in spec.attributes if (unit := _unit_of(p))
@@ -365,7 +367,7 @@ def _unit_of(parameter: Parameter) -> str:
 
 
 def typo_in_note(name: str, guesses: Guesses) -> str | None:
-    """Return the attribute that was probably intended by one that begins with `_`; None for an editor's note."""
+    """Return the attribute that one beginning with `_` probably intended; None for an editor's data."""
     return None if name in NOTES else guesses.nearest(name, [*CONDITIONS, AUTOREMAP, ONESHOT])
 
 

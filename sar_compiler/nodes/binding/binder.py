@@ -1,4 +1,4 @@
-"""Binding of a tree's elements to their meanings, with a finding for each unknown one.
+"""Binding of a tree's elements to node specs, with a finding for each unknown element.
 
 Binding joins the elements of a file with the registry: tags become specs, texts become values, names
 become references, and subtrees become the trees that they refer to. The checks report its findings, and the compiler
@@ -42,7 +42,9 @@ OF_ANY = ("ID", "name", ONESHOT)
 """Attributes that are no evidence for the library of a node."""
 _UNKNOWN = "there are no nodes of these names"
 _REMAP = "remap"
-_UNKNOWN_HINT = "list them by sar-compile nodes; add a module of leaves by --nodes, or a palette by --model"
+_UNKNOWN_HINT = (
+    "list known nodes with sar-compile nodes; add a module of leaves with --nodes, or a palette with --model"
+)
 _LIKE_UNUSED = 0.9
 """The minimum likeness of two tags that are probably typos for each other, without further evidence."""
 
@@ -208,7 +210,7 @@ class Binder:
         return self._words[home]
 
     def _enter(self, tree: BoundTree) -> None:
-        """Switch to a tree; in another file of the set, the models of that file define its tags."""
+        """Switch to a tree, and to the models of its file."""
         home = self._forest.homes.get(id(tree.element))
         if home is not self._home:
             self._registry, self._models, self._meanings, self._meant = self._vocabulary_of(home)
@@ -283,7 +285,7 @@ class Binder:
     def _bind_own_tag(
         self, element: Element, tag: str, spec: NodeSpec, variants: Sequence[NodeSpec]
     ) -> BoundNode:
-        """Bind an element by its own tag and attributes."""
+        """Bind an element, without its children."""
         bound = BoundNode(element, spec, element.attributes.get("name") or tag)
         if tag != element.tag:
             self._check_kind(bound)
@@ -292,7 +294,7 @@ class Binder:
         return bound
 
     def _is_node_intended(self, element: Element, tag: str, variants: Sequence[NodeSpec]) -> bool:
-        """Return whether a tag that is also a kind means a node: a registered node by its tag, any other by its ID."""
+        """Return whether a tag that is also a kind means a node."""
         if "ID" not in element.attributes:
             return tag in self._registry
         return element.tag != tag or any(
@@ -380,7 +382,7 @@ class Binder:
         return bound
 
     def _report_node_of_other_library(self, element: Element, spec: NodeSpec) -> None:
-        """Report a node of another library that has the name of a py_trees node."""
+        """Report another library's node that has the name of a py_trees node."""
         needed = " and ".join(f"'{each.name}'" for each in spec.required)
         message = f"<{spec.tag}> of py_trees needs {needed}; this one is from another library"
         hint = "describe it in a palette (--model), which takes precedence"
@@ -389,7 +391,7 @@ class Binder:
             self._node(child)
 
     def _no_such_node(self, tag: str, near: str | None) -> tuple[str, str | None, str, str]:
-        """Return the message for an unknown tag, the suggested tag, the hint, and the cause of several."""
+        """Return the message, the suggested tag, the hint and the common cause for an unknown tag."""
         message = f"there is no node '{tag}'{self._former_name(tag, near)}"
         if tag in self._forest.known_ids:
             hint = f'write <{SUBTREE_TAG} ID="{tag}"/>'
@@ -410,7 +412,7 @@ class Binder:
         return message, near, _UNKNOWN_HINT, _UNKNOWN
 
     def _children_without_remaps(self, element: Element, tree_id: str) -> Sequence[Element]:
-        """Report each `<remap>` of BehaviorTree.CPP 3 in a tree or its use; return the other children."""
+        """Report each `<remap>` of BehaviorTree.CPP 3, and return the other children."""
         if not any(child.tag == _REMAP for child in element.children) or self._variants(_REMAP):
             return element.children
         where = "this" if element.tag == SUBTREE_TAG else "each"
@@ -419,7 +421,7 @@ class Binder:
                 child.attributes.get(name, default)
                 for name, default in (("internal", "INNER"), ("external", "OUTER"))
             )
-            message = f"<{_REMAP}> is of BehaviorTree.CPP 3: since version 4, keys are attributes of <{SUBTREE_TAG}>"
+            message = f"<{_REMAP}> belongs to BehaviorTree.CPP 3: since version 4, keys are attributes of <{SUBTREE_TAG}>"
             hint = (
                 f'delete it, and write {where} use as <{SUBTREE_TAG} ID="{tree_id}" {inner}="{{{outer}}}"/>'
             )
@@ -427,7 +429,7 @@ class Binder:
         return [child for child in element.children if child.tag != _REMAP]
 
     def _report_without_id(self, element: Element, message: str, what: str) -> None:
-        """Report an element without its required ID; neither `id` in another case nor a name in another attribute is accepted."""
+        """Report an element without its required ID."""
         written = [name for name in element.attributes if name.upper() == "ID"]
         if not written and element.tag == SUBTREE_TAG:
             named = [name for name, value in element.attributes.items() if value in self._forest.known_ids]
@@ -451,7 +453,7 @@ class Binder:
         return self._meant[tag]
 
     def _alike(self, tag: str) -> str | None:
-        """Return the tag that is similar to an unknown one; tags that no file here uses must be almost equal."""
+        """Return the tag that is similar to an unknown one; unused tags must be almost equal."""
         near = self._guesses.nearest(tag, self._tags if tag != SUBTREE_TAG else self._tags[:-1])
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
 
@@ -463,7 +465,7 @@ class Binder:
 
     @functools.cached_property
     def _keys(self) -> frozenset[str]:
-        """The keys that the files name: in braces, and in scripts that create them."""
+        """The keys that the files name, in braces or in scripts."""
         elements = [element for tree in self._forest.iterate() for element in tree.iterate()]
         texts = (text for element in elements for text in element.attributes.values())
         written = (name for text in texts for pair in re.findall(_KEYS, text) for name in pair)
@@ -534,7 +536,7 @@ class Binder:
         else:
             trees = self._forest.known_ids
             message, near = f"there is no tree '{tree_id}'", self._guesses.nearest(tree_id, trees)
-            hint = f"the trees are {join_with_commas(trees)}; add those of other files by <include> or [project] trees in sar.toml"
+            hint = f"the trees are {join_with_commas(trees)}; add those of other files with <include> or [project] trees in sar.toml"
             cause = None if near else Cause("there are no such trees", tree_id)
             advice = Advice(suggestion=near, hint=hint, common_cause=cause)
             self._collector.add("unknown-tree", message, element, value="ID", **advice)
@@ -581,7 +583,7 @@ class Binder:
 
 
 def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeSpec:
-    """Return the meaning of a tag with the most of the written attributes, or the most similar ones.
+    """Return the meaning of a tag that fits the written attributes best.
 
     In case of a tie, the first written attribute decides.
     """
@@ -596,7 +598,7 @@ def _best(variants: list[NodeSpec], element: Element, guesses: Guesses) -> NodeS
 
 
 def is_node_of_other_library(element: Element, variants: Sequence[NodeSpec], guesses: Guesses) -> bool:
-    """Return whether a node has several attributes and none of them is similar to one of its tag's meanings."""
+    """Return whether a node has several attributes, none of them similar to those of its tag."""
     written = [name for name in element.attributes if name not in OF_ANY and not name.startswith("_")]
     known = {name for spec in variants for name in spec.parameters}
     return len(written) > 1 and not any(

@@ -105,7 +105,7 @@ class BoundNode:
         return self.spec.semantics.reactive or self.value("memory") is False
 
     def scripts(self) -> Iterator[tuple[str, Script]]:
-        """Yield its scripts with their attributes: those of conditions, and those that are values."""
+        """Yield its scripts with their attributes: conditions and values."""
         if self.conditions:
             yield from self.conditions.items()
         for attribute, value in self.values.items():
@@ -242,7 +242,7 @@ def is_skippable_itself(bound: BoundNode) -> bool:
 
 
 def _can_have_required_value(bound: BoundNode) -> bool:
-    """Return whether the attribute that controls skipping can have the required value."""
+    """Return whether the attribute that controls skipping may have the required value."""
     if bound.spec.skipping.only_if is None:
         return True
     name, value = bound.spec.skipping.only_if

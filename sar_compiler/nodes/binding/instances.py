@@ -1,4 +1,4 @@
-"""Expansion of a tree's subtrees: the visible keys and nodes of each instance of a tree."""
+"""Expansion of a tree's subtrees into instances with their visible keys and nodes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -58,7 +58,7 @@ class TreeInstance:
             yield from instance.iterate()
 
     def in_place(self) -> "Iterator[tuple[TreeInstance, BoundNode]]":
-        """Yield the demanding nodes with their instances, those of a subtree after its `SubTree` node."""
+        """Yield the demanding nodes with their instances; a subtree's nodes follow its `SubTree` node."""
         for bound in self.tree.demanding:
             yield self, bound
             if bound in self.inner:
@@ -139,7 +139,7 @@ class _SubtreeExpander:
     def _report_circle(
         self, instance: TreeInstance, bound: BoundNode, found: BoundNode, outer: TreeInstance
     ) -> None:
-        """Report a reference to a node that can only be created after the instance with the reference."""
+        """Report a reference to a node that can only be created after the referring instance."""
         places = {each.place for each in instance.chain() if each.around is outer}
         passed, waiting = set(), [found]
         while waiting:
@@ -167,7 +167,7 @@ def _scope(around: Scope, name: str, bound: BoundNode) -> Scope:
 
 
 def _numbers_read_as_strings(top: TreeInstance) -> Iterator[tuple[TreeInstance, str]]:
-    """Yield constants that look like numbers but that a port reads as strings: their instances and keys."""
+    """Yield the instances and keys of constants that look like numbers but are read as strings."""
     numbers = {
         (inner.scope, key): inner
         for instance in top.iterate()

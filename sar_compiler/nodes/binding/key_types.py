@@ -1,4 +1,4 @@
-"""The types of blackboard entries, and ports that BehaviorTree.CPP or this project does not allow to share one."""
+"""The types of blackboard entries, and ports that must not share an entry."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -94,7 +94,7 @@ def port_label(name: str, bound: BoundNode, seen_from: Element) -> str:
 def unknown_conversion(
     element: Element, attribute: str, span: Span, cpp: str, meant: str | None = None
 ) -> Diagnostic:
-    """Return the note on a type that only C++ code can read from a string; a warning if an enumeration may be intended."""
+    """Return the finding about a type that only C++ code can read from a string."""
     message = f"{attribute}: BehaviorTree.CPP reads a string as {cpp} only if that is an enumeration, or C++ code defines convertFromString<{cpp}>"
     cause = Cause(
         "strings are read as these types, which must be enumerations or have a convertFromString", cpp
@@ -170,7 +170,7 @@ def _report_btcpp_type_conflict(
     hint = "use two keys"
     if is_number(first.cpp) and (is_number(later.cpp) or later.cpp == TEXT):
         copy = f"{key.removeprefix(ROOT_SIGN)}_{later.name}"
-        hint = f'copy it by <Script code="{copy} := {key}"/>, and write {later.name}="{{{copy}}}"'
+        hint = f'copy it with <Script code="{copy} := {key}"/>, and write {later.name}="{{{copy}}}"'
     severity = btcpp_severity(collector.btcpp)
     collector.add(
         "cpp-type-mismatch", message, later.bound.element, value=later.name, hint=hint, severity=severity
@@ -178,12 +178,12 @@ def _report_btcpp_type_conflict(
 
 
 def btcpp_severity(btcpp: Version | None) -> Severity:
-    """Return the severity of errors of BehaviorTree.CPP only: an error if the trees target a version of it."""
+    """Return the severity of BehaviorTree.CPP's own errors: error if the trees target one of its versions."""
     return Severity.ERROR if btcpp is not None else Severity.WARNING
 
 
 def _report_constant(first: EntryType, later: EntryType, key: str, collector: FindingCollector) -> None:
-    """Report a port that cannot read a constant because of its type, unless it could not read it anyway."""
+    """Report a port that cannot read a constant only because of the constant's type."""
     assert later.parameter is not None  # noqa: S101 - a constant is always first
     written = first.bound.remapping.constants[first.name]
     is_read = later.parameter.direction is not Direction.OUTPUT

@@ -1,4 +1,4 @@
-"""Trees by their IDs, and limits of nesting: no tree contains itself, no tree is nested too deeply or too often."""
+"""Selection of trees by ID, and limits of nesting: recursion, depth and size."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -115,7 +115,7 @@ def trees_in(main: BoundTree) -> list[BoundTree]:
 
 
 def _levels(tree: BoundTree, above: int) -> Iterator[tuple[BoundNode, int]]:
-    """Yield the nodes of a tree in the order of the file, with the deepest level that each reaches."""
+    """Yield the nodes of a tree in file order, each with its deepest level."""
     waiting = [(tree.root, above)] if tree.root is not None else []
     while waiting:
         node, above = waiting.pop()
@@ -154,7 +154,7 @@ def invalid_id_part(name: str) -> str | None:
 
 
 def is_btcpp_node_id(tree_id: str, registry: Registry) -> bool:
-    """Return whether a tree has the ID of a node that BehaviorTree.CPP knows, which it rejects."""
+    """Return whether BehaviorTree.CPP rejects a tree because a node has its ID."""
     return tree_id == SUBTREE_TAG or (tree_id in registry and not is_library_tag(tree_id))
 
 

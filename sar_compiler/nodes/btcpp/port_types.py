@@ -1,4 +1,4 @@
-"""C++ types of ports by name: which ports may share a key in BehaviorTree.CPP, and which values they can read.
+"""C++ types of ports: which may share a key in BehaviorTree.CPP, and which values they can read.
 
 BehaviorTree.CPP compares types twice. When it creates a tree, the first node that names a key gives the entry its type
 (`src/xml_parsing.cpp`, `createNodeFromXML`), and a port of another type is rejected. When it ticks the tree, a value is
@@ -35,7 +35,7 @@ _OLD_REAL = r"(?i)\s*[+-]?(\.?\d|inf|nan)"
 
 
 def may_share(first: str, later: str) -> bool:
-    """Return whether a tree can be created in which ports of two types share a key.
+    """Return whether BehaviorTree.CPP creates a tree in which ports of two types share a key.
 
     A port without a type matches every other; so does a port for strings, if it is first. Unknown types are compared by name.
     `Pose` may be short for `geometry_msgs::msg::Pose`.
@@ -68,12 +68,12 @@ def is_whole(cpp: str) -> bool:
 
 
 def is_loop_queue(name: str) -> bool:
-    """Return whether a name is that of the type of a loop's queue."""
+    """Return whether a type is that of a loop's queue."""
     return name.startswith(_QUEUE_NAME)
 
 
 def can_be_read(written: str, port: str, version: Version) -> bool:
-    """Return whether a port may read a value of another type from an entry; some numbers and strings may still be invalid.
+    """Return whether a port may read values of another type; some of them may still be invalid.
 
     Args:
         written: The normalised type of the value.
@@ -93,7 +93,7 @@ def can_be_read(written: str, port: str, version: Version) -> bool:
 
 
 def can_be_converted(value: object, port: str, version: Version) -> bool:
-    """Return whether BehaviorTree.CPP can convert a value to the type of a port, if a port of this project can.
+    """Return whether BehaviorTree.CPP, too, can convert a value to the type of a port.
 
     The user's C++ code may convert strings to a type of its own, which is not known here; for pointers it hardly does.
 
@@ -123,7 +123,7 @@ def can_be_converted(value: object, port: str, version: Version) -> bool:
 
 
 def needs_converter(cpp: str) -> bool:
-    """Return whether a type is read from a string only if the user's C++ code defines `convertFromString` for it."""
+    """Return whether reading a type from a string requires the user's `convertFromString`."""
     match = re.fullmatch(_LIST, cpp)
     item = match[1] if match else cpp
     known = is_untyped(cpp) or item == TEXT or is_number(item) or is_loop_queue(cpp)
@@ -144,7 +144,7 @@ def _is_pointer(cpp: str) -> bool:
 
 
 def can_replace(written: str, held: str) -> bool:
-    """Return whether a port can overwrite a value of another type, in an entry that no port has given a type.
+    """Return whether a port can overwrite a value of another type, in an entry without a port's type.
 
     Args:
         written: The normalised type of the port that writes.
@@ -159,7 +159,7 @@ def can_replace(written: str, held: str) -> bool:
 
 
 def can_be_copied(written: str, entry: str) -> bool:
-    """Return whether `SetBlackboard` can copy a value of a type to an entry that ports have given another type."""
+    """Return whether `SetBlackboard` can copy a value of one type to an entry of another type."""
     return written == TEXT or is_untyped(written) or is_untyped(entry) or is_same(written, entry)
 
 

@@ -1,4 +1,4 @@
-"""Rewriting of nodes of this project and of py_trees as nodes of BehaviorTree.CPP."""
+"""Conversion of nodes of this project and of py_trees to nodes of BehaviorTree.CPP."""
 
 from collections.abc import Callable
 from typing import TypeVar

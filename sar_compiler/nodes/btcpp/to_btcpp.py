@@ -159,7 +159,7 @@ class _BtcppConverter:
         return is_built_in([subtree()] if tag == SUBTREE_TAG else self._registry.variants(tag))
 
     def _rewrites(self, tag: str) -> Iterator[Rewrite]:
-        """Yield the rewrites of a tag for BehaviorTree.CPP; all meanings of the tag are tried."""
+        """Yield the rewrites of a tag for BehaviorTree.CPP, for all meanings of the tag."""
         for spec in self._registry.variants(tag):
             if spec.semantics.counterpart.rewrite is not None:
                 yield spec.semantics.counterpart.rewrite
@@ -190,7 +190,7 @@ class _BtcppConverter:
         return units
 
     def _subtree(self, element: Element) -> NodeDraft:
-        """Note the durations that a subtree is given with a unit: there, they are strings."""
+        """Report durations with units that are passed to a subtree, where they are strings."""
         for name, text in element.attributes.items():
             if name in self._units and parse_milliseconds(text) is not None:
                 message = f"{name}: BehaviorTree.CPP has no units and would read '{text}' as another number"
@@ -221,7 +221,7 @@ class _BtcppConverter:
         return Element(tag, attributes, (child,), element.source, *element.place)
 
     def _complain(self, draft: NodeDraft) -> None:
-        """Note missing counterparts, and remove the attributes that BehaviorTree.CPP would reject."""
+        """Report missing counterparts, and remove the attributes that BehaviorTree.CPP would reject."""
         specs = self._registry.variants(draft.tag)
         refused = invalid_id_part(draft.tag)
         if refused and not draft.explicit and self._btcpp >= NAMES.since:
@@ -252,7 +252,7 @@ class _BtcppConverter:
                 self.notes.add("left-out", message, draft.element, name=name)
 
     def _note_reference(self, element: Element, tag: str, parameter: Parameter) -> None:
-        """Note, once for each kind of node, that BehaviorTree.CPP treats a reference as a plain string."""
+        """Report, once for each kind of node, that BehaviorTree.CPP treats a reference as a plain string."""
         if (tag, parameter.name) in self._referring:
             return
         self._referring.add((tag, parameter.name))
@@ -264,7 +264,7 @@ class _BtcppConverter:
         self.notes.add("reference", message, element, name=parameter.name, hint=hint)
 
     def _measure(self, draft: NodeDraft) -> None:
-        """Note integers that do not fit into BehaviorTree.CPP's type of the port."""
+        """Report integers that do not fit into the port's C++ type."""
         for name, text in draft.attributes.items():
             type_name = normalized(self._type_name(draft.tag, name))
             kind = type_name.removeprefix("std::vector<").removesuffix(">")
@@ -352,7 +352,7 @@ def _with_models(sections: list[Element], models: list[Element]) -> list[Element
 
 
 def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
-    """Give trees without an ID their generated ID."""
+    """Add generated IDs to trees without an ID."""
     number = 0
     for section in sections:
         number += section.tag == TREE_TAG
@@ -364,5 +364,5 @@ def _with_ids(sections: Iterable[Element]) -> Iterator[Element]:
 
 
 def _copy(element: Element) -> Element:
-    """Return a copy of an element of another file, without that file."""
+    """Copy an element, without its file."""
     return synthetic_element(element.tag, element.attributes, map(_copy, element.children), element.text)

@@ -22,7 +22,7 @@ from sar_compiler.nodes.spec import Kind, NodeSpec, SkipPossibility, SkipSupport
 
 _SEQUENCE = "Ticks its children in order until one does not succeed. Succeeds when all have succeeded."
 _SELECTOR = "Ticks its children in order until one does not fail. Fails when all have failed."
-_REACTIVE = "Starts with the first child in every tick."
+_REACTIVE = "Starts at the first child in every tick."
 _PAUSES = "Returns RUNNING after each child, so that other branches are ticked in between."
 _MEMORY = "Start with the running child (true) or with the first child (false) in the next tick."
 
@@ -30,12 +30,12 @@ _own = partial(own, Kind.CONTROL, skipping=FROM_CHILD)
 
 
 def _after_the_first(_bound: NodeView) -> Mapping[int, Gate]:
-    """Return the gates of the branches: the second child is ticked if the first succeeds, the third if it fails."""
+    """Return the gates of the branches, which depend on the first child's result."""
     return {1: Gate((0,), S), 2: Gate((0,), F)}
 
 
 def _one_after_the_other(bound: NodeView) -> Mapping[int, Gate]:
-    """Return the gates of a try-catch: its children in order, and last the one that handles a failure."""
+    """Return the gates of a try-catch, whose last child handles a failure of the others."""
     *tried, last = range(len(bound.children))
     catches = {last: Gate(tuple(tried), F)} if bound.value("catch_on_halt") is False else {}
     return {**{number: Gate((number - 1,), S | K) for number in tried[1:]}, **catches}
@@ -146,7 +146,10 @@ SPECS = [
             -1,
         ),
         input_port(
-            "failure_count", int, "Number of failures to fail. A negative number counts from the end.", 1
+            "failure_count",
+            int,
+            "Number of failed children that make the node fail. A negative number counts from the end.",
+            1,
         ),
         semantics=Semantics.parallel(outcome_sets.counting, ("success_count", "failure_count"))._replace(
             counterpart=Counterpart(rewrite=rewrites.parallel)
@@ -195,7 +198,8 @@ SPECS = [
         input_port(
             "max_failures",
             int,
-            "Number of failures to fail. A negative number counts from the end. With 0 it always fails.",
+            "Number of failed children that make the node fail. A negative number counts from the end. With "
+            "0 the node always fails.",
             1,
         ),
         semantics=Semantics.parallel(outcome_sets.parallel_all, ("max_failures",)),
@@ -217,7 +221,7 @@ SPECS = [
         input_port(
             "catch_on_halt",
             bool,
-            "Tick the last child once when the node is halted, too.",
+            "Also tick the last child once when the node is halted.",
             default=False,
         ),
         semantics=Semantics(

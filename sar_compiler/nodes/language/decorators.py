@@ -71,7 +71,7 @@ def _stock_unless_skipping(
     possible: SkipPossibility = SkipPossibility.FROM_CHILD,
     repeats: int = 0,
 ) -> NodeSpec:
-    """Return a decorator of BehaviorTree.CPP that uses py_trees' class unless its child can skip."""
+    """Return a decorator of BehaviorTree.CPP that uses py_trees' class unless its child can be skipped."""
     turned = tuple(WORD_OF[turns.get(each, each)] for each in (S, F, K))
     replacement = _own(tag, "kernel.turning:TurningNode", doc, fixed={"turned": turned})
     return _own(
@@ -98,7 +98,7 @@ def _turning(tag: str, old: int, new: int, instead: str = "", hint: str = NO_HIN
 
 
 def _unless_written(tag: str, otherwise: int, doc: str, skipping: SkipSupport = FROM_CHILD) -> NodeSpec:
-    """Return a decorator that returns a status of its own until an entry is written."""
+    """Return a decorator that returns a fixed status until an entry is written."""
     return _own(
         tag,
         "kernel.turning:UpdateGuardNode",
@@ -260,7 +260,9 @@ PY_TREES = [
         "Retry",
         "Ticks its child again after a failure, until it has failed num_failures times.",
         attribute(
-            "num_failures", int, "Number of failures to fail. With 1 or less, it fails with the first one."
+            "num_failures",
+            int,
+            "Number of failures after which the node fails. With 1 or less, it fails with the first one.",
         ),
         semantics=_with_rewrite(Semantics.repeating(F, _failures), rewrites.retry, built_in=False),
         instead="RetryUntilSuccessful",
@@ -268,7 +270,11 @@ PY_TREES = [
     _stock(
         "Repeat",
         "Ticks its child again after a success, until it has succeeded num_success times.",
-        attribute("num_success", int, "Number of successes to succeed. With 0 or less, it never succeeds."),
+        attribute(
+            "num_success",
+            int,
+            "Number of successes after which the node succeeds. With 0 or less, it never succeeds.",
+        ),
         semantics=_with_rewrite(Semantics.repeating(S, _successes), rewrites.repeat),
         instead='num_cycles="..."',
         variant=True,

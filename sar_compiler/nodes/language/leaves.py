@@ -33,7 +33,7 @@ _stock = partial(stock, Kind.ACTION)
 
 
 def _peeking(*ports: str, resumes: bool = False) -> Semantics:
-    """Return the semantics of a leaf whose key need not exist."""
+    """Return the semantics of a leaf that accepts a missing key."""
     return Semantics(keys=dict.fromkeys(ports, _PEEKS), resumes=resumes)
 
 

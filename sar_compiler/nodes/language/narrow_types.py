@@ -1,4 +1,4 @@
-"""Types of attributes that are narrower than the annotations of constructor parameters."""
+"""Types of attributes that restrict the annotations of constructor parameters."""
 
 import math
 import operator as operators
@@ -195,7 +195,7 @@ def expression(variable: str, operator: str, value: Input[object]) -> "Compariso
 
 
 def constant(port: Input[object]) -> object:
-    """Return the value of a constant: a string from a file is a number or a bool if all of it is one."""
+    """Return the value of a constant: a number, a bool or a string."""
     value = port.get()
     if not isinstance(value, str):
         return value
@@ -203,7 +203,7 @@ def constant(port: Input[object]) -> object:
 
 
 class _Held:
-    """The current value of a key, for a comparison expression that py_trees builds only once."""
+    """The current value of a key, for a comparison that py_trees builds only once."""
 
     def __init__(self, port: Input[object]) -> None:
         self._port = port

@@ -1,4 +1,4 @@
-"""Functions that the records of the language share: specs of nodes, and rules of single nodes about their attributes and children."""
+"""Functions shared by the language's records: node specs, and rules about attributes and children."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ NO_ANSWER = "queue: it is empty; write statuses, for example RUNNING;SUCCESS"
 
 
 def report_excessive_counts(bound: NodeView, collector: FindingCollector) -> None:
-    """Report attributes that exceed the number of children; negative ones are counted from the end, and always valid."""
+    """Report attributes that exceed the number of children."""
     there = len(bound.element.children)
     for name in bound.counts:
         wanted = bound.values.get(name)
@@ -122,7 +122,7 @@ def own(
     semantics: Semantics = _PLAIN,
     **more: Any,
 ) -> NodeSpec:
-    """Return the spec of a node of the language; BehaviorTree.CPP has it as well if its tag is in `BUILT_IN`.
+    """Return the spec of a node of the language; tags in `BUILT_IN` are also nodes of BehaviorTree.CPP.
 
     *path* is that of its class in `runtime` or in py_trees.
     """

@@ -79,7 +79,7 @@ class ScopedClient(Client):
         return value
 
     def set(self, name: str, value: Any, overwrite: bool = True) -> bool:
-        """Write an entry or an attribute of its object; either is one write of the entry."""
+        """Write an entry or an attribute of its object, which counts as one write of the entry."""
         with self._on_blackboard(name):
             written = bool(super().set(name, value, overwrite))
             if written:
@@ -96,7 +96,7 @@ class ScopedClient(Client):
 
     @contextlib.contextmanager
     def _on_blackboard(self, name: str) -> Iterator[None]:
-        """Copy an entry to py_trees' blackboard temporarily, because a numbered board stores entries elsewhere."""
+        """Copy an entry temporarily from a numbered board to py_trees' blackboard."""
         entry = self._entry(name)
         if not entry.board.is_numbered or entry.name in Blackboard.storage:
             yield
@@ -146,7 +146,7 @@ class StockNodeKeys:
         return f"/{folder}"
 
     def connect_to(self, behaviour: B) -> B:
-        """Connect a stock node that was created with these names to the tree's keys."""
+        """Connect a stock node created with these names to the tree's keys."""
         for attribute, client in list(vars(behaviour).items()):
             if isinstance(client, Client):
                 scoped = ScopedClient(client, self._entries)
@@ -186,7 +186,7 @@ _GIVEN: Mapping[str, Callable[[Any], object]] = {
 def stock(
     spec: NodeSpec, name: str, scope: Scope | None = None, enums: Enums | None = None, **written: Any
 ) -> Behaviour:
-    """Create a node by the constructor of its class.
+    """Create a node with its class's constructor.
 
     Args:
         spec: The node's spec.
@@ -273,7 +273,7 @@ def check_values(
     scope: Scope,
     namespace: InOut[object] | None = None,
 ) -> Behaviour:
-    """Make CheckBlackboardVariableValues."""
+    """Create a CheckBlackboardVariableValues."""
     keys = StockNodeKeys(scope)
     expressions = [
         expression(keys.variable(Input(check.variable)), check.comparison, Input(check.value))

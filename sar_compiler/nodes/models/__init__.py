@@ -1,4 +1,4 @@
-"""Nodes that are only described: reading and writing of a `TreeNodesModel`."""
+"""Nodes without code: reading and writing of a `TreeNodesModel`."""
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -211,7 +211,7 @@ def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
 
 
 def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
-    """Return the names in scripts and cases that may be enumerations, and that no file or palette declares.
+    """Return the names in scripts and cases that may be undeclared enumerations.
 
     These are names that are no keys of the files, and names in capitals, which are rarely keys.
     """
@@ -242,7 +242,7 @@ def _enums(files: Iterable[TreeFile]) -> Iterator[Element]:
 def supplements(
     palettes: Iterable[TreeFile], tags: Collection[str], names: Collection[str] = ()
 ) -> Iterator[TreeFile]:
-    """Yield the palettes that describe some nodes or enumerations, reduced to these.
+    """Yield the palettes that describe some nodes or enumerations, without other content.
 
     The first description of a node is used. Descriptions of subtrees are left out, because they belong to a file's
     trees, and another file may have a tree of the same name.
@@ -262,7 +262,7 @@ def _described_name(description: Element) -> str:
 
 
 def _compare_twice(first: NodeModel, second: NodeModel, collector: FindingCollector) -> None:
-    """Report a second description that differs, or a second one of a subtree in the same file."""
+    """Report duplicate descriptions: different ones, or those of a subtree in one file."""
     same_file = second.element.source is first.element.source
     if first.says == second.says and not (second.kind is None and same_file):
         return
@@ -285,7 +285,7 @@ def registry_without(registry: Registry, models: NodeModels) -> Registry:
 
 
 def described_specs(files: Iterable[TreeFile], registry: Registry) -> list[NodeSpec]:
-    """Return the nodes that files describe and that are not registered, if their names are valid tags."""
+    """Return the described but unregistered nodes whose names are valid tags."""
     models = read_models(files, FindingCollector())
     return [model.spec() for tag, model in models.nodes.items() if tag not in registry and can_be_tag(tag)]
 
@@ -355,7 +355,7 @@ def _report_typo(
     collector: FindingCollector,
     hint: str | None = None,
 ) -> None:
-    """Report a wrong or missing attribute: an error in the model of a subtree, which BehaviorTree.CPP reads."""
+    """Report a wrong or missing attribute; in the model of a subtree, it is an error."""
     of_subtree = "missing-attribute" if attribute is None else "wrong-value"
     code = of_subtree if kind is None else "wrong-model"
     collector.add(code, message, element, value=attribute, hint=hint)
@@ -426,7 +426,7 @@ def _compare_port(model: NodeModel, port: Port, parameter: Parameter, collector:
 
 
 def _written_type(parameter: Parameter) -> ValueType:
-    """Return the type of an attribute in a file; the name of another node is a string."""
+    """Return the type of an attribute in a file; a reference is a string."""
     return _TEXT if parameter.value_type is NO_VALUE else parameter.value_type
 
 
@@ -438,7 +438,7 @@ def _agree(said: ValueType, real: ValueType) -> bool:
 
 
 def _check_default(port: Port, value_type: ValueType, collector: FindingCollector) -> None:
-    """Report a default that is not a valid value of the port, unless it is empty or of an output."""
+    """Report an invalid default of a port, except for empty ones and outputs."""
     text = port.default
     if not text or port.direction is Direction.OUTPUT or blackboard_key(text, port.name) is not None:
         return

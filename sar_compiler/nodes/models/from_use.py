@@ -1,4 +1,4 @@
-"""Generation of a palette for used but undescribed nodes and trees, with guessed kinds, types and directions."""
+"""Generation of a palette for undescribed nodes and trees, with guessed kinds, types and directions."""
 
 import re
 from collections import Counter
@@ -90,7 +90,7 @@ class _NodeUse:
 
     @property
     def kind(self) -> str:
-        """The kind that the uses imply; a leaf that could be both is an action, which is the weaker claim."""
+        """The kind that the uses imply; a leaf that could be an action or a condition is an action."""
         fitting = [kind for kind, _ in self.kinds.most_common() if Kind(kind).takes(self.children)]
         guess = {0: Kind.ACTION, 1: Kind.DECORATOR}.get(self.children, Kind.CONTROL)
         return fitting[0] if fitting else str(guess.value)
@@ -160,7 +160,7 @@ class UndescribedNodes:
 
 
 def _types_of_keys(nodes: Iterable[Element], models: NodeModels, registry: Registry) -> Mapping[str, str]:
-    """Return the C++ types of the keys of known ports in a tree; ports for strings are ignored, since they may hold anything."""
+    """Return the C++ types of the keys of known ports in a tree, except for strings."""
     types: dict[str, str] = {}
     for node in nodes:
         tag = node.attributes.get("ID", "") if node.tag in KIND_TAGS else node.tag
@@ -183,7 +183,7 @@ def _types_of_keys(nodes: Iterable[Element], models: NodeModels, registry: Regis
 
 
 def _handed_over(tree_file: TreeFile) -> Mapping[str, set[str]]:
-    """Return the keys that each subtree of a file is given."""
+    """Return the keys that are passed to each subtree of a file."""
     keys: dict[str, set[str]] = {}
     for node in tree_file.root.iterate():
         if node.tag == SUBTREE_TAG:

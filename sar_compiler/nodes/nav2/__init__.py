@@ -147,7 +147,7 @@ def _no_text(label: str, text: str) -> object:
 
 
 def _message(name: str, label: str, cpp: str, convert: Callable[[str, str], object]) -> ValueType:
-    """Return the type of a ROS message; each has its own type on the blackboard."""
+    """Return the blackboard type of a ROS message."""
     python = type(name, (), {})
     return ValueType(f"nav2.{name}", label, partial(convert, label), python=python, cpp=cpp)
 
@@ -266,7 +266,7 @@ def _parameter(match: "re.Match[str]", *, required: bool) -> Parameter:
 
 
 class _FreeNode(NamedTuple):
-    """A control or decorator that needs no Nav2, because it depends only on its children and on time.
+    """A control or decorator that works without Nav2, because it depends only on its children and on time.
 
     Attributes:
         node: Its class in the kernel; empty for one with a stand-in.

@@ -10,7 +10,7 @@ _ENDS = S | F | K
 
 
 def _one_by_one(children: Sequence[int], told: int, goes_on: int) -> tuple[int, bool]:
-    """Return the results of the children that a node passes on, and whether it can reach the last child's end.
+    """Return the results that a node passes on, and whether its last child can end.
 
     Args:
         children: The results of its children.
@@ -26,7 +26,7 @@ def _one_by_one(children: Sequence[int], told: int, goes_on: int) -> tuple[int, 
 
 
 def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a node that ticks its first child again after a success of the second one."""
+    """Return the possible outcomes of a node that retries its first child after the second one has succeeded."""
     main, recovering = children
     retries = bound.value("number_of_retries")
     found = main & ~F
@@ -38,7 +38,7 @@ def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a node that ticks all its children again, up to the furthest one reached so far."""
+    """Return the possible outcomes of a node that re-ticks all children up to the furthest one reached."""
     if sure:
         # For children after a branch it is unknown whether it lets them end: it is not reset in between.
         leaves = [child.is_leaf for child in bound.children]
@@ -115,7 +115,7 @@ def paused(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
 
 
 def periodic(own: int, _bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the possible outcomes of a decorator that ticks its child at the start and at intervals, and also has its own results."""
+    """Return the possible outcomes of a decorator that ticks its child at intervals and has results of its own."""
     return children[0] | own | (0 if sure else R)
 
 

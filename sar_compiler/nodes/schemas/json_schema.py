@@ -21,7 +21,7 @@ Schema = dict[str, Any]
 
 
 def _ref(definition: str) -> Schema:
-    """Refer to a definition; a reference is a URI, and a tag may have letters that URIs do not allow."""
+    """Return a reference to a definition, encoded as a URI."""
     return {"$ref": f"#/$defs/{quote(definition)}"}
 
 
@@ -118,7 +118,7 @@ def _nodes(least: int, most: int | None) -> Schema:
 
 
 def _explicit_form(least: int, most: int | None) -> Schema:
-    """Return the schema of a tag whose ID names a node or a tree; its other attributes are those of that node or tree."""
+    """Return the schema of a tag whose ID names a node or a tree, and determines its attributes."""
     needed = ["ID", CHILDREN_KEY] if least else [] if most is None else ["ID"]
     properties = {"ID": _NAME, CHILDREN_KEY: _nodes(least, most)}
     return {"type": "object", "properties": properties, **({"required": needed} if needed else {})}

@@ -102,7 +102,7 @@ def _node_type(tag: str, specs: list[NodeSpec]) -> list[str]:
 
 
 def _either_form(tag: str, spec: NodeSpec) -> list[str]:
-    """Return the type of a tag that is also an explicit form (py_trees' Condition); its ID decides, which XSD cannot express."""
+    """Return the type of a tag that is also an explicit form, such as py_trees' Condition."""
     return [
         f'  <xs:complexType name="{tag}.node">',
         *_documentation(spec.doc, "    "),
@@ -133,7 +133,7 @@ def _attribute(spec: NodeSpec, parameter: Parameter, *, always: bool) -> list[st
 
 
 def _value_type(value_type: ValueType) -> list[str]:
-    """Return the type of a value: a literal, or a blackboard key; any text if all texts are literals."""
+    """Return the type of a value: a literal or a blackboard key."""
     if value_type.choices:
         literal = _enumeration(value_type.choices)
     elif value_type.pattern:

@@ -38,7 +38,7 @@ _REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
 
 
 class ActionLeaf(GoalSender):
-    """A leaf that sends one goal of an action in each activation; RUNNING until the goal has ended.
+    """A leaf that sends one goal of an action in each activation, and is RUNNING until the goal has ended.
 
     When the leaf is interrupted the goal is cancelled, even if the server has not accepted it yet. The answers to an
     old goal never affect a new one.
@@ -139,7 +139,7 @@ class ActionLeaf(GoalSender):
         """
 
     def on_feedback(self, feedback: Any) -> Status | None:  # noqa: ARG002 - for subclasses
-        """Handle the latest feedback; called in the tick after its arrival, `feedback_period_sec` after the last call at the earliest.
+        """Handle the latest feedback, at most once in `feedback_period_sec`.
 
         Returns:
             SUCCESS or FAILURE to end the leaf now, which cancels the goal; None or RUNNING to continue.
@@ -158,17 +158,17 @@ class ActionLeaf(GoalSender):
         return Status.SUCCESS if status == SUCCEEDED else self.on_failure(describe_status(status, result))
 
     def on_hold(self, obstacle: str) -> None:
-        """Hook called when the leaf starts to wait, with the reason in words why the server cannot judge its goal."""
+        """Hook called when the leaf starts to wait for its server, with the reason."""
 
     def on_available(self) -> None:
-        """Hook called when the server has accepted the goal, has sent feedback, or has judged it."""
+        """Hook called when the server has accepted the goal, sent feedback, or ended the goal."""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return the status after that wait has timed out; by default as `on_failure`."""
+        """Return the status after the wait has timed out; by default that of `on_failure`."""
         return self.on_failure(reason)
 
     def nav2_reason(self) -> str:
-        """Return the log lines of Nav2's nodes around the end of the last goal; empty if there are none."""
+        """Return Nav2's log lines that explain the end of the last goal; empty if there are none."""
         goal = self._exchange
         if goal is None or self._robot is None:
             return ""
@@ -187,7 +187,7 @@ class ActionLeaf(GoalSender):
         super().shutdown()
 
     def settled(self) -> bool:
-        """Return whether all goals but the present one have ended; repeats the requests for those that have not.
+        """Return whether all earlier goals have ended; repeat cancel requests for the others.
 
         A goal that was abandoned because of its server is ignored once that server has disappeared.
         """
@@ -249,7 +249,7 @@ class ActionLeaf(GoalSender):
         return super()._begin()
 
     def _waits_for_rival(self, rival: GoalStatuses) -> bool:
-        """Whether to wait for a goal that this node has sent to a rival action: not longer than for an acceptance."""
+        """Whether to wait for the end of this node's goal of a rival action."""
         if not cast("ActionPort", self._port).goals.drives({rival.full_name}):
             return False
         if self._turn is None:
@@ -257,7 +257,7 @@ class ActionLeaf(GoalSender):
         return not self._turn.passed
 
     def initialise(self) -> None:
-        """Start over; the goal of the last activation is abandoned."""
+        """Start over, and abandon the last activation's goal."""
         self._hold = self._turn = self._lost_until = None
         self.has_not_arrived = False
         super().initialise()
@@ -277,9 +277,9 @@ class ActionLeaf(GoalSender):
         return super()._judge(exchange)
 
     def _judge_arrival(self, goal: ActionGoal) -> Status | None:
-        """Return the status while the localisation must confirm a goal that succeeded; None once the robot has arrived."""
+        """Return the status while the localisation must confirm the arrival; None once it has."""
         if self._arrival is not None and self._arrival.is_awaited():
-            self.feedback_message = "waiting for the localisation to follow"
+            self.feedback_message = "waiting for the localisation to confirm the arrival"
             return Status.RUNNING
         doubt = self._arrival.doubt if self._arrival is not None else ""
         self.has_not_arrived = bool(doubt)
@@ -290,7 +290,7 @@ class ActionLeaf(GoalSender):
         return self._send_again(goal, doubt)
 
     def _wait_for_server(self, goal: ActionGoal, nodes: LifecycleNodes) -> Status:
-        """Wait for a server that has not accepted the goal or has fallen silent, and for its nodes; then send it again."""
+        """Wait for an unresponsive server and its nodes, then send the goal again."""
         if not self._has_asked:
             self._has_asked = True
             nodes.ignore_answers()
@@ -301,7 +301,7 @@ class ActionLeaf(GoalSender):
         return self._wait_for_obstacle(goal, obstacle or goal.trouble)
 
     def _awaits_standstill(self) -> bool:
-        """Whether the leaf still waits for the robot to stand."""
+        """Whether the leaf waits for the robot to stop."""
         if self._robot is None:
             return False
         if self._rest is None:
@@ -334,7 +334,7 @@ class ActionLeaf(GoalSender):
         return super()._judge(goal)
 
     def _send_again(self, goal: ActionGoal, doubt: str = "") -> Status:
-        """Send a goal again after a pause; hold after the third in a row.
+        """Send a goal again after a pause; wait for the server after the third failure in a row.
 
         Args:
             goal: A goal that was aborted without an error code, or has succeeded although the robot has not arrived.
@@ -360,7 +360,7 @@ class ActionLeaf(GoalSender):
         return self._begin() if self._pause is None or self._pause.passed else Status.RUNNING
 
     def _report_lost(self, words: str) -> None:
-        """Report a failed goal that is not to blame, with the reason in words, and start the pause before the next one."""
+        """Report a goal that failed for an external reason, and start the pause before the next one."""
         count, self._lost_words = self._lost_count, words
         pause_sec = self.pause_sec * min(2.0 ** (count - 1), _LONGEST_PAUSE)
         self._pause = Deadline(pause_sec, self._clock)
@@ -375,12 +375,12 @@ class ActionLeaf(GoalSender):
             self.complain(f"'{self.name}'{' holds' if holds else ''}: {self._lost_words}; {pauses}.")
 
     def _end_row(self) -> None:
-        """End the row: goals are judged again, or the robot makes progress."""
+        """Reset the count of consecutive failures."""
         self._lost_count, self._lost_until = 0, None
         self.on_available()
 
     def _makes_progress(self) -> bool:
-        """Whether the robot has driven some way on the present goal."""
+        """Whether the robot has made progress on the current goal."""
         here = self._robot.place() if self._robot is not None else None
         if here is None or self._set_out_from is None:
             self._set_out_from = here
@@ -388,7 +388,7 @@ class ActionLeaf(GoalSender):
         return math.dist(here[:2], self._set_out_from[:2]) >= _PROGRESS_M
 
     def _wait_for_obstacle(self, goal: ActionGoal | None, obstacle: str) -> Status:
-        """Wait, within the limit, until the server can accept a goal that was sent, or the next one (None)."""
+        """Wait, within the limit, until the server can accept goals."""
         if self._hold is None:
             self._hold = Deadline(self.hold_timeout_sec, self._clock)
         if self._held is not goal:
@@ -404,7 +404,7 @@ class ActionLeaf(GoalSender):
         return Status.RUNNING
 
     def _obstacle(self) -> str | None:
-        """Return why the server cannot accept this leaf's goals; empty if it can, None if not known yet."""
+        """Return why the server cannot accept this leaf's goals; empty if it can, None if unknown."""
         port = cast("ActionPort", self._port)
         if port.statuses.has_foreign_goal:
             return f"another client's goal is active on '{port.name}'"
@@ -444,9 +444,9 @@ class ActionLeaf(GoalSender):
         return verdict
 
     def _show_duration(self, goal: ActionGoal) -> None:
-        """Show how long a goal has been active, unless the leaf has its own feedback message."""
+        """Show the age of a goal, unless the leaf has its own feedback message."""
         if self.feedback_message in (self._waits, self._under_way):
-            self._under_way = self.feedback_message = f"under way, {clock_text(goal.age_sec)}"
+            self._under_way = self.feedback_message = f"active for {clock_text(goal.age_sec)}"
 
     def _explain(self, exchange: ActionGoal) -> str:
         if not (exchange.rejected and self.interface.__module__.startswith(_NAV2)):
@@ -493,6 +493,6 @@ class ActionLeaf(GoalSender):
 
 
 def _is_without_code(goal: ActionGoal) -> bool:
-    """Return whether a goal was aborted with an error code of 0, which no failure of its target has."""
+    """Return whether a goal was aborted with error code 0, so that its target is not the cause."""
     answer = goal.answer
     return answer is not None and answer.status == ABORTED and getattr(answer.result, "error_code", None) == 0

@@ -1,4 +1,4 @@
-"""Queries to the server of an action that moves nothing, such as a planner's."""
+"""Queries to a server whose action does not move the robot, such as a planner."""
 
 import uuid
 from collections.abc import Callable
@@ -42,7 +42,7 @@ class ActionQueries:
 
     @property
     def has_server(self) -> bool:
-        """Whether the ROS graph shows a server; a killed one stays there for a while."""
+        """Whether the ROS graph shows a server; a killed one stays visible for a while."""
         return alive(self._node) and self._node.count_publishers(self._status) > 0
 
     @property
@@ -64,14 +64,14 @@ class ActionQueries:
         self._call(self._goals, request, partial(self._on_taken, goal_id, on_answer))
 
     def give_up(self) -> None:
-        """Ignore any answer to the last request."""
+        """Ignore the response to the last request."""
         pending, self._pending = self._pending, None
         if pending is not None and alive(self._node):
             # Without this the client would wait for the answer for good.
             pending[0].remove_pending_request(pending[1])
 
     def release(self) -> None:
-        """Destroy the clients, unless the node, which owned them, is gone."""
+        """Destroy the clients, unless their node was destroyed."""
         self.give_up()
         if alive(self._node):
             for client in (self._goals, self._results):

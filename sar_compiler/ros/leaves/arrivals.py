@@ -1,4 +1,4 @@
-"""Check by the robot's own localisation that it has arrived at its navigation goal.
+"""Check with the localisation that the robot has arrived at its navigation goal.
 
 A server that reports success does not prove it: a stand-in, a restarted server, or one that uses another localisation
 may do so although the robot has not moved.
@@ -33,7 +33,7 @@ _POSES: dict[str, Callable[[Any], Any]] = {
 
 
 def drives_to_pose(interface: Any) -> bool:
-    """Return whether a goal of an action, given its Python class, ends at a pose."""
+    """Return whether the goals of an action's Python class end at a pose."""
     return interface_name(interface) in _POSES
 
 
@@ -52,7 +52,7 @@ def goal_destination(interface: Any, goal: Any) -> tuple[float, float] | None:
 
 
 class Arrival:
-    """The destination of a goal that has succeeded, compared with the localisation.
+    """The comparison of a succeeded goal's destination with the localisation.
 
     Args:
         node: The node that has sent the goal.
@@ -65,7 +65,7 @@ class Arrival:
 
     @property
     def tolerance_m(self) -> float:
-        """The allowed distance from the goal, metres: the mission's parameter, or Nav2's tolerance and half a metre."""
+        """The allowed distance from the goal, metres."""
         given = self._robot.arrival_tolerance_m
         return nav2_parameters(self._node).goal_tolerance + EXTRA_TOLERANCE_M if given is None else given
 
@@ -86,7 +86,7 @@ class Arrival:
 
     @property
     def doubt(self) -> str:
-        """The reason why the robot has not arrived, in words; empty if it has, or if unknown."""
+        """The reason why the robot has not arrived; empty if it has, or if unknown."""
         distance = self.distance_m
         if distance is None or distance <= self.tolerance_m:
             return ""

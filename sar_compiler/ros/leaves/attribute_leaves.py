@@ -1,4 +1,4 @@
-"""Leaves that need no Python: the tree file names the server or topic and the values (palette `ros:jazzy`)."""
+"""Leaves that need no Python code, because the tree file defines server or topic and values."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -99,7 +99,7 @@ class _OutgoingFields:
 
 
 class _IncomingFields:
-    """The fields of an incoming message, each with the key it is written to.
+    """The fields of an incoming message, and the keys they are written to.
 
     Args:
         scope: Where the keys of *fields* are looked up.
@@ -217,7 +217,7 @@ def _name_error(name: object) -> str:
 
 
 def _defined(kind: str, name: _GraphName, written: str) -> Any:
-    """Return the class of a leaf's type; the name of its server or topic is used if it is known."""
+    """Return the Python class of a leaf's type."""
     objection = name.is_fixed and _name_error(name.known)
     if objection:
         raise InterfaceError(objection)
@@ -226,7 +226,7 @@ def _defined(kind: str, name: _GraphName, written: str) -> Any:
 
 @contextmanager
 def _definition_of(leaf: RosLeaf) -> Iterator[None]:
-    """Convert errors in a leaf's attributes to the error that is reported at the start."""
+    """Convert errors in a leaf's attributes to a `LeafDefinitionError`."""
     try:
         yield
     except InterfaceError as error:
@@ -442,7 +442,7 @@ class RosAction(ActionLeaf):
         return self.answer(super().on_failure(reason), "no result")
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE, and write the result if there is one: the goal has succeeded, but the robot has not arrived."""
+        """Return FAILURE, and write the result if the goal has succeeded without an arrival."""
         failed, goal = super().on_unavailable(reason), self._exchange
         if (
             goal is None
@@ -625,7 +625,7 @@ class RosPublish(RosLeaf):
         super().shutdown()
 
     def _publisher_of(self, topic: str) -> Any:
-        """Return the node's publisher of a topic. All leaves share it, so `transient_local` keeps the last message of any leaf."""
+        """Return the node's publisher of a topic, which all leaves share."""
         kind = generated_type("msg", self._type)
         qos = qos_profile(type(self).__name__, self._qos)
         qos.depth = 1 if self._qos == "transient_local" else _DEPTH

@@ -1,4 +1,4 @@
-"""Common base classes of leaves that call an action or a service, and the base class for service calls."""
+"""Base classes of leaves that call an action or a service."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PendingCall(ABC):
-    """A goal or a call: sent to a server at most once, and answered at most once.
+    """A goal or a service call with at most one response.
 
     Args:
         leaf: The leaf that sends it. It has the limits and their clock, and is notified of the result.
@@ -47,7 +47,7 @@ class PendingCall(ABC):
         return self.answer is not None or bool(self.trouble)
 
     def advance(self) -> None:
-        """Do the next step if possible: send the message, or check the deadlines."""
+        """Perform the next step if possible: send the message, or check the deadlines."""
         if self.over or self._abandoned:
             return
         if self.sent:
@@ -65,7 +65,7 @@ class PendingCall(ABC):
             )
 
     def abandon(self) -> None:
-        """Give it up: later answers of the server are ignored."""
+        """Abandon the call; later responses are ignored."""
         if self.over or self._abandoned:
             return
         self._abandoned = True
@@ -85,7 +85,7 @@ class PendingCall(ABC):
         """Cancel the message after it was sent."""
 
     def _watch(self) -> None:
-        """Give up if the first reply is too late."""
+        """Fail if the first response is late."""
         if self._deadline.passed:
             self._give_up(
                 f"{self._reply} within {self._reply_sec:g} s; "
@@ -149,29 +149,29 @@ class ClientLeaf(RosLeaf, Generic[E]):
         self._connect()
 
     def initialise(self) -> None:
-        """Start a new exchange; that of the last activation is abandoned."""
+        """Start a new exchange, and abandon the last activation's."""
         self._drop()
         self._verdict = self._begin()
 
     def update(self) -> Status:
-        """Return the leaf's status: RUNNING until there is an answer or a failure."""
+        """Return the leaf's status: RUNNING until there is a response or a failure."""
         if self._verdict is Status.RUNNING:
             self._verdict = self._begin() if self._exchange is None else self._progress(self._exchange)
         return self._verdict
 
     def terminate(self, new_status: Status) -> None:
-        """Give up the current exchange if the leaf was interrupted."""
+        """Abandon the current exchange if the leaf was interrupted."""
         if new_status is Status.INVALID:
             self._drop()
 
     def shutdown(self) -> None:
-        """Give up the current exchange, and release the node."""
+        """Abandon the current exchange, and release the node."""
         self._drop()
         self._interface = None
         super().shutdown()
 
     def complain(self, text: str) -> None:
-        """Log a warning, and keep it as the feedback message.
+        """Log a warning, and set it as the feedback message.
 
         A tree may retry in every tick: the same warning is logged only once until the server has answered.
         """
@@ -181,10 +181,10 @@ class ClientLeaf(RosLeaf, Generic[E]):
             super().complain(text)
 
     def on_send(self) -> None:
-        """Hook called just before the message is sent, for instance to write to the log."""
+        """Hook called before the message is sent, for example to write to the log."""
 
     def on_failure(self, reason: str) -> Status:
-        """Return the status without an answer, or with a bad one: FAILURE, with a warning in the log.
+        """Return the status after a missing or failed response: FAILURE, with a logged warning.
 
         Args:
             reason: The cause: no server, no answer in time, a goal that was rejected or aborted.
@@ -210,7 +210,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
     @abstractmethod
     def _conclude(self, answer: Any) -> Status:
-        """Return the status for an answer; RUNNING to send again."""
+        """Return the status for a response; RUNNING to send again."""
 
     def _require_setup(self) -> None:
         if self._interface is None:
@@ -267,7 +267,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
 
 
 class ServiceCall(PendingCall):
-    """One request, sent at most once, and its answer.
+    """One request and its response.
 
     Args:
         leaf: The leaf that calls; hears the answer when it arrives, unless the call has been abandoned.
@@ -305,7 +305,7 @@ class ServiceCall(PendingCall):
 
 
 class ServiceLeaf(ClientLeaf[ServiceCall]):
-    """A leaf that calls a service once in each activation; RUNNING until the answer arrives.
+    """A leaf that calls a service once in each activation, and is RUNNING until the response arrives.
 
     A subclass has the attributes `service_type` and `service_name`, of the class or set by its constructor, and
     the methods `request` and, if the content of the answer matters, `on_response`.
@@ -352,7 +352,7 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         """
 
     def on_response(self, response: Any) -> Status:
-        """Return the leaf's status for the answer; with RUNNING the service is called again, with a new `request`.
+        """Return the leaf's status for the response; RUNNING to call the service again with a new `request`.
 
         By default SUCCESS, or FAILURE if the response has a field `success`, as in std_srvs, that is false.
         """
@@ -361,14 +361,14 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         return self.on_failure(getattr(response, "message", "") or "the server reports a failure")
 
     def is_good_news(self, response: Any) -> bool:
-        """Return whether the tree is ticked at once after an answer, instead of at the next period.
+        """Return whether a response triggers an immediate tick.
 
         After a bad answer a tree may call again at once, which would repeat as fast as the machine allows.
         """
         return bool(getattr(response, "success", True))
 
     def shutdown(self) -> None:
-        """Give up the call and release the client, which is gone already if the node is."""
+        """Abandon the call and release the client."""
         self._drop()
         self._disconnect()
         super().shutdown()

@@ -1,4 +1,4 @@
-"""The goals of a node from request to end, those that may still be active, and the statuses that servers publish.
+"""The goals of a node from request to end, and the statuses that servers publish.
 
 The published statuses are a second source for the end of a goal.
 """
@@ -47,7 +47,7 @@ _GOAL_ID = slice(4, 20)
 
 
 def end_in_words(status: int) -> str:
-    """Return the end of a goal in words, by its final status."""
+    """Describe the end of a goal, given its final status."""
     return _ENDS.get(status, f"has ended with status {status}")
 
 
@@ -59,7 +59,7 @@ def cancel_client(node: "Node", action: str) -> "Client":
 
 
 def canceled_action(service: str) -> str:
-    """Return the full name of the action to which a cancel service belongs, given its full name."""
+    """Return the full name of the action of a cancel service."""
     return service.removesuffix(_CANCEL)
 
 
@@ -115,12 +115,12 @@ class GoalStatuses:
         return status if status in FINAL else None
 
     def servers(self) -> frozenset[bytes]:
-        """Return the identities of the action's servers in the graph: the ids of the publishers of their statuses."""
+        """Return the identities of the action's servers: the ids of their status publishers."""
         there = self._node.get_publishers_info_by_topic(self._topic)
         return frozenset(bytes(each.endpoint_gid) for each in there)
 
     def forget(self) -> None:
-        """Forget the latest statuses: the server may have crashed, and a new one publishes none before its first goal."""
+        """Discard the latest statuses, because the server may have been replaced."""
         self._latest = {}
 
     def follow(self, goal: str, on_end: StatusListener) -> None:
@@ -217,24 +217,24 @@ class ActiveGoals:
         return len(self._active)
 
     def drives(self, actions: Collection[str]) -> bool:
-        """Return whether a goal of some actions (full names) may be active, ignoring lost goals."""
+        """Return whether a goal of some actions may be active, ignoring lost goals."""
         return any(action in actions and goal not in self._lost for goal, action in self._active.items())
 
     @property
     def may_be_active(self) -> bool:
-        """Whether a goal may be active whose end can still be seen."""
+        """Whether a goal with an observable end may be active."""
         return any(goal not in self._lost for goal in self._active)
 
     def active(self) -> "list[GoalEvent]":
-        """Return the goals that were sent and have not been seen to end; may be called from any thread."""
+        """Return the goals that were sent and have no observed end; thread-safe."""
         return [GoalEvent(goal_id, action) for goal_id, action in [*self._active.items()]]
 
     def lost(self, goal_id: str) -> None:
-        """Record that the server of a goal has fallen silent: its end will not be seen."""
+        """Record that the server of a goal has stopped responding."""
         self._lost.add(goal_id)
 
     def listen(self, listener: Callable[[GoalEvent], None]) -> None:
-        """Register a callback before each goal is sent, and after its end is seen."""
+        """Register a callback for each goal before it is sent and after its end."""
         self._listeners.append(listener)
 
     def sending(self, goal_id: str, action: str) -> None:
@@ -284,7 +284,7 @@ _CHASE_SEC = 1.0
 
 
 def describe_status(status: int, result: Any = None) -> str:
-    """Return a goal's final status other than success, in words and as a number, with the error in its result."""
+    """Describe a goal's final status other than success, with the error in its result."""
     words = f"{_FAILURES.get(status, 'not finished')} (status {status})"
     reason = reported_error(result) if result is not None else ""
     return f"{words}: {reason}" if reason else words
@@ -340,7 +340,7 @@ class ActionPort:
         self._node.get_logger().warning(escape_to_one_line(text))
 
     def count_unanswered(self) -> None:
-        """Record that a goal was neither accepted nor rejected in time; replace the clients after the second in a row."""
+        """Count a goal without a response in time; replace the clients after the second in a row."""
         self.unanswered += 1
         if self.unanswered < _UNANSWERED or not self.usable:
             return
@@ -354,14 +354,14 @@ class ActionPort:
         self._connect()
 
     def release(self) -> None:
-        """Destroy the clients; does nothing if the node, which owned them, is gone."""
+        """Destroy the clients, unless their node was destroyed."""
         if alive(self._node):
             for client in self._clients:
                 self._node.destroy_client(client)
 
 
 class ServerProbe:
-    """Heartbeat: requests the result of an unknown goal, which a live server rejects at once.
+    """Checks that a server responds by requesting the result of an unknown goal, which it rejects at once.
 
     A server with a single thread does not answer while it works. So it counts as crashed only after it has answered once.
 
@@ -379,7 +379,7 @@ class ServerProbe:
         self._limit = Deadline(limit_sec, clock)
 
     def has_server_stopped(self) -> bool:
-        """Send the request if due; return whether a server that has answered before has been silent for too long."""
+        """Send the request if due; return whether a previously responsive server has become silent."""
         if self._question is None:
             if self._due.passed:
                 self._ask()
@@ -417,7 +417,7 @@ class GoalSender(ClientLeaf["ActionGoal"]):
     absence_timeout_sec: float = 0.5
 
     def _hear(self) -> None:
-        """Take note that the server has accepted the goal, or ended it well."""
+        """Handle the acceptance or the success of the goal."""
 
 
 class ActionGoal(PendingCall):
@@ -441,7 +441,7 @@ class ActionGoal(PendingCall):
     """
 
     _server_kind = "action"
-    _reply = "no answer to the goal"
+    _reply = "no response to the goal"
 
     _leaf: "GoalSender"
 
@@ -486,12 +486,12 @@ class ActionGoal(PendingCall):
 
     @property
     def has_ended(self) -> bool:
-        """Whether the goal is certainly inactive: it was not sent, has a final status, or was never accepted."""
+        """Whether the goal is certainly inactive."""
         return not self.sent or self._final is not None
 
     @property
     def _is_too_late(self) -> bool:
-        """Whether no server that was present when the goal was sent can still accept it."""
+        """Whether no server can still accept the goal."""
         if self.age_sec <= self._reply_sec:
             return False
         # A killed server stays in the graph for a while: a server that answers has appeared since.
@@ -504,17 +504,17 @@ class ActionGoal(PendingCall):
 
     @property
     def _silence_sec(self) -> float:
-        """How long a server without feedback may leave requests unanswered."""
+        """Maximum silence of a server that sends no feedback, seconds."""
         limit_sec = self._leaf.feedback_timeout_sec
         return self._leaf.server_timeout_sec if limit_sec is None else limit_sec
 
     @property
     def server_is_gone(self) -> bool:
-        """Whether no server can have the goal any more: a server that disappears takes its goals with it."""
+        """Whether the goal's server has disappeared, which ends the goal."""
         return not (self._port.usable and self._port.sender.service_is_ready())
 
     def abandon_if_silent(self, navigator: str) -> None:
-        """Give up the goal if its server has stopped sending feedback: the robot may not stop by itself.
+        """Abandon the goal if its server has stopped sending feedback.
 
         Args:
             navigator: The lifecycle node of the server, which does not answer.
@@ -538,7 +538,7 @@ class ActionGoal(PendingCall):
         return self._port.server_is_ready
 
     def chase(self) -> None:
-        """Repeat the status request for a goal that was abandoned; cancel it if no cancel was granted."""
+        """Check an abandoned goal again, and cancel it unless a cancel was granted."""
         if self.has_ended:
             self._drop_questions()
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.passed):
@@ -549,14 +549,14 @@ class ActionGoal(PendingCall):
             self._withdraw()
 
     def _query_result(self) -> None:
-        """Request the result once more: a server that does not know the goal (any more) answers at once."""
+        """Request the result again; a server that does not know the goal responds at once."""
         self._chased = self._limit(_CHASE_SEC)
         prober = self._port.prober
         if self._port.usable and prober.service_is_ready():
             self._request_result()
 
     def _drop_questions(self) -> None:
-        """Drop all pending answers. Before the goal's end is seen none is dropped, since each may report it."""
+        """Discard all pending responses, once the goal's end is known."""
         pending, self._questions = self._questions, []
         for client, question in pending if self._port.usable else ():
             # Without this the client would wait for the answer, and keep the goal alive, for good.
@@ -617,7 +617,7 @@ class ActionGoal(PendingCall):
             self._lose(f"the server has been missing for {self._leaf.absence_timeout_sec:g} s")
 
     def _question_server(self) -> None:
-        """Find out whether the server lives and knows the goal: the graph shows a killed one for some 20 s."""
+        """Determine whether the server responds and knows the goal."""
         if self._absence is not None or (
             self._silence is None and self._doubt is not None and self._doubt.passed
         ):

@@ -1,4 +1,4 @@
-"""Common base of leaves that use ROS 2, objects shared by the leaves of one node, and interface types of classes."""
+"""The base class of leaves that use ROS 2, and objects shared by a node's leaves."""
 
 from collections.abc import Callable, Hashable
 from importlib import import_module
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def alive(node: "Node") -> bool:
-    """Return whether a node was not destroyed and its context not shut down."""
+    """Return whether a node exists and its context is not shut down."""
     from rclpy.exceptions import InvalidHandle
 
     try:
@@ -34,7 +34,7 @@ _ATTRIBUTE = "_sar_compiler_of_node"
 
 
 def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
-    """Return the node's object of a key, the same in every call; it exists as long as the node.
+    """Return the object that a node has for a key; create it in the first call.
 
     It is an attribute of the node, so it may refer to the node.
 
@@ -50,7 +50,7 @@ def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
 
 
 class MissingNodeError(SarError, KeyError):
-    """A leaf that needs a ROS node was set up without one, or ticked while it is not set up.
+    """A leaf that needs a ROS node was set up without one, or ticked before its setup.
 
     It is also a `KeyError`, which is what py_trees' own ROS leaves raise.
 
@@ -66,13 +66,13 @@ class MissingNodeError(SarError, KeyError):
 
     def __str__(self) -> str:
         return (
-            f"'{self.leaf_name}' ({self.leaf_class}) works with ROS and has no node: "
-            "pass an rclpy node to the tree's setup, as in setup(node=my_node)"
+            f"'{self.leaf_name}' ({self.leaf_class}) uses ROS but has no node: pass an rclpy node to the "
+            "tree's setup, as in setup(node=my_node)"
         )
 
 
 class LeafDefinitionError(SarError):
-    """The class of a leaf lacks an attribute that its base needs, or names a type that is not installed."""
+    """The class of a leaf lacks a required attribute, or its interface type is not installed."""
 
 
 class RosLeaf(Behaviour):
@@ -106,7 +106,7 @@ class RosLeaf(Behaviour):
         self._wake = kwargs.get("wake", ignore_wake)
 
     def require_definition(self) -> None:
-        """Check the attributes from the file that need neither node nor server, before any wait.
+        """Check the attributes from the file, before waiting for requirements.
 
         Raises:
             LeafDefinitionError: If an attribute is invalid.
@@ -128,7 +128,7 @@ class RosLeaf(Behaviour):
         return self._node
 
     def answer(self, status: Status, label: str) -> Status:
-        """Return a status, and record the label of the declared answer.
+        """Return a status, and record the label of its declared outcome.
 
         Args:
             status: The status.

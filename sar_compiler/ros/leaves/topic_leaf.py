@@ -109,12 +109,12 @@ class TopicLeaf(RosLeaf):
         self._subscription = self.node.create_subscription(interface, self.topic_name, self._take, qos)
 
     def initialise(self) -> None:
-        """Forget the earlier message, if the clearing policy requires it."""
+        """Discard the earlier message if the clearing policy requires it."""
         if self.clearing_policy is ClearingPolicy.ON_INITIALISE:
             self._message = None
 
     def update(self) -> Status:
-        """Return the status for the latest message, or for its absence."""
+        """Return the status for the latest message, or for a missing one."""
         message = self.message
         self.feedback_message = ""
         try:
@@ -128,7 +128,7 @@ class TopicLeaf(RosLeaf):
         return status
 
     def shutdown(self) -> None:
-        """Forget the message and end the subscription, which is gone already if the node is."""
+        """Discard the message and end the subscription."""
         self._unsubscribe()
         super().shutdown()
 
@@ -140,7 +140,7 @@ class TopicLeaf(RosLeaf):
             self._subscription = None
 
     def check_message(self, message: Any) -> None:
-        """Check a message on arrival with the readers of `sar_compiler.leaves`; a rejected one replaces no earlier one.
+        """Check a message on arrival; a rejected message does not replace the previous one.
 
         Raises:
             UnusableValueError: If a field is outside its definition.

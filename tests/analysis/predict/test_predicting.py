@@ -295,13 +295,13 @@ def test_what_is_computed_is_what_is_played(seed):
 @pytest.mark.parametrize(
     ("answers", "message"),
     [
-        ("A: [{answer: SUCCESS, p: 0.7}, {answer: FAILURE, p: 0.6}]", "add up to 1.3, and not to 1"),
+        ("A: [{answer: SUCCESS, p: 0.7}, {answer: FAILURE, p: 0.6}]", "add up to 1.3, not to 1"),
         ("A: [{answer: SUCCESS, p: 0.2}, {answer: FAILURE, p: 0.6}]", "add up to 0.8 at most"),
         ("A: [{answer: SUCCESS, p: [0.7, 0.6]}]", "from the lower to the higher number"),
         ("A: [{answer: SUCCESS, p: 0.7}, {answer: SUCCESS, p: 0.3}]", "'SUCCESS' is listed twice"),
         ("A: [{answer: SUCCES, p: 0.7}]", "never returns 'SUCCES'"),
-        ("P: [{answer: SUCCESS, sec: 3}]", "none of these answers is RUNNING"),
-        ("A: [{answer: SUCCESS, when: f == 1}]", "'answer' refers to a declared answer"),
+        ("P: [{answer: SUCCESS, sec: 3}]", "none of these outcomes is RUNNING"),
+        ("A: [{answer: SUCCESS, when: f == 1}]", "'answer' refers to a declared outcome"),
         ("A: [{answer: SUCCESS, p: 1.5}]", "p"),
         ("A: [{p: 0.5}]", "needs"),
     ],

@@ -195,7 +195,7 @@ def test_answers_of_the_scenario_take_the_place_of_those_that_the_leaf_declares(
             "did you mean 'zones_left'?",
         ),
         ("until: zones_left", "<AdvanceZone/>", "until 'zones_left': 'zones_left' is not a condition"),
-        ("facts: {zones_left: -1}", "<ZonesRemaining/>", "has no possible answer now"),
+        ("facts: {zones_left: -1}", "<ZonesRemaining/>", "has no possible outcome now"),
         ("name: a key", '<Script code="a = 1"/>', "there is no variable 'a'"),
     ],
 )

@@ -184,7 +184,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
             "properties:\n  p: {never: [[A]]}",
             "2:15",
             "wrong-shape",
-            "an item of 'never' is an event, and this is a list",
+            "an item of 'never' is an event, but this is a list",
         ),
         (
             "properties:\n  p: {never: A starts, while: n == 1}",
@@ -207,8 +207,8 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
             "duplicate-key",
             "written twice",
         ),
-        ("facts: {zone: 1}", "1:9", "unknown-fact", "no leaf of this tree knows"),
-        ("properties: [a]", "1:13", "wrong-shape", "'properties' is a mapping, and this is a list"),
+        ("facts: {zone: 1}", "1:9", "unknown-fact", "no leaf of this tree declares"),
+        ("properties: [a]", "1:13", "wrong-shape", "'properties' is a mapping, but this is a list"),
         ("", "1:1", "empty-file", "write properties:"),
     ],
 )
