@@ -9,7 +9,7 @@ export class LogView {
     this.place = place;
     // The levels that are shown; null for all.
     this.levels = null;
-    // Whether it stays at the newest line: until somebody scrolls up.
+    // Whether the log follows the newest line. It stops when the user scrolls up.
     this.follows = true;
     this.again();
     place.addEventListener("scroll", () => {
@@ -22,7 +22,7 @@ export class LogView {
   show({ log }) {
     if (log === this.log) return;
     const wanted = log.filter(({ level }) => !this.levels || this.levels.includes(level)).slice(-LINES);
-    // What is there already stays: somebody may read, or select, it.
+    // Existing lines are kept, because the user may be reading or selecting them.
     const known = new Map(this.lines);
     this.lines = new Map(wanted.map((each) => [each, known.get(each) ?? line(each)]));
     for (const [each, element] of known) if (!this.lines.has(each)) element.remove();

@@ -52,7 +52,7 @@ function show() {
   say(at("mission"), `${stream.isTeam ? `${stream.names[stream.chosen]}: ` : ""}${mission.replaceAll("_", " ")}${isSimulated ? ", simulated" : ""}`);
   const open = stream.runs.reduce((sum, each) => sum + each.tasks.length, 0);
   document.title = `${open ? `(${open}) ` : ""}${condition.word}: ${mission}`;
-  // What is still to come is said as long as something does.
+  // The remaining time is shown while the replay or run continues.
   say(at("drive"), driveLeft(stream, run));
   showTimes(at("times"), stream, run);
   showFigures(at("figures"), run);
