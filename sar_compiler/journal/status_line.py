@@ -12,7 +12,7 @@ GOOD, QUIET, WARNING, ERROR = "good", "quiet", "warning", "error"
 """The severities: normal, nothing to report, needs attention, error."""
 
 NOT_BEGUN, DRIVING, WORKING, WAITING = "not begun", "driving", "working", "waiting"
-PAUSED, LOST, BROKEN_OFF, POSITION_LOST = "paused", "lost", "crashed", "position lost"
+PAUSED, LOST, CRASHED, POSITION_LOST = "paused", "lost", "crashed", "position lost"
 COMPLETE, FAILED, STOPPED, ABORTED, ENDED_EARLY = "complete", "failed", "stopped", "aborted", "ended early"
 
 # The words of this module for the phases of a mission.
