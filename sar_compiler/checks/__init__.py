@@ -128,12 +128,16 @@ def _schema_findings(context: CheckContext, found: Sequence[Diagnostic]) -> list
         return []
     forest, registry, findings = context.forest, context.registry, [*found]
     described = described_specs([*forest.files, *context.palettes], registry)
-    for tree_file in forest.files:
-        if is_surely_accepted(tree_file, registry, described):
-            continue
-        from sar_compiler.checks.schema_validation import check_schema
 
-        schema = functools.partial(check_schema, tree_file, registry, described, findings)
+    def check_schema(tree_file: TreeFile) -> Iterable[Diagnostic]:
+        if is_surely_accepted(tree_file, registry, described):
+            return ()
+        from sar_compiler.checks import schema_validation
+
+        return schema_validation.check_schema(tree_file, registry, described, findings)
+
+    for tree_file in forest.files:
+        schema = functools.partial(check_schema, tree_file)
         findings += itertools.islice(_guard(check_schema.__name__, schema, forest, findings), MOST)
     return findings[len(found) :]
 

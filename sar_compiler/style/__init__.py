@@ -31,7 +31,6 @@ COLOURS: Mapping[str, Colour] = {
     "text": Colour("#16191d", "#e8eaed"),
     "quiet": Colour("#545d69", "#a8b1bc"),
     "mark": Colour("#0b57a4", "#7cc0f5"),
-    "veil": Colour("rgb(0 0 0 / .5)", "rgb(0 0 0 / .5)"),
     # statuses and progress; `on` is written upon them
     "running": Colour("#005f9e", "#5db7f0"),
     "success": Colour("#00694d", "#3fd0a4"),
