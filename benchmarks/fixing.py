@@ -16,9 +16,9 @@ from sar_compiler.agent.suggestion_fixes import apply_suggestions
 from sar_compiler.project import Workspace
 from sar_compiler.tree.conversion import convert
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
-from sar_compiler.tree.difference import difference
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
+from sar_compiler.views.difference import difference
 
 TREES = sorted(Path("trees").glob("*.xml"))
 _SEED = 30

@@ -232,24 +232,16 @@ def _drawn(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tuple[list[
 
 def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
     """Return a tree in a format of `show`."""
-    if form == "json":
-        from sar_compiler.compiler.outline import outline
-        from sar_compiler.tree.plain import as_json
+    if form not in _PICTURES:
+        from sar_compiler.compiler.outline import outline_text
 
-        return f"{as_json(outline(tree))}\n"
-    if form in _PICTURES:
-        from sar_compiler.views import drawing
+        return outline_text(tree, form)
+    from sar_compiler.views import drawing
 
-        picture: str = getattr(drawing, form)(tree, folded=folded)
-        if form == "mermaid" and drawing.too_large(picture):
-            print_error(
-                f"{PROG}: this flowchart is too large for GitHub and GitLab. --format svg has no limit"
-            )
-        return picture
-    from sar_compiler.compiler.outline import add_tags, ascii_tree, unicode_tree
-    from sar_compiler.tree.display_text import visible
-
-    return visible(add_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
+    picture: str = getattr(drawing, form)(tree, folded=folded)
+    if form == "mermaid" and drawing.too_large(picture):
+        print_error(f"{PROG}: this flowchart is too large for GitHub and GitLab. Use --format svg")
+    return picture
 
 
 def _diff(arguments: argparse.Namespace) -> int:
@@ -259,22 +251,14 @@ def _diff(arguments: argparse.Namespace) -> int:
         TreeError: If a file is malformed.
         UnreadableFileError: If a file does not exist or cannot be read.
     """
-    from sar_compiler.nodes.btcpp.port_types import is_same
-    from sar_compiler.nodes.cpp_names import normalized
-    from sar_compiler.tree.difference import difference, difference_as_text, difference_data
     from sar_compiler.tree.discovery import find_tree, read_tree_file
+    from sar_compiler.views.difference import difference, difference_as_json, difference_as_text
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
-
-    def is_same_type(before: str, after: str) -> bool:
-        return is_same(normalized(before), normalized(after))
-
     with gc_paused():  # the collector would look again and again through two trees without garbage
-        differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new, is_same_type))
+        differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new))
     if arguments.format == "json":
-        from sar_compiler.tree.plain import as_json
-
-        print(as_json([*map(difference_data, differences)]))
+        print(difference_as_json(differences))
     else:
         print_text(difference_as_text(differences), end="")
     return FINDINGS if differences else OK

@@ -20,6 +20,6 @@ def edit(arguments: argparse.Namespace) -> int:
     from sar_compiler.web.edit_page import serve_editor
 
     exit_on_interrupt()
-    path = find_tree(arguments.file)
-    serve_editor(path, additions(arguments), print_text, arguments.web_port, opens=arguments.open)
+    path, added = find_tree(arguments.file), additions(arguments)
+    serve_editor(path, added, print_text, arguments.web_port, opens=arguments.open)
     return OK

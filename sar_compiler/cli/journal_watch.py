@@ -1,17 +1,12 @@
 """`sar-journal watch`: show missions, and the trees of other programs, during their runs."""
 
 import argparse
-from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sar_compiler.cli.arguments import FILE, ArgumentKind, add_page_options, add_project_options, workspace
 from sar_compiler.commands import interruptible, print_note
 from sar_compiler.errors import SarError
-
-if TYPE_CHECKING:
-    from sar_compiler.importing.live_run import RunSource
 
 JOURNALS_HELP = "a journal for each robot"
 
@@ -37,8 +32,7 @@ def _watch(options: argparse.Namespace) -> None:
     Raises:
         SarError: If a journal, a tree or a source cannot be used.
     """
-    given = [bool(options.journals), options.topic is not None, options.groot2 is not None]
-    if given.count(True) != 1:
+    if sum(map(bool, (options.journals, options.topic, options.groot2))) != 1:
         raise SarError("name journals, or one of --topic and --groot2")
     if options.topic is not None and not options.tree:
         raise SarError("--topic needs --tree TREE, the file that bt_navigator has loaded")
@@ -53,29 +47,9 @@ def _watch(options: argparse.Namespace) -> None:
 
 
 def _watch_run(options: argparse.Namespace) -> None:
-    from sar_compiler.importing.live_run import LiveRun
+    from sar_compiler.importing.live_run import open_live_run
     from sar_compiler.web.run_page import watch_entries
 
-    name = options.topic or options.groot2
-    with (
-        _run_source(options) as source,
-        closing(LiveRun(source, name, workspace(options), options.tree, print_note)) as run,
-    ):
-        watch_entries(name, run.news, options.web_port, opens=options.open)
-
-
-@contextmanager
-def _run_source(options: argparse.Namespace) -> "Iterator[RunSource]":
-    from sar_compiler.importing.live_run import Groot2Source, TopicSource
-
-    if options.groot2 is not None:
-        with closing(Groot2Source(options.groot2)) as source:
-            yield source
-        return
-    from sar_compiler.ros.middleware import require_middleware
-    from sar_compiler.ros.serving import spinning_node
-    from sar_compiler.ros.tree_log_listener import TreeLogListener
-
-    require_middleware()
-    with spinning_node("sar_journal_watch") as node:
-        yield TopicSource(TreeLogListener(node, options.topic).messages)
+    topic, groot2 = options.topic, options.groot2
+    with open_live_run(topic, groot2, workspace(options), options.tree, print_note) as run:
+        watch_entries(topic or groot2, run.news, options.web_port, opens=options.open)

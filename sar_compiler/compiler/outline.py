@@ -9,7 +9,8 @@ from py_trees.behaviour import Behaviour
 from sar_compiler.compiler.sketch import Drawable, class_of, is_unknown
 from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.walking import pre_order
-from sar_compiler.tree.plain import plain
+from sar_compiler.tree.display_text import visible
+from sar_compiler.tree.plain import as_json, plain
 
 # These are separate keys in the outline, as consumers expect.
 _OWN_KEYS = ("memory", "policy")
@@ -49,6 +50,13 @@ def unicode_tree(root: Behaviour) -> str:
 def ascii_tree(root: Behaviour) -> str:
     """Draw a tree with ASCII characters only; see `unicode_tree`."""
     return _draw(py_trees.display.ascii_tree, root)
+
+
+def outline_text(tree: Drawable, form: str) -> str:
+    """Return a tree as text in a form of `show`: `json`, `ascii`, or `unicode`."""
+    if form == "json":
+        return f"{as_json(outline(tree))}\n"
+    return visible(add_tags((ascii_tree if form == "ascii" else unicode_tree)(tree.root), tree))
 
 
 def add_tags(drawing: str, tree: Drawable) -> str:

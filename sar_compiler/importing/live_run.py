@@ -1,8 +1,8 @@
 """A run of another program as the entries of a journal, during the run."""
 
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -184,3 +184,41 @@ class LiveRun:
     def close(self) -> None:
         """Remove the tree that the source has sent."""
         self._folder.cleanup()
+
+
+@contextmanager
+def open_live_run(
+    topic: str | None,
+    groot2: str | None,
+    projects: Workspace,
+    trees: Sequence[Path],
+    report: Callable[[str], object],
+) -> Iterator[LiveRun]:
+    """Yield the run of a program that publishes its changes, or serves Groot2's protocol.
+
+    Args:
+        topic: The topic of its changes; None for a program that serves Groot2's protocol.
+        groot2: That program's host and port, `HOST:PORT`.
+        projects: As for `LiveRun`.
+        trees: As for `LiveRun`.
+        report: As for `LiveRun`.
+
+    Raises:
+        UnusableRecordingError: If no program answers.
+    """
+    if topic is None:
+        with (
+            closing(Groot2Source(groot2 or "")) as source,
+            closing(LiveRun(source, groot2 or "", projects, trees, report)) as run,
+        ):
+            yield run
+        return
+    from sar_compiler.ros.middleware import require_middleware
+    from sar_compiler.ros.serving import spinning_node
+    from sar_compiler.ros.tree_log_listener import TreeLogListener
+
+    require_middleware()
+    with spinning_node("sar_journal_watch") as node:
+        topic_source = TopicSource(TreeLogListener(node, topic).messages)
+        with closing(LiveRun(topic_source, topic, projects, trees, report)) as run:
+            yield run

@@ -1,4 +1,4 @@
 """Output for people and tools."""
 
-PUBLIC_MODULES = ("drawing", "findings", "mission_view", "nodes", "numbered_tree", "run_tree")
+PUBLIC_MODULES = ("difference", "drawing", "findings", "mission_view", "nodes", "numbered_tree", "run_tree")
 """The modules that other parts may import."""

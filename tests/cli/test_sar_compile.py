@@ -369,9 +369,7 @@ def test_a_flowchart_that_github_does_not_draw_is_printed_and_told(capsys, tmp_p
     status, out, err = run(capsys, "show", str(path), "--format", "mermaid")
     assert status == 0
     assert out.count(" --> ") == 500
-    assert (
-        err == "sar-compile: this flowchart is too large for GitHub and GitLab. --format svg has no limit\n"
-    )
+    assert err == "sar-compile: this flowchart is too large for GitHub and GitLab. Use --format svg\n"
 
 
 def test_schema_prints_the_committed_schema(capsys):

@@ -1,12 +1,14 @@
 """Structural differences between two tree files, as nodes and as text."""
 
-import operator
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from sar_compiler.tree.matching import ComparedNode, in_place, match
+from sar_compiler.nodes.btcpp.port_types import is_same
+from sar_compiler.nodes.cpp_names import normalized
 from sar_compiler.tree.model import TEXT_KEY, Element, TreeFile
+from sar_compiler.tree.plain import as_json
+from sar_compiler.views.matching import ComparedNode, in_place, match
 
 
 class Change(str, Enum):
@@ -44,31 +46,32 @@ class Difference:
     inner: int = 0
 
 
-def difference(
-    old: TreeFile, new: TreeFile, is_same_type: Callable[[str, str], bool] = operator.eq
-) -> list[Difference]:
+def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
     """Compare two tree files by their meaning.
 
-    Comments, the order of attributes, trees, includes and descriptions, and the form of the file and its nodes
-    (`<Say/>`, `<Action ID="Say"/>`) are ignored.
+    Comments, the order of attributes, trees, includes and descriptions, the form of the file and its nodes
+    (`<Say/>`, `<Action ID="Say"/>`), and different names of one port type are ignored.
 
     Args:
         old: The older file.
         new: The newer file.
-        is_same_type: Whether two names of a port's type in a `TreeNodesModel` mean one type.
 
     Returns:
         The differences, in the order of the newer file; removed nodes at their old position.
     """
     first, second = match(old, new)
-    return [each for each in _differences(first, second) if not _renames_type(each, is_same_type)]
+    return [each for each in _differences(first, second) if not _renames_type(each)]
 
 
-def _renames_type(one: Difference, is_same_type: Callable[[str, str], bool]) -> bool:
+def _renames_type(one: Difference) -> bool:
     """Return whether a difference only renames the type of a described port."""
-    is_type = one.what == "type" and one.new is not None and one.new.tag.endswith("_port")
     return (
-        is_type and one.before is not None and one.after is not None and is_same_type(one.before, one.after)
+        one.what == "type"
+        and one.new is not None
+        and one.new.tag.endswith("_port")
+        and one.before is not None
+        and one.after is not None
+        and is_same(normalized(one.before), normalized(one.after))
     )
 
 
@@ -141,8 +144,12 @@ def difference_as_text(differences: Iterable[Difference]) -> str:
     return "".join(f"{_line(one)}\n" for one in differences)
 
 
-def difference_data(one: Difference) -> dict[str, object]:
-    """Return a difference as JSON values, with the locations of both nodes."""
+def difference_as_json(differences: Iterable[Difference]) -> str:
+    """Return differences as JSON, with the locations of both nodes."""
+    return as_json([*map(_difference_data, differences)])
+
+
+def _difference_data(one: Difference) -> dict[str, object]:
     sides = {"old": one.old, "new": one.new}
     places = {side: each and {"tag": each.tag, "place": each.file_and_line} for side, each in sides.items()}
     words = {"what": one.what, "before": one.before, "after": one.after, "inner": one.inner}

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sar_compiler.tree.difference import Change, difference, difference_as_text
-from sar_compiler.tree.matching import common_subsequence
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_writer import write_yaml
+from sar_compiler.views.difference import Change, difference, difference_as_text
+from sar_compiler.views.matching import common_subsequence
 from tests.tree.strategies import tree_files
 from tests.trees import document
 
